@@ -1,0 +1,201 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "core/chain.h"
+#include "core/frame.h"
+#include "core/record.h"
+#include "effects/sensor.h"
+#include "mrdamp.h"
+
+using namespace mrdamp;
+
+struct mrdamp_narx {
+  std::unique_ptr<NarxNet> net;
+};
+
+struct mrdamp_damper {
+  Damper d;
+  OwnedState state;
+  SensorParams reading;
+  Sensor sensor;
+  Observation seen{};
+  double x = 0, v = 0;
+  bool started = false;
+};
+
+namespace {
+
+int Fail(char* err, int size, const std::string& text) {
+  if (err && size > 0) std::snprintf(err, size, "%s", text.c_str());
+  return 1;
+}
+
+// A damper from a parameter vector; `error` as by Check.
+bool Make(int law, const double* params, const mrdamp_narx* net, const mrdamp_options* options, Damper* d, char* err,
+          int size) {
+  if (law < 0 || law >= kLawCount) {
+    Fail(err, size, "law number " + std::to_string(law) + " is unknown");
+    return false;
+  }
+  d->law = static_cast<Law>(law);
+  std::memcpy(d->p.data(), params, sizeof(Params));
+  d->net = net ? net->net.get() : nullptr;
+  if (options) {
+    d->hold = options->hold != 0;
+    if (options->substep > 0) d->p.substep = options->substep;
+  }
+  return Check(*d, err, size);
+}
+
+bool Finite(const char* name, const double* a, int n, char* err, int size) {
+  for (int i = 0; i < n; i++) {
+    if (!std::isfinite(a[i])) {
+      Fail(err, size, std::string(name) + ": sample " + std::to_string(i) + " is not a finite number");
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+extern "C" {
+
+int mrdamp_abi(void) { return 1; }
+int mrdamp_attribute_count(void) { return kParamCount; }
+const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
+const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }
+const char* mrdamp_attribute_unit(int i) { return kAttributes[i].unit; }
+const char* mrdamp_attribute_meaning(int i) { return kAttributes[i].meaning; }
+double mrdamp_attribute_default(int i) { return kAttributes[i].def; }
+double mrdamp_attribute_min(int i) { return kAttributes[i].min; }
+double mrdamp_attribute_max(int i) { return kAttributes[i].max; }
+int mrdamp_law_count(void) { return kLawCount; }
+const char* mrdamp_law_name(int law) { return kLawNames[law]; }
+int mrdamp_law_find(const char* name) { return FindLaw(name); }
+int mrdamp_law_uses(int law, int i) { return LawUses(static_cast<Law>(law), i); }
+
+void mrdamp_defaults(double* params) {
+  const Params p;
+  std::memcpy(params, p.data(), sizeof(Params));
+}
+
+int mrdamp_check(int law, const double* params, char* err, int err_size) {
+  Damper d;
+  if (law == static_cast<int>(Law::kNarx)) {
+    static const NarxNet kAny;
+    d.net = &kAny;
+  }
+  if (law < 0 || law >= kLawCount) return Fail(err, err_size, "law number " + std::to_string(law) + " is unknown");
+  d.law = static_cast<Law>(law);
+  std::memcpy(d.p.data(), params, sizeof(Params));
+  return Check(d, err, err_size) ? 0 : 1;
+}
+
+mrdamp_narx* mrdamp_narx_parse(const char* text, char* err, int err_size) {
+  std::string error;
+  std::unique_ptr<NarxNet> net = ParseNarx(text, &error);
+  if (!net) {
+    Fail(err, err_size, error);
+    return nullptr;
+  }
+  return new (std::nothrow) mrdamp_narx{std::move(net)};
+}
+void mrdamp_narx_free(mrdamp_narx* net) { delete net; }
+double mrdamp_narx_sample_time(const mrdamp_narx* net) { return net->net->sample_time; }
+int mrdamp_narx_inputs(const mrdamp_narx* net) { return static_cast<int>(net->net->inputs.size()); }
+double mrdamp_narx_forward(const mrdamp_narx* net, const double* in) { return net->net->Forward(in); }
+
+int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt, int n, const double* x,
+               const double* v, const double* a, const double* u, const mrdamp_options* options, int ncol,
+               const int* columns, double* out, char* err, int err_size) {
+  if (n < 3) return Fail(err, err_size, "a record needs at least 3 samples, got " + std::to_string(n));
+  if (!(dt > 0) || !std::isfinite(dt)) return Fail(err, err_size, "the sample time must be above 0");
+  for (int c = 0; c < ncol; c++) {
+    if (columns[c] < 0 || columns[c] >= MRDAMP_COLUMNS) return Fail(err, err_size, "unknown column " + std::to_string(columns[c]));
+  }
+  if (!Finite("displacement", x, n, err, err_size) || !Finite("command", u, n, err, err_size)) return 1;
+  if (v && !Finite("velocity", v, n, err, err_size)) return 1;
+  if (a && !Finite("acceleration", a, n, err, err_size)) return 1;
+  std::vector<Damper> dampers(nset);
+  for (int k = 0; k < nset; k++) {
+    if (!Make(law, params + static_cast<std::size_t>(k) * kParamCount, net, options, &dampers[k], err, err_size)) return 1;
+  }
+  std::vector<double> velocity, acceleration;
+  if (!v) v = (velocity = Differentiate(x, n, dt)).data();
+  if (!a) a = (acceleration = Differentiate(v, n, dt)).data();
+  const RecordView record{dt, n, x, v, a, u};
+  ParallelFor(nset, options ? options->threads : 1, [&](int k) {
+    RunRecord(dampers[k], record, ncol, columns, out + static_cast<std::size_t>(k) * ncol * n);
+  });
+  return 0;
+}
+
+int mrdamp_run_frame(int law, const mrdamp_narx* net, int nset, const double* params, const mrdamp_frame* frames,
+                     double dt, int n, const double* ground_acceleration, const double* u,
+                     const mrdamp_options* options, double* out, char* err, int err_size) {
+  if (n < 2) return Fail(err, err_size, "a record needs at least 2 samples, got " + std::to_string(n));
+  if (!(dt > 0) || !std::isfinite(dt)) return Fail(err, err_size, "the sample time must be above 0");
+  if (!Finite("ground_acceleration_m_s2", ground_acceleration, n, err, err_size)) return 1;
+  if (!Finite("command", u, n, err, err_size)) return 1;
+  std::vector<Damper> dampers(nset);
+  std::vector<std::size_t> offset(nset, 0);
+  for (int k = 0; k < nset; k++) {
+    if (!Make(law, params + static_cast<std::size_t>(k) * kParamCount, net, options, &dampers[k], err, err_size)) return 1;
+    if (!CheckFrame(frames[k], err, err_size)) return 1;
+    if (k > 0) offset[k] = offset[k - 1] + static_cast<std::size_t>(FrameColumns(frames[k - 1].storeys)) * n;
+  }
+  ParallelFor(nset, options ? options->threads : 1, [&](int k) {
+    RunFrame(dampers[k], frames[k], dt, n, ground_acceleration, u, out + offset[k]);
+  });
+  return 0;
+}
+
+mrdamp_damper* mrdamp_damper_new(int law, const double* params, const mrdamp_narx* net, char* err, int err_size) {
+  Damper d;
+  if (!Make(law, params, net, nullptr, &d, err, err_size)) return nullptr;
+  return new (std::nothrow) mrdamp_damper{d, OwnedState(d), SensorParams::Of(d.p), {}};
+}
+void mrdamp_damper_free(mrdamp_damper* damper) { delete damper; }
+void mrdamp_damper_reset(mrdamp_damper* damper) { damper->started = false; }
+
+double mrdamp_damper_step(mrdamp_damper* m, double dt, double x, double v, double u) {
+  State& s = m->state.s;
+  double a = 0;
+  if (!m->started) {
+    Start(m->d, &s, x, v, u);
+    m->started = true;
+    m->seen = Observe(m->d, s, x, v, 0, u);
+    m->sensor.Start(m->reading, m->seen.force);
+  } else if (dt > 0) {
+    if (s.line) s.line->Push(s.c.time, m->d.Clamp(u), m->d.p.command_delay_d);
+    Advance(m->d, &s, {m->x, m->v, x, v, dt}, u, u);
+    a = (v - m->v) / dt;
+    m->seen = Observe(m->d, s, x, v, a, u);
+    m->sensor.Step(m->reading, m->seen.force, dt);
+  }
+  m->x = x;
+  m->v = v;
+  return m->sensor.Read(m->reading);
+}
+
+double mrdamp_damper_value(const mrdamp_damper* m, int column) {
+  switch (column) {
+    case MRDAMP_FORCE: return m->sensor.Read(m->reading);
+    case MRDAMP_REFERENCE: return m->seen.force;
+    case MRDAMP_TRUE: return m->seen.damper;
+    case MRDAMP_CURRENT: return m->seen.current;
+    case MRDAMP_FIELD: return m->seen.field;
+    case MRDAMP_TEMPERATURE: return m->seen.temperature;
+    case MRDAMP_PISTON: return m->seen.piston;
+    case MRDAMP_STATE: return m->seen.inner;
+    default: return std::nan("");
+  }
+}
+
+}  // extern "C"

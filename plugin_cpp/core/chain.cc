@@ -1,0 +1,255 @@
+#include "core/chain.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/solve.h"
+#include "effects/magnetics.h"
+#include "effects/mechanics.h"
+#include "effects/mount.h"
+#include "laws/bingham.h"
+#include "laws/bouc_wen.h"
+#include "laws/hyperbolic_tangent.h"
+#include "laws/modified_bouc_wen.h"
+
+namespace mrdamp {
+
+double Damper::Clamp(double u) const {
+  if (u < p.command_min) u = p.command_min;  // false where unset (NaN)
+  if (u > p.command_max) u = p.command_max;
+  return u;
+}
+
+namespace {
+
+// A piece of piston motion: velocities at its ends with a path of their mean.
+struct Piece {
+  double x, va, vb, dt;
+  double path() const { return 0.5 * (va + vb) * dt; }
+};
+
+Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
+  Fluid f;
+  f.b = field;
+  if (d.p.heating_kappa != 0) f.viscosity = std::exp(-d.p.heating_kappa * c.heat);
+  if (d.p.heating_kappa_yield != 0) f.yield = std::exp(-d.p.heating_kappa_yield * c.heat);
+  return f;
+}
+
+double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil, c.branch); }
+
+LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v) {
+  const ChainState& c = s.c;
+  if (d.law == Law::kNarx) {
+    const double now = c.time / d.net->sample_time - s.past->count;
+    // Rounding must not put a grid sample into the next interval, nor the start before the first.
+    const double part = now < 1e-9 ? 0 : std::min(now, 1.0);
+    const double yield = d.p.heating_kappa_yield != 0 ? std::exp(-d.p.heating_kappa_yield * c.heat) : 1;
+    return {yield * Narx::Force(*d.net, *s.past, part, x, v, field), 0, 0};
+  }
+  const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), v);
+  switch (d.law) {
+    case Law::kBingham: return Bingham::Force(d.p, k, v);
+    case Law::kBoucWen: return BoucWen::Force(d.p, k, c.z, x, v);
+    case Law::kHyperbolicTangent: return HyperbolicTangent::Force(d.p, k, c.z, c.r, x, v);
+    default: return ModifiedBoucWen::Force(d.p, k, c.z, c.r, x, v);
+  }
+}
+
+double SealSigma(const Params& p) { return p.seal_friction_coulomb * p.seal_friction_breakaway / p.seal_friction_presliding; }
+
+// Force of damper and mechanics on the piston side of the mount, without inertia.
+double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* fluid) {
+  const Params& p = d.p;
+  LawForce f = ForceOfLaw(d, s, field, x, v);
+  double factor = Asymmetry(p, v);
+  if (p.trapped_gas_d != 0) {
+    Stroke stroke = s.c.stroke;
+    stroke.Follow(x);
+    factor *= TrappedGas(p, stroke, x);
+  }
+  *slope = factor * f.slope;
+  *fluid = factor * f.fluid;
+  double force = *fluid + f.spring + GasSpring(p, x);
+  if (p.seal_friction_coulomb > 0) force += SealSigma(p) * s.c.bristle;
+  return force;
+}
+
+// The longest stretch of path or time the law's own step may take.
+int Pieces(const Damper& d, const State& s, double path, double dt) {
+  double n = dt / d.p.substep;
+  if (d.law == Law::kModifiedBoucWen) {
+    const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, s.c, FieldNow(d, s.c)), 0);
+    const double sum = k.beta + k.gamma;
+    const double rest = sum > 0 ? std::pow(d.p.A / sum, 1 / d.p.n) : kInf;
+    const double reach = rest / std::max(d.p.A, 1e-300);  // m of path on which z is built up
+    n = std::max(n, std::min(2 * std::fabs(path) / reach, 8 * dt / d.p.substep));
+  }
+  return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
+}
+
+// Fluid and mechanics over a piece of piston motion; field0 and field1 at its ends.
+void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
+  ChainState& c = s->c;
+  const Params& p = d.p;
+  const double path = m.path(), mean = 0.5 * (m.va + m.vb);
+  if (d.law == Law::kNarx) {
+    const double end = c.time + m.dt, sample = d.net->sample_time;
+    for (double k = s->past->count + 1; k * sample <= end + 1e-9 * sample; k += 1) {
+      const double t = std::min(k * sample - c.time, m.dt), w = t / m.dt;
+      const double v = m.va + (m.vb - m.va) * w;
+      Narx::Push(*d.net, s->past, m.x + 0.5 * (m.va + v) * t, v, field0 + (field1 - field0) * w);
+    }
+  } else if (d.law != Law::kBingham) {
+    const Coefficients k = Evaluate(p, d.law, FluidAt(d, c, 0.5 * (field0 + field1)), mean);
+    if (d.law == Law::kBoucWen) {
+      c.z = BoucWen::Step(p, k, c.z, m.va, m.vb, m.dt);
+    } else if (d.law == Law::kHyperbolicTangent) {
+      HyperbolicTangent::Step(p, k, &c.z, &c.r, m.x, m.va, m.vb, m.dt);
+    } else {
+      ModifiedBoucWen::Step(p, k, &c.z, &c.r, m.va, m.vb, m.dt);
+    }
+  }
+  c.time += m.dt;
+  const double x = m.x + path;
+  if (p.seal_friction_coulomb > 0) {
+    const double limit = SealFriction::Limit(p.seal_friction_coulomb, p.seal_friction_breakaway, p.seal_friction_v_s, mean);
+    c.bristle = SealFriction::Follow(c.bristle, path, limit, SealSigma(p));
+  }
+  if (p.trapped_gas_d != 0) c.stroke.Follow(x);
+  if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
+    double slope, fluid;
+    PistonForce(d, *s, field1, x, m.vb, &slope, &fluid);
+    c.heat = Heat(p, c.heat, std::fabs(fluid * m.vb), m.dt);
+  }
+}
+
+// The piston behind the mount over a piece of rod motion: two-stage SDIRK for its position, each stage the
+// balance of the damper with the mount's spring.
+void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
+  constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
+  const Params& p = d.p;
+  const State start = *s;
+  NarxHistory past;
+  if (s->past) past = *s->past;
+  const double x0 = start.c.piston, v0 = start.c.piston_velocity, h = kGamma * m.dt;
+  const double stiffness = MountStiffness(p), mass = p.moving_mass_m;
+  const double field_mid = field0 + kGamma * (field1 - field0);
+  const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h;
+  const double rod_end = m.x + m.path();
+
+  // State after a piece of piston motion that ends at x with velocity v.
+  const auto attempt = [&](double x, double v, double dt, double field) {
+    s->c = start.c;
+    if (s->past) *s->past = past;
+    const double shift = (x - x0) / dt - 0.5 * (v0 + v);
+    PistonPiece(d, s, {x0, v0 + shift, v + shift, dt}, field0, field);
+  };
+  const auto solve = [&](double base, double base_velocity, double rod, double dt, double field, double guess) {
+    const auto residual = [&](double v) {
+      const double x = base + h * v;
+      attempt(x, v, dt, field);
+      double slope, fluid;
+      const double force = PistonForce(d, *s, field, x, v, &slope, &fluid);
+      return force + mass * (v - base_velocity) / h - MountForce(p, rod - x);
+    };
+    double slope, fluid;
+    const double scale = std::fabs(PistonForce(d, start, field0, x0, v0, &slope, &fluid));
+    return SolveIncreasing(residual, guess, slope + stiffness * h + mass / h, 1e-7 * scale + 1e-7);
+  };
+  const double v1 = solve(x0, v0, rod_mid, h, field_mid, v0);
+  const double base = x0 + (m.dt - h) * v1;
+  const double base_velocity = v0 + (m.dt - h) * (v1 - v0) / h;
+  const double v2 = solve(base, base_velocity, rod_end, m.dt, field1, v1);
+  attempt(base + h * v2, v2, m.dt, field1);
+  s->c.piston = base + h * v2;
+  s->c.piston_velocity = v2;
+}
+
+}  // namespace
+
+void Start(const Damper& d, State* s, double x, double v, double u) {
+  ChainState& c = s->c;
+  c = ChainState();
+  c.coil1 = c.coil = d.Clamp(u);
+  c.heat = d.p.heating_start;
+  c.z = d.law == Law::kHyperbolicTangent ? x : 0;
+  c.piston = c.stroke.extreme = c.stroke.turn = x;
+  c.piston_velocity = HasMount(d.p) ? 0 : v;
+  if (s->line) {
+    *s->line = DelayLine();
+    s->line->Push(0, d.Clamp(u), d.p.command_delay_d);
+  }
+  if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, x, c.piston_velocity, FieldNow(d, c));
+}
+
+void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
+  if (!(m.dt > 0)) return;
+  const Params& p = d.p;
+  const double shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
+  const int pieces = Pieces(d, *s, m.x1 - m.x0, m.dt);
+  const bool delayed = p.command_delay_d > 0 && s->line, mount = HasMount(p);
+  const double dt = m.dt / pieces, begin = s->c.time;
+  u0 = d.Clamp(u0);
+  u1 = d.Clamp(u1);
+  double x = m.x0;
+  for (int k = 0; k < pieces; k++) {
+    const double a = static_cast<double>(k) / pieces, b = static_cast<double>(k + 1) / pieces;
+    double from = u0 + (u1 - u0) * a, to = u0 + (u1 - u0) * b;
+    if (delayed) {
+      // A held command is read inside the piece: at its ends it may just be changing.
+      const double t = begin - p.command_delay_d;
+      from = s->line->At(t + (d.hold ? a + 0.5 / pieces : a) * m.dt, d.hold);
+      to = d.hold ? from : s->line->At(t + b * m.dt, d.hold);
+    }
+    ChainState& c = s->c;
+    const double field0 = FieldNow(d, c);
+    const double first = Lag(c.coil1, from, to, p.driver_lag_tau, dt);
+    const double coil = Lag(c.coil, p.driver_lag_tau > 0 ? c.coil1 : from, first, p.driver_lag_tau2, dt);
+    if (p.remanence_b > 0) c.branch = coil == c.coil ? c.branch : Branch(p, c.branch, c.coil, coil);
+    c.coil1 = first;
+    c.coil = coil;
+    const double field1 = FieldNow(d, c);
+    // Without a lag the current jumps with a held command at the start of the piece, not over it.
+    const bool jump = d.hold && !(p.driver_lag_tau > 0) && !(p.driver_lag_tau2 > 0);
+    const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
+    if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
+    else PistonPiece(d, s, piece, jump ? field1 : field0, field1);
+    x += piece.path();
+  }
+  if (!mount) {
+    s->c.piston = m.x1;
+    s->c.piston_velocity = m.v1;
+  }
+}
+
+Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u) {
+  const Params& p = d.p;
+  Observation o{};
+  ChainState c = s.c;
+  // A command without lag or delay acts at once.
+  if (!(p.driver_lag_tau > 0) && !(p.driver_lag_tau2 > 0)) {
+    double now = d.Clamp(u);
+    if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
+    if (p.remanence_b > 0 && now != c.coil) c.branch = Branch(p, c.branch, c.coil, now);
+    c.coil = now;
+  }
+  o.current = c.coil;
+  o.field = FieldNow(d, c);
+  o.temperature = c.heat;
+  double fluid;
+  if (HasMount(p)) {
+    o.force = MountForce(p, x - c.piston);
+    o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope, &fluid);
+    o.piston = c.piston;
+    o.slope = 0;
+  } else {
+    o.damper = PistonForce(d, s, o.field, x, v, &o.slope, &fluid);
+    o.force = o.damper + p.moving_mass_m * a;
+    o.piston = x;
+  }
+  o.inner = c.z;
+  return o;
+}
+
+}  // namespace mrdamp

@@ -1,0 +1,75 @@
+// The chain: command -> driver -> magnetics -> fluid -> mechanics -> mount -> sensor.
+//
+// Pure physics of one damper whose motion is known: MuJoCo, the record runner, the frame and a laboratory's
+// real-time loop all step this. A state is plain doubles and can be copied, stored and tried at will.
+#ifndef MRDAMP_CORE_CHAIN_H_
+#define MRDAMP_CORE_CHAIN_H_
+
+#include "core/params.h"
+#include "effects/driver.h"
+#include "effects/fluid.h"
+#include "laws/coefficients.h"
+#include "laws/narx.h"
+
+namespace mrdamp {
+
+// A damper's fixed part.
+struct Damper {
+  Law law = Law::kBingham;
+  Params p;
+  const NarxNet* net = nullptr;  // narx alone; not owned
+  bool hold = true;              // the command is held between samples; false: straight lines
+
+  double Clamp(double u) const;
+};
+
+// Inner state of the chain; plain doubles.
+struct ChainState {
+  double time = 0;             // s since the start
+  double coil1 = 0, coil = 0;  // current behind the driver's first and second pole
+  double branch = 0;           // remanence
+  double heat = 0;             // K
+  double z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
+  double bristle = 0;          // m, seal friction
+  double piston = 0, piston_velocity = 0;  // behind the mount
+  Stroke stroke;
+};
+
+inline constexpr int kChainSize = sizeof(ChainState) / sizeof(double);
+static_assert(sizeof(ChainState) % sizeof(double) == 0, "the state is stored as doubles");
+
+// With what only some dampers have. `past` and `line` may be null where law and effects do not need them.
+struct State {
+  ChainState c;
+  NarxHistory* past = nullptr;
+  DelayLine* line = nullptr;
+};
+
+// Piston motion in a step: velocity runs straight from v0 to v1, shifted so that the path is x1 - x0.
+struct Motion {
+  double x0, v0, x1, v1, dt;
+};
+
+// What the damper does at one instant.
+struct Observation {
+  double force;      // N, at the rod end, with the moving mass
+  double damper;     // N, without it
+  double slope;      // N s/m, d(force)/dv at fixed state
+  double current, field, temperature, piston, inner;
+};
+
+// Starts the chain at rest at displacement x with command u. The narx history, where used, is filled too.
+void Start(const Damper& d, State* s, double x, double v, double u);
+
+// Steps the chain over the motion while the command runs from u0 to u1 (u1 == u0: held).
+void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1);
+
+// The force at the state s, at rod displacement x, velocity v and acceleration a, command u now.
+Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u);
+
+// Checks ranges and what the law needs; false and one line (without element name) on failure.
+bool Check(const Damper& d, char* error, int error_size);
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_CHAIN_H_

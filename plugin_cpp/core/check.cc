@@ -1,0 +1,48 @@
+#include <cstdio>
+
+#include "core/chain.h"
+
+namespace mrdamp {
+
+bool Check(const Damper& d, char* error, int error_size) {
+  const double* value = d.p.data();
+  for (int i = 0; i < kParamCount; i++) {
+    const Attribute& a = kAttributes[i];
+    const double v = value[i];
+    const bool unset = std::isnan(a.def) && std::isnan(v);
+    if (unset) continue;
+    if (!std::isfinite(v)) {
+      std::snprintf(error, error_size, "%s = %g is not a finite number", a.name, v);
+      return false;
+    }
+    if (v < a.min || v > a.max) {
+      std::snprintf(error, error_size, "%s = %.9g is outside [%g, %g] %s", a.name, v, a.min, a.max, a.unit);
+      return false;
+    }
+  }
+  const Params& p = d.p;
+  if (p.command_min > p.command_max) {
+    std::snprintf(error, error_size, "command_min = %g is above command_max = %g", p.command_min, p.command_max);
+    return false;
+  }
+  if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.beta + p.gamma <= 0) {
+    std::snprintf(error, error_size, "beta + gamma = %g; it must be above 0, or z grows without bound", p.beta + p.gamma);
+    return false;
+  }
+  if (d.law == Law::kModifiedBoucWen && !(p.c1a > 0)) {
+    std::snprintf(error, error_size, "c1a = %g; it must be above 0, or no force passes", p.c1a);
+    return false;
+  }
+  if (d.law == Law::kNarx && (p.shear_thinning_m != 1 || p.heating_kappa != 0)) {
+    std::snprintf(error, error_size, "%s: a narx law has no viscous coefficient to act on; use heating_kappa_yield for heat",
+                  p.heating_kappa != 0 ? "heating_kappa" : "shear_thinning_m");
+    return false;
+  }
+  if (d.law == Law::kNarx && !d.net) {
+    std::snprintf(error, error_size, "law narx needs `weights`: a file, or text:NAME of a <custom><text>");
+    return false;
+  }
+  return true;
+}
+
+}  // namespace mrdamp

@@ -1,0 +1,277 @@
+#include "core/frame.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "core/matrix.h"
+#include "core/record.h"
+#include "core/solve.h"
+#include "core/weight.h"
+#include "effects/mechanics.h"
+#include "effects/sensor.h"
+
+namespace mrdamp {
+
+bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
+  const int n = f.storeys;
+  if (n < 1 || n > 200) {
+    std::snprintf(error, error_size, "structure: %d storeys; allowed are 1 to 200", n);
+    return false;
+  }
+  const struct {
+    const char* name;
+    const double* value;
+    double least;
+    bool open;
+  } rows[] = {{"mass_kg", f.mass, 0, true},        {"stiffness_n_m", f.stiffness, 0, true},
+              {"damping_n_s_m", f.damping, 0, false}, {"friction", f.friction, 0, false}};
+  for (const auto& row : rows) {
+    for (int i = 0; row.value && i < n; i++) {
+      const double v = row.value[i];
+      if (std::isfinite(v) && (row.open ? v > row.least : v >= row.least)) continue;
+      std::snprintf(error, error_size, "structure: %s of storey %d is %g; it must be a finite number %s 0", row.name,
+                    i + 1, v, row.open ? "above" : "of at least");
+      return false;
+    }
+  }
+  if (f.damper_to >= 0 && (f.damper_from < 0 || f.damper_from >= f.damper_to || f.damper_to > n)) {
+    std::snprintf(error, error_size, "damper_between: [%d, %d]; the lower floor comes first, of 0 (ground) to %d",
+                  f.damper_from, f.damper_to, n);
+    return false;
+  }
+  return true;
+}
+
+namespace {
+
+constexpr double kPresliding = 1e-5;  // m of drift over which dry friction in a storey builds up
+
+// One scalar element that acts on the structure along a direction: the damper, or dry friction in a storey.
+struct Element {
+  int input;                   // column of the structure's inputs
+  int upper, lower;            // floor indices, -1 the ground
+  double force = 0, next = 0;  // at the start and the end of the step
+};
+
+class Structure {
+ public:
+  Structure(const mrdamp_frame& f, double dt) : n_(f.storeys), f_(f), a_(2 * n_, 2 * n_), hold_(2 * n_, n_ + 2), ramp_(2 * n_, n_ + 2) {
+    const int inputs = n_ + 2, size = 2 * n_ + 2 * inputs;
+    Matrix x(size, size);
+    for (int i = 0; i < n_; i++) {
+      x(i, n_ + i) = dt;
+      for (int j = 0; j < n_; j++) {
+        x(n_ + i, j) = -Chain(f.stiffness, i, j) / f.mass[i] * dt;
+        x(n_ + i, n_ + j) = -Chain(f.damping, i, j) / f.mass[i] * dt;
+      }
+      for (int k = 0; k < inputs; k++) x(n_ + i, 2 * n_ + k) = Input(i, k) * dt;
+    }
+    for (int k = 0; k < inputs; k++) x(2 * n_ + k, 2 * n_ + inputs + k) = 1;
+    const Matrix e = Exponential(x);
+    for (int i = 0; i < 2 * n_; i++) {
+      for (int j = 0; j < 2 * n_; j++) a_(i, j) = e(i, j);
+      for (int k = 0; k < inputs; k++) {
+        ramp_(i, k) = e(i, 2 * n_ + inputs + k);
+        hold_(i, k) = e(i, 2 * n_ + k) - ramp_(i, k);
+      }
+    }
+  }
+
+  // Inputs: 0 ground acceleration, 1 damper, 2 + j friction of storey j. Acceleration of floor i per unit.
+  double Input(int i, int k) const {
+    if (k == 0) return -1;
+    const int upper = k == 1 ? f_.damper_to - 1 : k - 2, lower = k == 1 ? f_.damper_from - 1 : k - 3;
+    return ((i == upper ? -1.0 : 0.0) + (i == lower ? 1.0 : 0.0)) / f_.mass[i];
+  }
+
+  double Chain(const double* storey, int i, int j) const {
+    if (i == j) return storey[i] + (i + 1 < n_ ? storey[i + 1] : 0);
+    if (j == i + 1) return -storey[j];
+    if (i == j + 1) return -storey[i];
+    return 0;
+  }
+
+  // q1 without the elements: free motion and ground.
+  void Free(const std::vector<double>& q, double ag0, double ag1, std::vector<double>* out) const {
+    for (int i = 0; i < 2 * n_; i++) {
+      double s = hold_(i, 0) * ag0 + ramp_(i, 0) * ag1;
+      for (int j = 0; j < 2 * n_; j++) s += a_(i, j) * q[j];
+      (*out)[i] = s;
+    }
+  }
+
+  static double Along(const std::vector<double>& q, int offset, const Element& e) {
+    return (e.upper >= 0 ? q[offset + e.upper] : 0) - (e.lower >= 0 ? q[offset + e.lower] : 0);
+  }
+  double Along(const Matrix& m, int offset, const Element& of, const Element& by) const {
+    return (of.upper >= 0 ? m(offset + of.upper, by.input) : 0) - (of.lower >= 0 ? m(offset + of.lower, by.input) : 0);
+  }
+
+  const Matrix& hold() const { return hold_; }
+  const Matrix& ramp() const { return ramp_; }
+  int n() const { return n_; }
+
+ private:
+  int n_;
+  const mrdamp_frame& f_;
+  Matrix a_, hold_, ramp_;
+};
+
+}  // namespace
+
+void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, const double* ag, const double* u,
+              double* out) {
+  const int n = f.storeys;
+  const int inner = std::max(1, static_cast<int>(std::ceil(dt / (0.5 * d.p.substep) - 1e-9)));
+  const double h = dt / inner;
+  const Structure structure(f, h);
+  const bool damped = f.damper_to >= 0;
+
+  std::vector<Element> elements;
+  if (damped) elements.push_back({1, f.damper_to - 1, f.damper_from - 1});
+  std::vector<double> bristle(n, 0.0);
+  for (int j = 0; f.friction && j < n; j++) {
+    if (f.friction[j] > 0) elements.push_back({2 + j, j, j - 1});
+  }
+
+  std::vector<double> q(2 * n, 0.0), free(2 * n), next(2 * n);
+  OwnedState state(d), trial(d);
+  const SensorParams reading = SensorParams::Of(d.p);
+  Sensor sensor;
+  std::vector<SensorParams> floor_params(n);
+  std::vector<Sensor> floor_sensor(n);
+  for (int i = 0; i < n; i++) {
+    if (f.acc_gain) floor_params[i].gain = f.acc_gain[i];
+    if (f.acc_offset) floor_params[i].offset = f.acc_offset[i];
+    if (f.acc_leakage) floor_params[i].leakage = f.acc_leakage[i];
+    if (f.acc_lag) floor_params[i].lag = f.acc_lag[i];
+  }
+  if (damped) {
+    Start(d, &state.s, 0, 0, u[0]);
+    elements[0].force = Observe(d, state.s, 0, 0, 0, u[0]).force;
+  }
+  double acceleration_along = 0;
+  Observation seen{};
+
+  const auto record = [&](int k, double step) {
+    double x = 0, v = 0;
+    if (damped) {
+      x = Structure::Along(q, 0, elements[0]);
+      v = Structure::Along(q, n, elements[0]);
+      seen = Observe(d, state.s, x, v, acceleration_along, u[k]);
+    }
+    for (int i = 0; i < n; i++) {
+      double absolute = 0;
+      for (int j = 0; j < n; j++) {
+        absolute -= (structure.Chain(f.stiffness, i, j) * q[j] + structure.Chain(f.damping, i, j) * q[n + j]) / f.mass[i];
+      }
+      for (const Element& e : elements) {
+        absolute += structure.Input(i, e.input) * (e.input == 1 ? seen.force : e.force);
+      }
+      if (k == 0) floor_sensor[i].Start(floor_params[i], absolute);
+      else floor_sensor[i].Step(floor_params[i], absolute, step);
+      out[static_cast<std::size_t>(i) * samples + k] = floor_sensor[i].Read(floor_params[i]);
+      out[static_cast<std::size_t>(n + i) * samples + k] = q[i];
+    }
+    if (k == 0) sensor.Start(reading, seen.force);
+    else sensor.Step(reading, seen.force, step);
+    const double rest[] = {damped ? sensor.Read(reading) : 0, seen.damper, x, v, seen.current, seen.field, seen.temperature};
+    for (int c = 0; c < 7; c++) out[static_cast<std::size_t>(2 * n + c) * samples + k] = rest[c];
+  };
+
+  record(0, 0);
+  for (int k = 1; k < samples; k++) {
+    const double command0 = u[k - 1], command1 = d.hold ? u[k - 1] : u[k];
+    if (state.s.line) state.s.line->Push((d.hold ? k - 1 : k) * dt, d.Clamp(command1), d.p.command_delay_d);
+    for (int step = 0; step < inner; step++) {
+      const double a = static_cast<double>(step) / inner, b = static_cast<double>(step + 1) / inner;
+      const double u0 = command0 + (command1 - command0) * a, u1 = command0 + (command1 - command0) * b;
+      const double g0 = ag[k - 1] + (ag[k] - ag[k - 1]) * a, g1 = ag[k - 1] + (ag[k] - ag[k - 1]) * b;
+      structure.Free(q, g0, g1, &free);
+      for (Element& e : elements) e.next = e.force;
+      const int sweeps = elements.size() > 1 ? 40 : 1;
+      std::vector<double> blend(elements.size(), 0.0);
+      for (int sweep = 0; sweep < sweeps; sweep++) {
+        double moved = 0, size = 0;
+        for (std::size_t j = 0; j < elements.size(); j++) {
+          Element& e = elements[j];
+          double fx = Structure::Along(free, 0, e), fv = Structure::Along(free, n, e);
+          for (std::size_t o = 0; o < elements.size(); o++) {
+            const Element& other = elements[o];
+            const double start = o == j ? e.force * (1 - blend[j]) : other.force + blend[o] * (other.next - other.force);
+            const double end = o == j ? 0 : other.next;
+            fx += structure.Along(structure.hold(), 0, e, other) * start + structure.Along(structure.ramp(), 0, e, other) * end;
+            fv += structure.Along(structure.hold(), n, e, other) * start + structure.Along(structure.ramp(), n, e, other) * end;
+          }
+          const double x0 = Structure::Along(q, 0, e), v0 = Structure::Along(q, n, e);
+          const double hold_v = structure.Along(structure.hold(), n, e, e), hold_x = structure.Along(structure.hold(), 0, e, e);
+          const double ramp_v = structure.Along(structure.ramp(), n, e, e), ramp_x = structure.Along(structure.ramp(), 0, e, e);
+          const double wv = ramp_v + blend[j] * hold_v, wx = ramp_x + blend[j] * hold_x;
+          // Force of the element when the step ends at velocity v.
+          const auto law = [&](double v, double x) {
+            if (e.input == 1) {
+              trial.s.c = state.s.c;
+              if (trial.s.past) trial.past = state.past;
+              if (trial.s.line && sweep == 0) trial.line = state.line;
+              Advance(d, &trial.s, {x0, v0, x, v, h}, u0, u1);
+              return Observe(d, trial.s, x, v, (v - v0) / h, u1).force;
+            }
+            const int storey = e.input - 2;
+            const double limit = f.friction[storey], sigma = limit / kPresliding;
+            return sigma * SealFriction::Follow(bristle[storey], x - x0, limit, sigma);
+          };
+          double force = e.next;
+          const auto residual = [&](double v) {
+            const double along = (v - fv) / wv;
+            force = law(v, fx + wx * along);
+            return force - along;
+          };
+          const double guess = fv + wv * e.next;
+          double slope = -1 / wv;
+          if (e.input == 1 && sweep == 0) {
+            slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
+            const double f0 = law(guess, fx + wx * e.next), dv = 1e-3 * std::fabs(guess - v0) + 1e-7;
+            const double f1 = law(guess + dv, fx + wx * (e.next + dv / wv));
+            const double stiffness = std::max(0.0, (f1 - f0) / dv);
+            blend[j] = 2 * EndWeight(-2 * ramp_v * stiffness) - 1;
+          } else if (e.input != 1 && sweep == 0) {
+            blend[j] = 1;
+          }
+          const double solved = SolveIncreasing(residual, guess, slope, 1e-9 * std::fabs(e.next) + 1e-7);
+          const double along = (solved - fv) / wv;
+          moved = std::max(moved, std::fabs(along - e.next));
+          size = std::max(size, std::fabs(along));
+          e.next = along;
+        }
+        if (!(moved > 1e-8 * size)) break;
+      }
+      next = free;
+      for (std::size_t j = 0; j < elements.size(); j++) {
+        const Element& e = elements[j];
+        const double start = e.force + blend[j] * (e.next - e.force);
+        for (int i = 0; i < 2 * n; i++) next[i] += structure.hold()(i, e.input) * start + structure.ramp()(i, e.input) * e.next;
+      }
+      for (Element& e : elements) {
+        const double x0 = Structure::Along(q, 0, e), v0 = Structure::Along(q, n, e);
+        const double x1 = Structure::Along(next, 0, e), v1 = Structure::Along(next, n, e);
+        if (e.input == 1) {
+          Advance(d, &state.s, {x0, v0, x1, v1, h}, u0, u1);
+          acceleration_along = (v1 - v0) / h;
+          e.force = e.next;
+        } else {
+          const int storey = e.input - 2;
+          const double limit = f.friction[storey], sigma = limit / kPresliding;
+          bristle[storey] = SealFriction::Follow(bristle[storey], x1 - x0, limit, sigma);
+          e.force = sigma * bristle[storey];
+        }
+      }
+      q.swap(next);
+    }
+    if (state.s.line && d.hold) state.s.line->Push(k * dt, d.Clamp(u[k]), d.p.command_delay_d);
+    record(k, dt);
+  }
+}
+
+}  // namespace mrdamp

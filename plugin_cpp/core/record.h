@@ -1,0 +1,75 @@
+// A whole record through the chain.
+#ifndef MRDAMP_CORE_RECORD_H_
+#define MRDAMP_CORE_RECORD_H_
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "core/chain.h"
+
+namespace mrdamp {
+
+// The state of one damper with the stores its law and effects need.
+struct OwnedState {
+  State s;
+  NarxHistory past;
+  DelayLine line;
+
+  explicit OwnedState(const Damper& d) {
+    if (d.law == Law::kNarx) s.past = &past;
+    if (d.p.command_delay_d > 0) s.line = &line;
+  }
+  OwnedState(const OwnedState& o) : s(o.s), past(o.past), line(o.line) { Rebind(); }
+  OwnedState& operator=(const OwnedState& o) {
+    s = o.s;
+    if (o.s.past) past = o.past;
+    if (o.s.line) line = o.line;
+    Rebind();
+    return *this;
+  }
+
+ private:
+  void Rebind() {
+    if (s.past) s.past = &past;
+    if (s.line) s.line = &line;
+  }
+};
+
+// Inputs of a record: n samples each; v and a filled in by Differentiate where they were not measured.
+struct RecordView {
+  double dt;
+  int n;
+  const double* x;
+  const double* v;
+  const double* a;
+  const double* u;
+};
+
+// Central differences, one-sided at the ends.
+std::vector<double> Differentiate(const double* x, int n, double dt);
+
+// Runs one damper; out[c] (n doubles) per wanted column of mrdamp.h.
+void RunRecord(const Damper& d, const RecordView& r, int ncol, const int* columns, double* out);
+
+// task(0 .. n - 1) on up to `threads` threads; the tasks must not touch each other.
+template <class Task>
+void ParallelFor(int n, int threads, Task&& task) {
+  if (threads > n) threads = n;
+  if (threads <= 1) {
+    for (int i = 0; i < n; i++) task(i);
+    return;
+  }
+  std::atomic<int> next{0};
+  const auto work = [&] {
+    for (int i; (i = next.fetch_add(1)) < n;) task(i);
+  };
+  std::vector<std::thread> pool;
+  for (int k = 1; k < threads; k++) pool.emplace_back(work);
+  work();
+  for (std::thread& t : pool) t.join();
+}
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_RECORD_H_

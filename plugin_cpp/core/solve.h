@@ -1,0 +1,48 @@
+// Root of an increasing scalar function: secant steps kept inside a bracket.
+#ifndef MRDAMP_CORE_SOLVE_H_
+#define MRDAMP_CORE_SOLVE_H_
+
+#include <cmath>
+
+namespace mrdamp {
+
+// f(x) increasing, `slope` a positive guess of f', `tolerance` on |f|. A jump through zero (dry friction) ends
+// at the jump. The number of calls of f is bounded.
+template <class F>
+double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
+  double lo = 0, hi = 0;
+  bool has_lo = false, has_hi = false;
+  double y = f(x), x_old = x, y_old = y;
+  for (int i = 0; i < 80; i++) {
+    if (!(std::fabs(y) > tolerance)) return x;
+    if (y < 0) {
+      lo = x;
+      has_lo = true;
+    } else {
+      hi = x;
+      has_hi = true;
+    }
+    if (i > 0 && x != x_old) {
+      const double secant = (y - y_old) / (x - x_old);
+      if (secant > 0) slope = secant;
+    }
+    double next = x - y / slope;
+    if (has_lo && has_hi) {
+      const double width = hi - lo;
+      if (!(width > 1e-15 * (std::fabs(lo) + std::fabs(hi)))) return 0.5 * (lo + hi);
+      // Every third step halves the bracket, so that a kink cannot hold the secant up.
+      if (i % 3 == 2 || !(next > lo && next < hi)) next = lo + 0.5 * width;
+    } else if (i > 2) {
+      next = x - 4 * y / slope;  // no bracket yet: the slope was too steep a guess
+    }
+    x_old = x;
+    y_old = y;
+    x = next;
+    y = f(x);
+  }
+  return x;
+}
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_SOLVE_H_

@@ -1,0 +1,63 @@
+// Stage `driver`: the coil current follows the command late.
+#ifndef MRDAMP_EFFECTS_DRIVER_H_
+#define MRDAMP_EFFECTS_DRIVER_H_
+
+#include <cmath>
+
+#include "core/params.h"
+
+namespace mrdamp {
+
+// driver_lag: tau i' = u - i, exact for a command that runs straight from u0 to u1 in dt.
+inline double Lag(double i, double u0, double u1, double tau, double dt) {
+  if (!(tau > 0)) return u1;
+  const double trail = (u1 - u0) / dt * tau;
+  return u1 - trail + (i - u0 + trail) * std::exp(-dt / tau);
+}
+
+// command_delay: u(t - d) over a store of the latest commands. Plain doubles, so that it can live in MuJoCo's
+// plugin state. Commands closer together than d / (kCapacity - 2) share a slot: the delay is then right to 1 %.
+struct DelayLine {
+  static constexpr int kCapacity = 128;
+  double count = 0, head = 0;  // stored knots; index of the newest
+  double time[kCapacity] = {};
+  double value[kCapacity] = {};
+
+  void Push(double t, double u, double delay) {
+    int h = static_cast<int>(head), n = static_cast<int>(count);
+    const double spacing = delay / (kCapacity - 4);
+    const int before = (h + kCapacity - 1) % kCapacity;
+    if (n >= 1 && t <= time[h]) {
+      value[h] = u;
+      return;
+    }
+    if (n < 2 || t - time[before] >= spacing) {
+      h = n == 0 ? 0 : (h + 1) % kCapacity;
+      if (n < kCapacity) count = n + 1;
+      head = h;
+    }
+    time[h] = t;
+    value[h] = u;
+  }
+
+  // Command at time t; held from knot to knot, or straight lines between them.
+  double At(double t, bool hold) const {
+    const int h = static_cast<int>(head), n = static_cast<int>(count);
+    if (n == 0) return 0;
+    int newer = h;
+    if (t >= time[h]) return value[h];
+    for (int k = 1; k < n; k++) {
+      const int j = (h + kCapacity - k) % kCapacity;
+      if (time[j] <= t) {
+        if (hold) return value[j];
+        return value[j] + (t - time[j]) / (time[newer] - time[j]) * (value[newer] - value[j]);
+      }
+      newer = j;
+    }
+    return value[newer];
+  }
+};
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_EFFECTS_DRIVER_H_

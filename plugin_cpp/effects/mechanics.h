@@ -1,0 +1,34 @@
+// Stage `mechanics`: forces beside the fluid's. The moving mass is added where the acceleration is known.
+#ifndef MRDAMP_EFFECTS_MECHANICS_H_
+#define MRDAMP_EFFECTS_MECHANICS_H_
+
+#include <cmath>
+
+#include "core/params.h"
+
+namespace mrdamp {
+
+// gas_spring: k x (1 + k2 x) + F0
+inline double GasSpring(const Params& p, double x) {
+  return p.gas_spring_k * x * (1 + p.gas_spring_k2 * x) + p.gas_spring_f0;
+}
+
+// seal_friction: a bristle q (m) that follows the path, q' = v - |v| q sigma / g(v), with
+// g = coulomb (1 + (breakaway - 1) exp(-(v / v_s)^2)) and sigma = coulomb breakaway / presliding
+// (Canudas de Wit et al. 1995, doi:10.1109/9.376053, without its damping terms). Exact for a constant velocity.
+struct SealFriction {
+  static double Limit(double coulomb, double breakaway, double v_s, double v) {
+    if (breakaway == 1) return coulomb;
+    const double s = v / v_s;
+    return coulomb * (1 + (breakaway - 1) * std::exp(-s * s));
+  }
+  static double Follow(double q, double dx, double limit, double sigma) {
+    if (dx == 0) return q;
+    const double rest = (dx > 0 ? limit : -limit) / sigma;
+    return rest + (q - rest) * std::exp(-std::fabs(dx) * sigma / limit);
+  }
+};
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_EFFECTS_MECHANICS_H_

@@ -1,0 +1,25 @@
+// Stage `mount`: a spring and a clearance in series with the damper; the piston moves less than the rod end.
+#ifndef MRDAMP_EFFECTS_MOUNT_H_
+#define MRDAMP_EFFECTS_MOUNT_H_
+
+#include "core/params.h"
+
+namespace mrdamp {
+
+inline bool HasMount(const Params& p) { return p.mount_compliance_k > 0 || p.backlash_gap > 0; }
+
+inline double MountStiffness(const Params& p) {
+  return p.mount_compliance_k > 0 ? p.mount_compliance_k : p.backlash_k;
+}
+
+// Force (N) through the mount stretched by d = x - x_piston.
+inline double MountForce(const Params& p, double d) {
+  const double half = 0.5 * p.backlash_gap;
+  if (d > half) return MountStiffness(p) * (d - half);
+  if (d < -half) return MountStiffness(p) * (d + half);
+  return 0;
+}
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_EFFECTS_MOUNT_H_

@@ -1,0 +1,81 @@
+// A law's numbers at one field and one temperature.
+#ifndef MRDAMP_LAWS_COEFFICIENTS_H_
+#define MRDAMP_LAWS_COEFFICIENTS_H_
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/params.h"
+
+namespace mrdamp {
+
+// What the fluid is like at this moment: the field variable b, and the factors by which heat lowers
+// viscosity and yield force.
+struct Fluid {
+  double b = 0;
+  double viscosity = 1;
+  double yield = 1;
+};
+
+// Force of a law: the fluid's share, which the fluid effects multiply, and the parallel spring's.
+struct LawForce {
+  double fluid = 0;
+  double spring = 0;
+  double slope = 0;  // N s/m, d(fluid)/dv at fixed inner state
+};
+
+struct Coefficients {
+  double c0, c1;                // N s/m
+  double yield;                 // fy, alpha or f0
+  double k0, k1;                // N/m
+  double gamma, beta;           // with their decrease at a large field
+};
+
+// p(b) = a + slope b + c b^2 + e (1 - exp(-r b)), never below zero: outside the range of its fit a straight
+// line may cross zero, and a negative viscosity would feed energy in.
+inline double Follow(double a, double slope, double c, double e, double r, double b) {
+  double p = a + b * (slope + c * b);
+  if (e != 0) p += e * (1 - std::exp(-r * b));
+  return std::max(p, 0.0);
+}
+
+// Power-law thinning of the post-yield viscosity (Carreau's form without a high-shear plateau).
+inline double Thinning(const Params& p, double v) {
+  if (p.shear_thinning_m == 1) return 1;
+  const double s = v / p.shear_thinning_v_s;
+  return std::pow(1 + s * s, 0.5 * (p.shear_thinning_m - 1));
+}
+
+inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v) {
+  Coefficients k{};
+  const double b = f.b;
+  k.c0 = Follow(p.c0a, p.c0b, p.c0c, p.c0e, p.c0r, b) * f.viscosity * Thinning(p, v);
+  switch (law) {
+    case Law::kBingham:
+      k.yield = Follow(p.fya, p.fyb, p.fyc, p.fye, p.fyr, b) * f.yield;
+      break;
+    case Law::kHyperbolicTangent:
+      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity;
+      k.yield = Follow(p.f0a, p.f0b, p.f0c, p.f0e, p.f0r, b) * f.yield;
+      k.k0 = std::max(p.k0a + p.k0b * b, 0.0);
+      k.k1 = Follow(p.k1a, p.k1b, p.k1c, p.k1e, p.k1r, b);
+      break;
+    default:
+      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity;
+      k.yield = Follow(p.alpha_a, p.alpha_b, p.alpha_c, p.alpha_e, p.alpha_r, b) * f.yield;
+      k.k0 = p.k0;
+      k.k1 = p.k1;
+      k.gamma = p.gamma;
+      k.beta = p.beta;
+      if (p.hysteresis_rate != 0) {
+        const double fall = p.hysteresis_floor + (1 - p.hysteresis_floor) * std::exp(-p.hysteresis_rate * b);
+        k.gamma *= fall;
+        k.beta *= fall;
+      }
+  }
+  return k;
+}
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_LAWS_COEFFICIENTS_H_

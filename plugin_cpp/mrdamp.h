@@ -1,0 +1,123 @@
+/* mrdamp: magnetorheological damper, plain C interface (no MuJoCo needed).
+ *
+ * One physics: what this header runs is the chain that the MuJoCo plugin steps.
+ * SI units; x, v: piston displacement and velocity, extension positive; the
+ * damper force is positive when the rod is driven with v > 0.
+ *
+ * Parameters travel as one vector of mrdamp_attribute_count() doubles in the order
+ * of the attribute table (core/attributes.def); mrdamp_defaults() fills the neutral
+ * values. Functions that can fail return 0 on success and otherwise write one line to
+ * err (at most err_size bytes, always terminated).
+ */
+#ifndef MRDAMP_H_
+#define MRDAMP_H_
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(__GNUC__)
+#define MRDAMP_API __attribute__((visibility("default")))
+#else
+#define MRDAMP_API
+#endif
+
+/* ---- the attribute table ------------------------------------------------------- */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 1 */
+MRDAMP_API int mrdamp_attribute_count(void);
+MRDAMP_API const char* mrdamp_attribute_name(int i);
+MRDAMP_API const char* mrdamp_attribute_group(int i);
+MRDAMP_API const char* mrdamp_attribute_unit(int i);
+MRDAMP_API const char* mrdamp_attribute_meaning(int i);
+MRDAMP_API double mrdamp_attribute_default(int i);  /* NaN: not given */
+MRDAMP_API double mrdamp_attribute_min(int i);
+MRDAMP_API double mrdamp_attribute_max(int i);
+MRDAMP_API int mrdamp_law_count(void);
+MRDAMP_API const char* mrdamp_law_name(int law);
+MRDAMP_API int mrdamp_law_find(const char* name);    /* -1: unknown */
+/* 1: the law needs attribute i; 2: it may use it; 0: it has no use for it */
+MRDAMP_API int mrdamp_law_uses(int law, int i);
+MRDAMP_API void mrdamp_defaults(double* params);
+/* checks ranges and what the law needs; the same checks as in MJCF */
+MRDAMP_API int mrdamp_check(int law, const double* params, char* err, int err_size);
+
+/* ---- NARX networks ------------------------------------------------------------- */
+typedef struct mrdamp_narx mrdamp_narx;
+/* text of a weights file (format: plugin_cpp/README.md); NULL and a line on failure */
+MRDAMP_API mrdamp_narx* mrdamp_narx_parse(const char* text, char* err, int err_size);
+MRDAMP_API void mrdamp_narx_free(mrdamp_narx* net);
+MRDAMP_API double mrdamp_narx_sample_time(const mrdamp_narx* net);
+MRDAMP_API int mrdamp_narx_inputs(const mrdamp_narx* net);
+/* one pass: inputs (physical units, in the order of the file's `inputs` line) -> force */
+MRDAMP_API double mrdamp_narx_forward(const mrdamp_narx* net, const double* in);
+
+/* ---- a record through the chain -------------------------------------------------- */
+enum {                     /* columns of the output */
+  MRDAMP_FORCE = 0,        /* N: force at the rod end (moving mass included) as the sensor with its effects reads it */
+  MRDAMP_REFERENCE = 1,    /* N: the same force on an ideal load cell */
+  MRDAMP_TRUE = 2,         /* N: force of the damper alone, without the moving mass */
+  MRDAMP_CURRENT = 3,      /* coil current (command units) */
+  MRDAMP_FIELD = 4,        /* field variable after saturation and remanence */
+  MRDAMP_TEMPERATURE = 5,  /* K: rise of the fluid's temperature */
+  MRDAMP_PISTON = 6,       /* m: piston displacement behind the mount */
+  MRDAMP_STATE = 7,        /* the law's own state: z, or g, or 0 */
+  MRDAMP_COLUMNS = 8
+};
+
+typedef struct {
+  int hold;        /* 1: the command is held between samples (MuJoCo's way); 0: straight lines */
+  int threads;     /* parameter sets are shared among them; <= 1: none */
+  double substep;  /* s: overrides the attribute where > 0 */
+} mrdamp_options;
+
+/* nset parameter vectors, each through the whole record.
+ *   params  nset x mrdamp_attribute_count()
+ *   dt      s, sample time;  n samples of x (m), v (m/s, NULL: differentiated from x),
+ *           a (m/s2, NULL: differentiated from v, used by moving_mass alone), u (command)
+ *   columns ncol of the enum above;  out  nset x ncol x n
+ * Results do not depend on the number of threads. */
+MRDAMP_API int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt,
+                          int n, const double* x, const double* v, const double* a, const double* u,
+                          const mrdamp_options* options, int ncol, const int* columns, double* out,
+                          char* err, int err_size);
+
+/* ---- a shear frame with the damper in it ------------------------------------------- */
+typedef struct {
+  int storeys;
+  const double* mass;      /* kg, floor 1 .. storeys */
+  const double* stiffness; /* N/m, storey 1 (ground to floor 1) .. storeys */
+  const double* damping;   /* N s/m */
+  const double* friction;  /* N, dry friction per storey; NULL: none */
+  int damper_from, damper_to; /* floors it stands between, 0 the ground; damper_to < 0: no damper */
+  /* per floor accelerometer, NULL: ideal: gain, offset (m/s2), leakage (s, high-pass; 0 none), lag (s) */
+  const double* acc_gain;
+  const double* acc_offset;
+  const double* acc_leakage;
+  const double* acc_lag;
+} mrdamp_frame;
+
+/* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements
+ * (to the ground) 1..N, then FORCE, TRUE, stroke (m), stroke velocity (m/s), CURRENT, FIELD,
+ * TEMPERATURE: 2 N + 7. out: nset x (2 N + 7) x n. One frame per set (frames[nset]). */
+MRDAMP_API int mrdamp_run_frame(int law, const mrdamp_narx* net, int nset, const double* params,
+                                const mrdamp_frame* frames, double dt, int n, const double* ground_acceleration,
+                                const double* u, const mrdamp_options* options, double* out, char* err, int err_size);
+
+/* ---- one damper, sample by sample: for real-time code -------------------------------- */
+typedef struct mrdamp_damper mrdamp_damper;
+MRDAMP_API mrdamp_damper* mrdamp_damper_new(int law, const double* params, const mrdamp_narx* net, char* err, int err_size);
+MRDAMP_API void mrdamp_damper_free(mrdamp_damper* damper);
+MRDAMP_API void mrdamp_damper_reset(mrdamp_damper* damper);
+/* Force (N) at the end of a step of dt (s) that ends at displacement x and velocity v with the command
+ * u held over the step; the first call after a reset starts the damper at x. No allocation, no locks. */
+MRDAMP_API double mrdamp_damper_step(mrdamp_damper* damper, double dt, double x, double v, double u);
+/* value of a MRDAMP_... column after the last step */
+MRDAMP_API double mrdamp_damper_value(const mrdamp_damper* damper, int column);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* MRDAMP_H_ */
