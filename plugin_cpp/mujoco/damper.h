@@ -1,0 +1,77 @@
+// mrdamp.damper: the chain as a MuJoCo actuator whose control is the commanded current.
+#ifndef MRDAMP_MUJOCO_DAMPER_H_
+#define MRDAMP_MUJOCO_DAMPER_H_
+
+#include <mujoco/mujoco.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/chain.h"
+#include "core/record.h"
+
+namespace mrdamp {
+
+inline constexpr char kDamperName[] = "mrdamp.damper";
+
+// What one instance keeps beside MuJoCo's state: parsed attributes, and the results of the last compute().
+class DamperInstance {
+ public:
+  // Null and a line on failure.
+  static std::unique_ptr<DamperInstance> Make(const mjModel* m, int instance, std::string* error);
+  static void Register();
+
+  void Compute(const mjModel* m, mjData* d);
+  void Advance(const mjModel* m, mjData* d);
+
+  // What the force sensor reads; `a` is the acceleration along the actuator.
+  double Force(double a) const { return seen_.force + (mount_ ? 0 : damper_.p.moving_mass_m * a); }
+  const Observation& seen() const { return seen_; }
+  const Damper& damper() const { return damper_; }
+  double length() const { return x_; }
+  double velocity() const { return v_; }
+  int actuator() const { return actuator_; }
+  // Reads the attributes again where their bytes have changed since.
+  void Refresh(const mjModel* m);
+
+ private:
+  DamperInstance() = default;
+  bool Parse(const mjModel* m, std::string* error);
+  // Brings the chain from its stored state to the motion in d.
+  void CatchUp(const mjModel* m, const mjData* d);
+  // Force at the end of a step that ends at velocity v, without the moving mass.
+  double Trial(double v, double h);
+  double SolveStep(double free_velocity, double mobility, double h);
+
+  int instance_ = 0, actuator_ = 0, output_ = 0;
+  bool mount_ = false;
+  Damper damper_;
+  std::unique_ptr<NarxNet> net_;
+  std::vector<char> attributes_;
+  std::vector<int> peers_;  // all dampers of the model, this one among them; the first one solves for all
+
+  std::vector<int> others_;  // actuators that are no damper
+
+  double time_ = 0, x_ = 0, v_ = 0, u_ = 0;
+  State now_, trial_;
+  NarxHistory past_, trial_past_;
+  DelayLine line_;
+  Observation seen_{};
+  double force_ = 0, weight_ = 0.5, free_ = 0;
+  std::vector<double> inverse_;  // M^-1 J', nv
+  std::vector<double> push_, row_, solve_;  // nv each, room to work in
+};
+
+// The damper that an actuator is, or null.
+const DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator);
+
+// Value of a plugin attribute; null where it is not given.
+const char* AttributeOf(const mjModel* m, int instance, const char* name);
+
+// Name for a message: "actuator 'mr'".
+std::string Describe(const mjModel* m, int object_type, const char* kind, int id);
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_MUJOCO_DAMPER_H_
