@@ -1,0 +1,14 @@
+"""Errors a user can mend: each is one line that says what, where, and what is allowed."""
+
+from __future__ import annotations
+
+
+class MrdampError(Exception):
+    """Base of every error that mrdamp raises on purpose."""
+
+
+class InputError(MrdampError, ValueError):
+    """Bad input: a file, an attribute or a value. The command line prints it and exits with code 2.
+
+    The text is one line: what is wrong, in which file or attribute, the value found, what is allowed.
+    """
