@@ -36,8 +36,8 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
       return false;
     }
   }
-  if (f.damper_to >= 0 && (f.damper_from < 0 || f.damper_from >= f.damper_to || f.damper_to > n)) {
-    std::snprintf(error, error_size, "damper_between: [%d, %d]; the lower floor comes first, of 0 (ground) to %d",
+  if (f.damper_to >= 0 && (f.damper_from < 0 || f.damper_from == f.damper_to || f.damper_from > n || f.damper_to > n)) {
+    std::snprintf(error, error_size, "damper_between: [%d, %d]; allowed are two different floors of 0 (ground) to %d",
                   f.damper_from, f.damper_to, n);
     return false;
   }
@@ -230,14 +230,14 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
           };
           const double guess = fv + wv * e.next;
           double slope = -1 / wv;
-          if (e.input == 1 && sweep == 0) {
-            slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
-            const double f0 = law(guess, fx + wx * e.next), dv = 1e-3 * std::fabs(guess - v0) + 1e-7;
-            const double f1 = law(guess + dv, fx + wx * (e.next + dv / wv));
-            const double stiffness = std::max(0.0, (f1 - f0) / dv);
-            blend[j] = 2 * EndWeight(-2 * ramp_v * stiffness) - 1;
-          } else if (e.input != 1 && sweep == 0) {
-            blend[j] = 1;
+          if (sweep == 0) {
+            if (e.input == 1) slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
+            // The slope over all that the step may bring, from no force to the force without give (core/weight.h).
+            const double f0 = law(fv, fx), dv = 2 * ramp_v * f0;
+            if (std::fabs(dv) > 1e-12 * std::fabs(fv) + 1e-15) {
+              const double f1 = law(fv + dv, fx + 2 * ramp_x * f0);
+              blend[j] = 2 * EndWeight(-2 * ramp_v * std::max(0.0, (f1 - f0) / dv)) - 1;
+            }
           }
           const double solved = SolveIncreasing(residual, guess, slope, 1e-9 * std::fabs(e.next) + 1e-7);
           const double along = (solved - fv) / wv;

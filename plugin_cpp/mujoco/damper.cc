@@ -200,16 +200,27 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   seen_ = Observe(damper_, now_, x_, v_, 0, u_);
 }
 
+// Force without the moving mass when a part of the step has gone by and the velocity is v.
 double DamperInstance::Trial(double v, double h) {
-  trial_.c = now_.c;
-  if (trial_.past) trial_past_ = past_;
-  const double x = x_ + h * v;
-  mrdamp::Advance(damper_, &trial_, {x_, v_, x, v, h}, u_, u_);
-  const Observation o = Observe(damper_, trial_, x, v, 0, u_);
+  const State* s = &now_;
+  double x = x_;
+  if (h > 0) {
+    s = &trial_;
+    trial_.c = now_.c;
+    if (trial_.past) trial_past_ = past_;
+    x += h * v;
+    mrdamp::Advance(damper_, &trial_, {x_, v_, x, v, h}, u_, u_);
+  }
+  const Observation o = Observe(damper_, *s, x, v, 0, u_);
   return mount_ ? o.force : o.damper;
 }
 
-// Mean force over the step with v1 = free - h w F: F = (1 - weight) F0 + weight F(v1) + m (v1 - v0) / h.
+// Mean force over the step with v1 = free - h w F, F = (1 - weight) F0 + weight F(v1) + m (v1 - v0) / h.
+//
+// The engine's Euler step is a leapfrog: velocities stand half a step before positions, so the force that it
+// takes belongs to the position at the start of the step and the mean of both velocities. Where the damper is
+// soft against the mass (q = h w dF/dv small) F(v1) is therefore the present state's force at v1; the stiffer it
+// is, the more of the step the state is taken through before, and the more F(v1) counts (core/weight.h).
 double DamperInstance::SolveStep(double free_velocity, double mobility, double h) {
   const double start = mount_ ? seen_.force : seen_.damper;
   const double mass = mount_ ? 0 : damper_.p.moving_mass_m;
@@ -218,26 +229,19 @@ double DamperInstance::SolveStep(double free_velocity, double mobility, double h
   // With a moving mass the force without it acts on the heavier body.
   const double heavier = 1 / (1 + mobility * mass);
   const double free = v_ + (free_velocity - v_) * heavier, qm = q * heavier;
-  const double va = free, fa = Trial(va, h);
+  // The slope over all that the step may bring: from no force to the present force.
+  const double va = free, fa = Trial(va, h), vb = free - qm * fa;
   double slope = std::max(seen_.slope, 0.0);
-  double weight = EndWeight(qm * slope);
-  const double vb = va - qm * ((1 - weight) * start + weight * fa) / (1 + weight * qm * slope);
-  double fb = fa;
   if (std::fabs(vb - va) > 1e-12 * (std::fabs(va) + std::fabs(vb)) + 1e-15) {
-    fb = Trial(vb, h);
-    slope = std::max((fb - fa) / (vb - va), 0.0);
-    weight = EndWeight(qm * slope);
+    slope = std::max((Trial(vb, h) - fa) / (vb - va), slope);
   }
+  const double weight = EndWeight(qm * slope);
+  const double part = weight > 0.501 ? (2 * weight - 1) * h : 0;
   // In units of force; increasing in v wherever the law is.
-  double end = fb;
-  bool first = true;
-  const auto residual = [&](double v) {
-    end = first && v == vb ? fb : Trial(v, h);
-    first = false;
-    return (v - free) / qm + (1 - weight) * start + weight * end;
-  };
-  const double tolerance = 1e-6 * (std::fabs(start) + std::fabs(fb)) + 1e-9;
-  const double v1 = SolveIncreasing(residual, vb, 1 / qm + weight * slope, tolerance);
+  const auto residual = [&](double v) { return (v - free) / qm + (1 - weight) * start + weight * Trial(v, part); };
+  const double guess = free - qm * ((1 - weight) * start + weight * fa) / (1 + weight * qm * slope);
+  const double tolerance = 1e-6 * (std::fabs(start) + std::fabs(fa)) + 1e-9;
+  const double v1 = SolveIncreasing(residual, guess, 1 / qm + weight * slope, tolerance);
   return (free_velocity - v1) / q;
 }
 

@@ -40,7 +40,6 @@ class DamperInstance {
   bool Parse(const mjModel* m, std::string* error);
   // Brings the chain from its stored state to the motion in d.
   void CatchUp(const mjModel* m, const mjData* d);
-  // Force at the end of a step that ends at velocity v, without the moving mass.
   double Trial(double v, double h);
   double SolveStep(double free_velocity, double mobility, double h);
 

@@ -1,0 +1,37 @@
+"""Ready MuJoCo models that ship with the package, one folder a rig.
+
+| name | what |
+|---|---|
+| `frame3` | three-storey shear frame on a shake table, an MR damper under the first floor |
+| `rig` | displacement-driven testing machine with one MR damper |
+
+Each folder has `model.xml` (the mechanics), `scene.xml` (the same with light and ground, for the
+viewer) and a README with sources. Loading one needs the plugins: `import mrdamp` registers them.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from mrdamp.errors import InputError
+
+
+def names() -> tuple[str, ...]:
+    """The models' names, sorted."""
+    return tuple(sorted(folder.name for folder in _root().iterdir() if (folder / "model.xml").is_file()))
+
+
+def path(name: str, file: str = "model.xml") -> Path:
+    """The path of a model's file. Raises InputError where there is no such model or file."""
+    if name not in names():
+        raise InputError(f"model {name!r} is unknown; there are: {', '.join(names())}")
+    folder = _root() / name
+    there = sorted(entry.name for entry in folder.iterdir() if entry.is_file())
+    if file not in there:
+        raise InputError(f"model {name!r} has no file {file!r}; it has: {', '.join(there)}")
+    return folder / file
+
+
+def _root() -> Path:
+    return Path(str(files(__name__)))

@@ -1,0 +1,69 @@
+"""Linear-quadratic-Gaussian gains in continuous time, and a filter's step in discrete time."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import expm, solve_continuous_are
+
+from mrdamp.errors import InputError
+from mrdamp.structures import FloatArray
+
+
+def regulator_gain(
+    a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, q: FloatArray, r: float
+) -> FloatArray:
+    """k (2N,) of f = -k s, which minimises the integral of y^T diag(q) y + r f^2, y = c s + d f.
+
+    a (n, n), b (n,), c (p, n), d (p,), q (p,) weights, r > 0 in 1/N^2 times the unit of the cost.
+    Where y holds the force itself (d not 0) the cross terms of the cost are kept. Raises
+    InputError where no such gain is found: the cost then does not see a mode that barely decays.
+    """
+    # The force is solved for in units that make its weight one: r is 1e-17 in N^-2.
+    weight = r + float(d @ (q * d))
+    unit = 1 / np.sqrt(weight)
+    cross = (c.T @ (q * d) * unit)[:, None]
+    scaled = b[:, None] * unit
+    try:
+        p = solve_continuous_are(a, scaled, c.T @ (q[:, None] * c), np.eye(1), s=cross)
+        k = np.asarray((scaled.T @ p + cross.T)[0] * unit, dtype=np.float64)
+        stable = bool((np.linalg.eigvals(a - np.outer(b, k)).real < 0).all())
+    except ValueError:  # LinAlgError is one
+        stable = False
+    if not stable:
+        raise InputError(f"no stable regulator found for r = {r:g}; raise r or regulate more measurements")
+    return k
+
+
+def kalman_gain(a: FloatArray, e: FloatArray, c: FloatArray, noise_ratio: float) -> FloatArray:
+    """l (n, p) of s' = a s + l (y - c s) for white noise on the ground and on each measurement.
+
+    e (n,): how the ground's acceleration enters; noise_ratio: S_g / S_v, the intensity of the
+    ground's noise over that of every measurement's. Raises InputError where no filter is found.
+    """
+    try:
+        p = solve_continuous_are(a.T, c.T, noise_ratio * np.outer(e, e), np.eye(len(c)))
+        gain = np.asarray(p @ c.T, dtype=np.float64)
+        stable = bool((np.linalg.eigvals(a - gain @ c).real < 0).all())
+    except ValueError:  # LinAlgError is one
+        stable = False
+    if not stable:
+        raise InputError(f"no stable filter found for noise_ratio = {noise_ratio:g}; measure more")
+    return gain
+
+
+def first_order_hold(
+    a: FloatArray, b: FloatArray, period: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """phi (n, n), g0 and g1 (n, m) of s+ = phi s + g0 u + g1 u+ for s' = a s + b u.
+
+    Exact for inputs u (m,) that run straight from one sample to the next. From the exponential
+    of [[a h, b h, 0], [0, 0, 1], [0, 0, 0]].
+    """
+    n, m = b.shape
+    block = np.zeros((n + 2 * m, n + 2 * m))
+    block[:n, :n] = a * period
+    block[:n, n : n + m] = b * period
+    block[n : n + m, n + m :] = np.eye(m)
+    e = expm(block)
+    held, ramp = e[:n, n : n + m], e[:n, n + m :]
+    return np.asarray(e[:n, :n]), np.asarray(held - ramp), np.asarray(ramp)

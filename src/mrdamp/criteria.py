@@ -1,0 +1,150 @@
+"""How well a controller did: what the structure, the damper and the command went through.
+
+The ratios are those of the benchmark for seismically excited buildings: Ohtori, Christenson,
+Spencer and Dyke, J. Eng. Mech. 130 (2004) 366-385, doi 10.1061/(ASCE)0733-9399(2004)130:4(366).
+Here drifts are not divided by storey heights (equal heights leave the ratios as they are), and J12 is
+the stroke over the uncontrolled motion between the damper's own two floors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamp.errors import InputError
+from mrdamp.structures import FloatArray, ShearFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Criteria:
+    """Of one run of an N-storey frame, SI. RMS values are norms over the run's duration."""
+
+    duration: float  # s
+    peak_drift: FloatArray  # (N,) m, per storey
+    rms_drift: FloatArray  # (N,) m
+    peak_displacement: FloatArray  # (N,) m, per floor, to the ground
+    peak_acceleration: FloatArray  # (N,) m/s2, absolute, per floor
+    rms_acceleration: FloatArray  # (N,) m/s2
+    peak_base_shear: float  # N, all that the ground carries, the damper's share included
+    rms_base_shear: float  # N
+    peak_force: float  # N
+    rms_force: float  # N
+    peak_stroke: float  # m
+    dissipated_energy: float  # J, what the damper took in
+    mean_command: float  # A or V, of its magnitude
+    rms_command: float  # A or V
+    switching_rate: float  # 1/s, full swings of the command a second
+    weight: float  # N, of the structure
+
+    def relative_to(self, uncontrolled: Criteria) -> Ratios:
+        """The benchmark's ratios over a run of the same frame and ground motion without the damper.
+
+        Raises InputError where the uncontrolled frame did not move.
+        """
+        u = uncontrolled
+        for what, value in (
+            ("drift", u.peak_drift.max()),
+            ("acceleration", u.peak_acceleration.max()),
+            ("stroke", u.peak_stroke),
+        ):
+            if not value > 0:
+                raise InputError(
+                    f"criteria: peak {what} of the uncontrolled run is {value:g}; it must be > 0"
+                )
+        return Ratios(
+            j1=float(self.peak_drift.max() / u.peak_drift.max()),
+            j2=float(self.peak_acceleration.max() / u.peak_acceleration.max()),
+            j3=self.peak_base_shear / u.peak_base_shear,
+            j4=float(self.rms_drift.max() / u.rms_drift.max()),
+            j5=float(self.rms_acceleration.max() / u.rms_acceleration.max()),
+            j6=self.rms_base_shear / u.rms_base_shear,
+            j11=self.peak_force / self.weight,
+            j12=self.peak_stroke / u.peak_stroke,
+        )
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Controlled over uncontrolled, the largest over storeys or floors; below 1 is better."""
+
+    j1: float  # peak drift
+    j2: float  # peak absolute acceleration
+    j3: float  # peak base shear
+    j4: float  # norm of the drift
+    j5: float  # norm of the absolute acceleration
+    j6: float  # norm of the base shear
+    j11: float  # peak force of the damper over the weight of the structure
+    j12: float  # peak stroke
+
+
+def evaluate(
+    frame: ShearFrame,
+    time: ArrayLike,
+    drift: ArrayLike,
+    acceleration: ArrayLike,
+    force: ArrayLike | None = None,
+    stroke: ArrayLike | None = None,
+    command: ArrayLike | None = None,
+    command_max: float | None = None,
+) -> Criteria:
+    """Criteria of one run.
+
+    time (n,) s, increasing; drift (n, N) m; acceleration (n, N) m/s2, absolute; force (n,) N,
+    positive when the damper is being extended, None: no damper; stroke (n,) m, None: from the
+    drifts; command (n,) A or V, held between samples, None: zero. command_max: the swing the
+    switching rate counts in, None: the largest |command|. Raises InputError on shapes that do
+    not fit, on NaN and on a time that does not increase.
+    """
+    t = _array("time", time, None)
+    n = len(t)
+    if n < 2 or not (np.diff(t) > 0).all():
+        raise InputError(f"criteria: time has {n} samples or does not increase; at least 2, increasing")
+    d = _array("drift", drift, (n, frame.storeys))
+    a = _array("acceleration", acceleration, (n, frame.storeys))
+    x = frame.displacement(d)
+    f = np.zeros(n) if force is None else _array("force", force, (n,))
+    s = frame.stroke(x) if stroke is None else _array("stroke", stroke, (n,))
+    u = np.zeros(n) if command is None else _array("command", command, (n,))
+    # Newton for the whole structure: what the ground carries is the sum of mass times acceleration.
+    shear = a @ frame.mass
+    swing = float(np.abs(u).max()) if command_max is None else command_max
+    duration = float(t[-1] - t[0])
+    held = np.diff(t) / duration
+    return Criteria(
+        duration=duration,
+        peak_drift=np.abs(d).max(axis=0),
+        rms_drift=_norm(t, d),
+        peak_displacement=np.abs(x).max(axis=0),
+        peak_acceleration=np.abs(a).max(axis=0),
+        rms_acceleration=_norm(t, a),
+        peak_base_shear=float(np.abs(shear).max()),
+        rms_base_shear=float(_norm(t, shear)),
+        peak_force=float(np.abs(f).max()),
+        rms_force=float(_norm(t, f)),
+        peak_stroke=float(np.abs(s).max()),
+        dissipated_energy=float(np.sum((f[1:] + f[:-1]) / 2 * np.diff(s))),
+        mean_command=float(np.abs(u[:-1]) @ held),
+        rms_command=float(np.sqrt(u[:-1] ** 2 @ held)),
+        switching_rate=float(np.abs(np.diff(u)).sum() / swing / duration) if swing > 0 else 0.0,
+        weight=frame.weight,
+    )
+
+
+def _norm(t: FloatArray, values: FloatArray) -> FloatArray:
+    """sqrt(1/T integral of values^2 dt), over the first axis, by the trapezoidal rule."""
+    return np.asarray(np.sqrt(np.trapezoid(values**2, t, axis=0) / (t[-1] - t[0])))
+
+
+def _array(name: str, values: ArrayLike, shape: tuple[int, ...] | None) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1 if shape is None else array.shape != shape:
+        raise InputError(f"criteria: {name} has shape {array.shape}; allowed: {shape or '(n,)'}")
+    if not np.isfinite(array).all():
+        raise InputError(f"criteria: {name} has a value that is not finite at sample {_first(array)}")
+    return array
+
+
+def _first(array: FloatArray) -> int:
+    return int(np.argwhere(~np.isfinite(array))[0][0])

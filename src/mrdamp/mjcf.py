@@ -1,0 +1,232 @@
+"""A model as MJCF: the damper in the displacement-driven rig, or in a shear frame on a shake table.
+
+The mechanics and the drawing come from the hand-written models in `mrdamp.models_xml`; here the damper's
+attributes are put in and, for a frame, its storeys.
+"""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from mrdamp import models_xml
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
+from mrdamp.structures import ShearFrame
+
+_WEIGHTS_TEXT = "damper_weights"
+_STOREY_HEIGHT = 0.54  # m between slabs, as drawn
+_FIRST_HEIGHT = 0.58
+
+
+def damper_config(model: Model) -> dict[str, str]:
+    """The plugin's attributes of a model, as text; a network's weights stand in the model's <custom>."""
+    config = {"law": model.law}
+    if model.weights is not None:
+        config["weights"] = f"text:{_WEIGHTS_TEXT}"
+    return config | {key: repr(float(value)) for key, value in model.attributes.items()}
+
+
+def mjcf(model: Model, *, damper: bool = True, timestep: float | None = None) -> str:
+    """MJCF text of the model's rig: `rig` or a frame of as many storeys as the structure has.
+
+    damper: False leaves the damper out (frame alone). timestep: s; by default 0.5 ms for the rig and 0.25 ms for
+    a frame. Raises InputError.
+    """
+    if model.rig == "damper":
+        root = _parse("rig")
+        root.set("model", "mrdamp_rig")
+        _signal_sensors(root, ("true_force", "current", "temperature"))
+        step = timestep or 5e-4
+    else:
+        assert model.structure is not None
+        root = _parse("frame3")
+        root.set("model", "mrdamp_frame")
+        _build_storeys(root, model)
+        step = timestep or 2.5e-4
+    _find(root, "option").set("timestep", repr(step))
+    if damper:
+        _put_damper(root, model)
+    else:
+        if model.rig == "damper":
+            raise InputError("a rig without a damper has nothing to show")
+        _remove_damper(root)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def write_mjcf(model: Model, folder: Path | str) -> Path:
+    """Writes model.xml, scene.xml (with light and ground) and model.json into the folder; returns scene.xml."""
+    folder = Path(folder)
+    text = mjcf(model)
+    template = "rig" if model.rig == "damper" else "frame3"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / "model.xml", text)
+    scene = models_xml.path(template, "scene.xml").read_text(encoding="utf-8")
+    write_atomic(folder / "scene.xml", scene)
+    model.write(folder / "model.json")
+    return folder / "scene.xml"
+
+
+def _parse(name: str) -> ET.Element:
+    return ET.fromstring(models_xml.path(name).read_text(encoding="utf-8"))
+
+
+def _find(root: ET.Element, path: str) -> ET.Element:
+    found = root.find(path)
+    if found is None:
+        raise InputError(f"the model file has no <{path}>; reinstall mrdamp")
+    return found
+
+
+def _put_damper(root: ET.Element, model: Model) -> None:
+    instance = _find(root, "extension/plugin[@plugin='mrdamp.damper']/instance")
+    for old in list(instance):
+        instance.remove(old)
+    for key, value in damper_config(model).items():
+        ET.SubElement(instance, "config", key=key, value=value)
+    if model.weights is not None:
+        custom = root.find("custom")
+        custom = ET.SubElement(root, "custom") if custom is None else custom
+        ET.SubElement(custom, "text", name=_WEIGHTS_TEXT, data=" ".join(model.weights.split()))
+
+
+def _remove_damper(root: ET.Element) -> None:
+    plugins = _find(root, "extension/plugin[@plugin='mrdamp.damper']")
+    plugins.remove(_find(plugins, "instance[@name='damper']"))
+    actuators, sensors = _find(root, "actuator"), _find(root, "sensor")
+    actuators.remove(_find(actuators, "plugin[@name='damper']"))
+    for plugin in sensors.findall("plugin"):
+        sensors.remove(plugin)
+    if root.find("tendon") is not None:
+        root.remove(_find(root, "tendon"))
+    drawn = ("bracket", "cylinder", "rod", "brace_left", "brace_right", "clevis")
+    for body in root.iter("body"):
+        for geom in body.findall("geom"):
+            if (geom.get("name") or "").removesuffix("_damper") in drawn:
+                body.remove(geom)
+
+
+def _build_storeys(root: ET.Element, model: Model) -> None:
+    structure, frame = model.structure, model.frame
+    assert structure is not None
+    table = _find(root, "worldbody/body[@name='table']")
+    first = _find(table, "body[@name='floor1']")
+    table.remove(first)
+    pattern = copy.deepcopy(_find(first, "body[@name='floor2']"))
+    for inner in pattern.findall("body"):
+        pattern.remove(inner)
+    tool = {geom.get("name"): geom for geom in (*table.findall("geom"), *first.findall("geom"))}
+    # The extension's drawing goes with the storey that the damper stands in.
+    for name in ("bracket", "cylinder"):
+        table.remove(tool[name])
+    lower, upper = sorted(structure.damper_between)
+    bodies = [table]
+    for j in range(1, structure.storeys + 1):
+        body = copy.deepcopy(pattern)
+        body.set("name", f"floor{j}")
+        body.set("pos", f"0 0 {_FIRST_HEIGHT if j == 1 else _STOREY_HEIGHT}")
+        body.set("childclass", "storey")
+        _find(body, "inertial").set("mass", repr(float(frame.mass[j - 1])))
+        joint = _find(body, "joint")
+        joint.set("name", f"storey{j}")
+        joint.set("stiffness", repr(float(frame.stiffness[j - 1])))
+        joint.set("damping", repr(float(frame.damping[j - 1])))
+        if frame.friction is not None and frame.friction[j - 1] > 0:
+            _put_friction(root, j, float(frame.friction[j - 1]))
+        for tag in ("geom", "site"):
+            for item in body.findall(tag):
+                if item.get("name"):
+                    item.set("name", f"floor{j}")
+        bodies[-1].append(body)
+        bodies.append(body)
+    if upper == lower + 1:
+        _draw_damper(bodies[lower], bodies[upper], tool, on_table=lower == 0)
+    _actuators(root, structure)
+    _sensors(root, model)
+
+
+def _put_friction(root: ET.Element, storey: int, coulomb: float) -> None:
+    """Dry friction in a storey: a damper with nothing but seal friction, as the engine's own is soft."""
+    name = f"friction_{storey}"
+    damper = _find(root, "extension/plugin[@plugin='mrdamp.damper']")
+    instance = ET.SubElement(damper, "instance", name=name)
+    law = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), "0")
+    friction = {"seal_friction_coulomb": repr(coulomb), "seal_friction_presliding": "1e-5"}
+    for key, value in ({"law": "bingham"} | law | friction).items():
+        ET.SubElement(instance, "config", key=key, value=value)
+    ET.SubElement(
+        _find(root, "actuator"), "plugin", name=name, joint=f"storey{storey}", plugin="mrdamp.damper", instance=name
+    )
+
+
+def _draw_damper(below: ET.Element, above: ET.Element, tool: dict[str | None, ET.Element], on_table: bool) -> None:
+    """Bracket and cylinder on the floor below, rod and braces under the floor above, as in frame3."""
+    lift = 0.0 if on_table else -0.04  # a slab's own frame is higher than the table's
+    for body, names, dz in (
+        (below, ("bracket", "cylinder"), lift),
+        (above, ("brace_left", "brace_right", "clevis", "rod"), 0.0),
+    ):
+        for name in names:
+            geom = copy.deepcopy(tool[name])
+            for key in ("pos", "fromto"):
+                value = geom.get(key)
+                if value is not None and dz:
+                    numbers = [float(part) for part in value.split()]
+                    for k in range(2, len(numbers), 3):
+                        numbers[k] += dz
+                    geom.set(key, " ".join(f"{number:g}" for number in numbers))
+            body.insert(2, geom)
+
+
+def _actuators(root: ET.Element, structure: ShearFrame) -> None:
+    lower, upper = structure.damper_between
+    plugin = _find(root, "actuator/plugin[@name='damper']")
+    if (lower, upper) == (0, 1):
+        return
+    # Over several storeys, or from the rod end below: the sum of the drifts, with its sign.
+    sign = 1 if upper > lower else -1
+    low, high = sorted((lower, upper))
+    del plugin.attrib["joint"]
+    if high == low + 1 and sign == 1:
+        plugin.set("joint", f"storey{high}")
+        return
+    plugin.set("tendon", "stroke")
+    fixed = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", name="stroke")
+    for j in range(low + 1, high + 1):
+        ET.SubElement(fixed, "joint", joint=f"storey{j}", coef=str(sign))
+
+
+def _signal_sensors(root: ET.Element, signals: tuple[str, ...]) -> None:
+    for signal in signals:
+        item = ET.SubElement(
+            _find(root, "sensor"), "plugin", name=signal, plugin="mrdamp.force_sensor", objtype="actuator", objname="damper"
+        )
+        ET.SubElement(item, "config", key="signal", value=signal)
+
+
+def _sensors(root: ET.Element, model: Model) -> None:
+    sensor = _find(root, "sensor")
+    force = copy.deepcopy(_find(sensor, "plugin"))
+    for item in list(sensor):
+        sensor.remove(item)
+    assert model.structure is not None
+    floors = range(1, model.structure.storeys + 1)
+    for j in floors:
+        ET.SubElement(sensor, "accelerometer", name=f"acceleration_{j}", site=f"floor{j}")
+    for j in floors:
+        ET.SubElement(sensor, "jointpos", name=f"drift_{j}", joint=f"storey{j}")
+    sensor.append(force)
+    _signal_sensors(root, ("stroke", "stroke_velocity", "current"))
+    # The engine's accelerometers are ideal; what their readings go through is kept for `mrdamp.stepping`.
+    placed = [e for e in model.effects if e.place is not None and e.name in FLOOR_SENSOR_EFFECTS]
+    if placed:
+        custom = root.find("custom")
+        custom = ET.SubElement(root, "custom") if custom is None else custom
+        for effect in placed:
+            for key, value in effect.parameters.items():
+                ET.SubElement(
+                    custom, "numeric", name=f"acceleration_{effect.place}_{effect.name}_{key}", data=repr(float(value))
+                )

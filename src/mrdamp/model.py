@@ -1,0 +1,289 @@
+"""A damper as the simulator knows it: law, parameters, effects and, in a frame, the structure.
+
+What `case.json` (the simulator as its owner believes it) and `corrected.json` hold; see docs for the format.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.structures import ShearFrame
+
+FORMAT = 1
+RIGS = ("damper", "frame")
+
+#: Effects of the structure: parameter -> (unit, meaning); their place is a storey, or a floor for the mass.
+STRUCTURE_EFFECTS: Mapping[str, Mapping[str, str]] = {
+    "storey_stiffness": {"e": "relative change of the storey's stiffness"},
+    "storey_damping": {"e": "relative change of the storey's damping"},
+    "joint_friction": {"coulomb": "N, dry friction in the storey"},
+    "floor_mass": {"dm": "kg, mass added to the floor"},
+}
+#: Effects of a floor's accelerometer in a frame, where their place is the floor.
+FLOOR_SENSOR_EFFECTS: Mapping[str, Mapping[str, str]] = {
+    "sensor_gain": {"g": "acc_gain"},
+    "sensor_offset": {"f": "acc_offset"},
+    "sensor_leakage": {"tau": "acc_leakage"},
+    "sensor_lag": {"tau": "acc_lag"},
+}
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect of the catalogue, with its parameters and, in a frame, its place (storey or floor, from 1)."""
+
+    name: str
+    parameters: Mapping[str, float]
+    place: int | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A damper and, for the rig `frame`, the structure that it stands in.
+
+    law, parameters: as in `mrdamp.core.law_parameters`, SI. weights: text of the NARX weights file (law narx).
+    effects: what is switched on. Raises InputError for anything the chain would not take.
+    """
+
+    law: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    effects: tuple[Effect, ...] = ()
+    rig: str = "damper"
+    structure: ShearFrame | None = None
+    weights: str | None = None
+    name: str = "model"
+    sample_rate_hz: float | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)  # what a file carries besides, kept on writing
+
+    def __post_init__(self) -> None:
+        if self.rig not in RIGS:
+            raise InputError(f"{self.name}: rig '{self.rig}'; allowed: {', '.join(RIGS)}")
+        if (self.rig == "frame") != (self.structure is not None):
+            raise InputError(f"{self.name}: rig frame needs a structure, and rig damper has none")
+        for effect in self.effects:
+            self._check_effect(effect)
+        try:
+            core.vector(self.law, self.attributes)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from None
+        if (self.law == "narx") != (self.weights is not None):
+            raise InputError(f"{self.name}: law narx needs weights, and no other law has any")
+
+    def _check_effect(self, effect: Effect) -> None:
+        known = effect_parameters(effect.name, effect.place is not None)
+        where = f"{self.name}: effect {effect.name}"
+        if effect.place is not None or effect.name in STRUCTURE_EFFECTS:
+            if self.structure is None:
+                raise InputError(f"{where}: a place or an effect of the structure needs rig frame")
+            storeys = self.structure.storeys
+            if effect.place is None or not 1 <= effect.place <= storeys:
+                raise InputError(f"{where}: place {effect.place}; allowed: 1 to {storeys}")
+        for key, value in effect.parameters.items():
+            if key not in known:
+                raise InputError(f"{where}: parameter '{key}' is unknown; allowed: {', '.join(known)}")
+            if not isinstance(value, int | float) or not np.isfinite(value):
+                raise InputError(f"{where}: parameter '{key}' is {value!r}; allowed: a finite number")
+
+    @cached_property
+    def attributes(self) -> dict[str, float]:
+        """The plugin's attributes: the law's parameters and those of the effects that have no place."""
+        out = dict(self.parameters)
+        for effect in self.effects:
+            if effect.place is None and effect.name not in STRUCTURE_EFFECTS:
+                out |= {f"{effect.name}_{key}": float(value) for key, value in effect.parameters.items()}
+        return out
+
+    @cached_property
+    def narx(self) -> core.Narx | None:
+        return core.Narx(self.weights) if self.weights is not None else None
+
+    @property
+    def frame(self) -> core.FrameInput:
+        """The structure with its effects, for the C entry."""
+        if self.structure is None:
+            raise InputError(f"{self.name}: rig damper has no structure")
+        s = self.structure
+        mass, stiffness, damping = s.mass.copy(), s.stiffness.copy(), s.damping.copy()
+        friction = np.zeros(s.storeys)
+        sensors = {"acc_gain": np.ones(s.storeys)}
+        for effect in self.effects:
+            if effect.place is None:
+                continue
+            k, p = effect.place - 1, effect.parameters
+            if effect.name == "storey_stiffness":
+                stiffness[k] *= 1 + p.get("e", 0.0)
+            elif effect.name == "storey_damping":
+                damping[k] *= 1 + p.get("e", 0.0)
+            elif effect.name == "joint_friction":
+                friction[k] += p.get("coulomb", 0.0)
+            elif effect.name == "floor_mass":
+                mass[k] += p.get("dm", 0.0)
+            else:
+                for key, column in FLOOR_SENSOR_EFFECTS[effect.name].items():
+                    sensors.setdefault(column, np.zeros(s.storeys))[k] = p.get(key, sensors[column][k])
+        return core.FrameInput(
+            mass, stiffness, damping, s.damper_between, friction if friction.any() else None, **sensors
+        )
+
+    def with_effects(self, effects: Sequence[Effect]) -> Model:
+        """The same model with these effects in place of its own."""
+        return replace(self, effects=tuple(effects))
+
+    def simulate(self, dt: float, inputs: Mapping[str, Array], *, hold: bool = False) -> dict[str, Array]:
+        """Free run over the inputs of a record, through the C entry; channels as in a record file.
+
+        dt (s); inputs: `displacement_m` and `command`, or `ground_acceleration_m_s2` and `command`, (n,) each.
+        Returns force_N and reference_force_N, or the floors' accelerations and displacements and force_N.
+        """
+        if self.rig == "damper":
+            columns = ("force", "reference")
+            out = core.run(
+                self.law,
+                self.attributes,
+                dt,
+                inputs["displacement_m"],
+                inputs.get("velocity_m_s"),
+                inputs.get("acceleration_m_s2"),
+                inputs["command"],
+                hold=hold,
+                narx=self.narx,
+                columns=columns,
+            )
+            return {"force_N": out["force"], "reference_force_N": out["reference"]}
+        ground = inputs["ground_acceleration_m_s2"]
+        out = core.run_frame(
+            self.law, self.attributes, self.frame, dt, ground, inputs["command"], hold=hold, narx=self.narx
+        )
+        return floor_channels(out, dt, self.attributes.get("channel_shift_d", 0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `write` puts into a file."""
+        out: dict[str, Any] = {"name": self.name, "format": FORMAT, "rig": self.rig}
+        if self.sample_rate_hz is not None:
+            out["sample_rate_hz"] = self.sample_rate_hz
+        model: dict[str, Any] = {"law": self.law, "parameters": dict(self.parameters)}
+        model["effects"] = [
+            {"name": e.name, "place": e.place, "parameters": dict(e.parameters)} for e in self.effects
+        ]
+        if self.structure is not None:
+            structure = dict(self.structure.to_dict())
+            model["damper_between"] = structure.pop("damper_between")
+            model["structure"] = structure
+        if self.weights is not None:
+            model["weights"] = self.weights
+        return {**out, "model": model, **self.extra}
+
+    def write(self, path: Path | str) -> None:
+        """Writes a JSON file in one go."""
+        write_atomic(Path(path), json.dumps(self.to_dict(), indent=1) + "\n")
+
+    @classmethod
+    def read(cls, path: Path | str) -> Model:
+        """Reads a case.json, a corrected.json or a model file; a folder means the case.json in it."""
+        path = Path(path)
+        if path.is_dir():
+            path = path / "case.json"
+        try:
+            data = json.loads(decode(str(path), read_bytes(path)))
+        except json.JSONDecodeError as error:
+            raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
+        return cls.from_dict(data, str(path))
+
+    @classmethod
+    def from_dict(cls, data: Any, where: str = "model") -> Model:
+        """From a file's content; `where` is what messages call it."""
+        body = data.get("model", data.get("nominal")) if isinstance(data, Mapping) else None
+        if not isinstance(body, Mapping):
+            raise InputError(f"{where}: no object 'nominal' (a case) or 'model' in it")
+        if data.get("format", FORMAT) != FORMAT:
+            raise InputError(f"{where}: format {data.get('format')!r}; allowed: {FORMAT}")
+        law = body.get("law")
+        if not isinstance(law, str):
+            raise InputError(f"{where}: no 'law'; allowed: {', '.join(core.laws())}")
+        parameters = _numbers(body.get("parameters", {}), f"{where}: parameters")
+        effects = tuple(_effect(item, where) for item in body.get("effects", ()))
+        rig = data.get("rig", "damper")
+        structure = None
+        if rig == "frame":
+            structure = ShearFrame.from_dict(body.get("structure", {}), body.get("damper_between", (0, 1)), where)
+        rate = data.get("sample_rate_hz")
+        known = {"name", "format", "rig", "sample_rate_hz", "model", "nominal"}
+        extra = {key: value for key, value in data.items() if key not in known}
+        name = f"{where}" if where != "model" else str(data.get("name", "model"))
+        model = cls(law, parameters, effects, rig, structure, body.get("weights"), name, rate, extra)
+        return replace(model, name=str(data.get("name", Path(where).stem)))
+
+
+def effect_parameters(name: str, placed: bool = False) -> tuple[str, ...]:
+    """Parameter names of an effect; `placed`: of a floor's accelerometer rather than of the damper."""
+    if name in STRUCTURE_EFFECTS:
+        return tuple(STRUCTURE_EFFECTS[name])
+    if placed:
+        if name not in FLOOR_SENSOR_EFFECTS:
+            raise InputError(f"effect {name} has no place; with one: {', '.join((*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS))}")
+        return tuple(FLOOR_SENSOR_EFFECTS[name])
+    if name not in damper_effects():
+        raise InputError(f"effect '{name}' is unknown; allowed: {', '.join((*damper_effects(), *STRUCTURE_EFFECTS))}")
+    return tuple(row.name[len(name) + 1 :] for row in core.attributes() if row.group == name)
+
+
+def damper_effects() -> tuple[str, ...]:
+    """Names of the effects from driver to sensor, in the order of the chain."""
+    groups = dict.fromkeys(row.group for row in core.attributes())
+    return tuple(group for group in groups if group not in ("law", "dependence", "command", "numerics"))
+
+
+def effects_from(attributes: Mapping[str, float]) -> tuple[Effect, ...]:
+    """Effects from attribute names such as `driver_lag_tau`; names of a law's parameters are passed over."""
+    groups = {row.name: row.group for row in core.attributes()}
+    found: dict[str, dict[str, float]] = {}
+    for name, value in attributes.items():
+        group = groups.get(name, "law")
+        if group in damper_effects():
+            found.setdefault(group, {})[name[len(group) + 1 :]] = value
+    return tuple(Effect(name, found[name]) for name in damper_effects() if name in found)
+
+
+def floor_channels(out: Mapping[str, Array], dt: float, shift: float) -> dict[str, Array]:
+    """Columns of `core.run_frame` as a frame record's channels; displacements are read `shift` seconds late."""
+    channels: dict[str, Array] = {}
+    storeys = sum(name.startswith("acceleration_") for name in out)
+    for floor in range(1, storeys + 1):
+        channels[f"floor{floor}_acceleration_m_s2"] = out[f"acceleration_{floor}"]
+    for floor in range(1, storeys + 1):
+        x = out[f"displacement_{floor}"]
+        if shift:
+            t = dt * np.arange(len(x))
+            x = np.interp(t - shift, t, x)
+        channels[f"floor{floor}_displacement_m"] = x
+    channels["force_N"] = out["force"]
+    return channels
+
+
+def _effect(item: Any, where: str) -> Effect:
+    if not isinstance(item, Mapping) or not isinstance(item.get("name"), str):
+        raise InputError(f"{where}: an effect is an object with name, place and parameters, got {item!r}")
+    place = item.get("place")
+    if place is not None and (isinstance(place, bool) or not isinstance(place, int)):
+        raise InputError(f"{where}: effect {item['name']}: place {place!r}; allowed: a whole number or null")
+    return Effect(item["name"], _numbers(item.get("parameters", {}), f"{where}: effect {item['name']}"), place)
+
+
+def _numbers(values: Any, where: str) -> dict[str, float]:
+    if not isinstance(values, Mapping):
+        raise InputError(f"{where}: an object of numbers is needed, got {values!r}")
+    for key, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise InputError(f"{where}: '{key}' is {value!r}; allowed: a finite number")
+    return {key: float(value) for key, value in values.items()}

@@ -1,0 +1,200 @@
+"""Stepping the written MJCF: a record's motion imposed on the rig, a ground motion on the frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from mrdamp.control.base import Controller
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.mjcf import mjcf
+from mrdamp.model import Model, floor_channels
+from mrdamp.motions import GroundMotion
+
+Progress = Callable[[int], None]
+
+
+def _load(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise InputError(str(error).splitlines()[0]) from None
+    return model, mujoco.MjData(model)
+
+
+def _steps(dt: float, largest: float) -> int:
+    return max(1, math.ceil(dt / largest - 1e-9))
+
+
+def drive_rig(model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 5e-4) -> dict[str, Array]:
+    """A damper record through MuJoCo: force_N and reference_force_N (n,) at the record's sample times.
+
+    dt (s) and inputs as in `Model.simulate`; the record's motion is imposed on the machine, with cubic pieces
+    between the samples and steps no longer than `largest_step` (s).
+    """
+    x, u = inputs["displacement_m"], inputs["command"]
+    n, inner = len(x), _steps(dt, largest_step)
+    t = dt * np.arange(n)
+    v = inputs.get("velocity_m_s")
+    v = np.gradient(x, dt, edge_order=2) if v is None else v
+    path = CubicHermiteSpline(t, x, v)
+    fine = dt / inner * np.arange((n - 1) * inner + 1)
+    # The displacement channel may be read late or early: the rod moves as it really did.
+    moved = np.clip(fine + model.attributes.get("channel_shift_d", 0.0), 0.0, t[-1])
+    rod, rod_velocity = path(moved), path(moved, 1)
+    a = inputs.get("acceleration_m_s2")
+    a = np.interp(moved, t, np.gradient(v, dt, edge_order=2) if a is None else a)
+    command = np.interp(fine, t, u)
+    m, d = _load(mjcf(model, timestep=dt / inner))
+    damper = m.actuator("damper").id
+    sensors = {s: m.sensor(s).adr[0] for s in ("damper_force", "true_force")}
+    out = {name: np.empty(n) for name in ("force_N", "reference_force_N")}
+    for k in range(len(fine)):
+        d.qpos[0], d.qvel[0], d.ctrl[damper] = rod[k], rod_velocity[k], command[k]
+        # The machine's acceleration is its driver's: a force of mass times acceleration.
+        d.qfrc_applied[0] = m.body_mass[1] * a[k]
+        mujoco.mj_step(m, d)
+        if k % inner == 0:
+            out["force_N"][k // inner] = d.sensordata[sensors["damper_force"]]
+            out["reference_force_N"][k // inner] = d.sensordata[sensors["true_force"]]
+    return out
+
+
+@dataclass(frozen=True)
+class FrameRun:
+    """A run of a frame in MuJoCo at the control period (n samples, N storeys), SI."""
+
+    time: Array  # (n,) s
+    drift: Array  # (n, N) m
+    acceleration: Array  # (n, N) m/s2, absolute
+    force: Array  # (n,) N, as the damper's sensor reads it
+    stroke: Array  # (n,) m
+    command: Array  # (n,)
+    current: Array  # (n,)
+
+
+def run_frame(
+    model: Model,
+    motion: GroundMotion,
+    controller: Controller | None,
+    *,
+    period: float = 1e-3,
+    timestep: float = 2.5e-4,
+    progress: Progress | None = None,
+) -> FrameRun:
+    """The model's frame in MuJoCo under a ground motion; controller None takes the damper out.
+
+    period (s): of control and of the samples returned, the controller's own where there is one. timestep (s): the
+    largest step of the engine. The ground moves within a control period, the command is held over it.
+    """
+    if model.structure is None:
+        raise InputError(f"{model.name}: rig damper has no frame to run")
+    if controller is not None:
+        period = controller.period
+        controller.reset()
+    storeys, inner = model.structure.storeys, _steps(period, timestep)
+    step = period / inner
+    m, d = _load(mjcf(model, damper=controller is not None, timestep=step))
+    ground = m.actuator("ground").id
+    damper = m.actuator("damper").id if controller is not None else -1
+    address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
+    accelerations = [address[f"acceleration_{j}"] for j in range(1, storeys + 1)]
+    drifts = [address[f"drift_{j}"] for j in range(1, storeys + 1)]
+    samples = math.floor(motion.duration / period + 1e-9) + 1
+    # The engine's Euler step is a leapfrog whose velocities stand half a step early: forces belong to its start.
+    push = np.interp(step * np.arange(samples * inner), motion.time, motion.acceleration)
+    run = FrameRun(
+        time=period * np.arange(samples),
+        drift=np.empty((samples, storeys)),
+        acceleration=np.empty((samples, storeys)),
+        **{name: np.zeros(samples) for name in ("force", "stroke", "command", "current")},
+    )
+    for k in range(samples):
+        d.ctrl[ground] = push[k * inner]
+        mujoco.mj_forward(m, d)
+        run.drift[k] = d.sensordata[drifts]
+        run.acceleration[k] = d.sensordata[accelerations]
+        if controller is not None:
+            run.force[k] = d.sensordata[address["damper_force"]]
+            run.stroke[k] = d.sensordata[address["stroke"]]
+            run.current[k] = d.sensordata[address["current"]]
+            displacement = np.cumsum(run.drift[k])
+            y = {f"acceleration_{j + 1}": float(run.acceleration[k, j]) for j in range(storeys)}
+            y |= {f"displacement_{j + 1}": float(displacement[j]) for j in range(storeys)}
+            y["stroke"], y["force"] = float(run.stroke[k]), float(run.force[k])
+            y["stroke_velocity"] = float(d.sensordata[address["stroke_velocity"]])
+            run.command[k] = d.ctrl[damper] = controller.command(float(run.time[k]), y)
+        for i in range(inner):
+            d.ctrl[ground] = push[k * inner + i]
+            mujoco.mj_step(m, d)
+        if progress is not None and k % 200 == 0:
+            progress(k * 100 // samples)
+    if not np.isfinite(run.acceleration).all():
+        raise InputError(f"{model.name}: the simulation diverged; check the structure and the ground motion's unit")
+    return run
+
+
+def drive_frame(model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 2.5e-4) -> dict[str, Array]:
+    """A frame record through MuJoCo: channels as in `Model.simulate`, (n,) each, at the sample time dt (s)."""
+    if model.structure is None:
+        raise InputError(f"{model.name}: rig damper has no frame to run")
+    ag, u = inputs["ground_acceleration_m_s2"], inputs["command"]
+    storeys, n, inner = model.structure.storeys, len(ag), _steps(dt, largest_step)
+    step, t = dt / inner, dt * np.arange(len(ag))
+    push = np.interp(step * np.arange((n - 1) * inner + 1), t, ag)
+    command = np.interp(step * np.arange((n - 1) * inner + 1), t, u)
+    m, d = _load(mjcf(model, timestep=step))
+    ground, damper = m.actuator("ground").id, m.actuator("damper").id
+    address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
+    accelerations = [address[f"acceleration_{j}"] for j in range(1, storeys + 1)]
+    drifts = [address[f"drift_{j}"] for j in range(1, storeys + 1)]
+    rows = np.empty((n, 2 * storeys + 1))
+    for k in range((n - 1) * inner + 1):
+        d.ctrl[ground], d.ctrl[damper] = push[k], command[k]
+        if k % inner:
+            mujoco.mj_step(m, d)
+            continue
+        mujoco.mj_forward(m, d)
+        rows[k // inner, :storeys] = d.sensordata[accelerations]
+        rows[k // inner, storeys : 2 * storeys] = np.cumsum(d.sensordata[drifts])
+        rows[k // inner, -1] = d.sensordata[address["damper_force"]]
+        mujoco.mj_step(m, d)
+    out = {f"acceleration_{j + 1}": rows[:, j].copy() for j in range(storeys)}
+    out |= {f"displacement_{j + 1}": rows[:, storeys + j].copy() for j in range(storeys)}
+    out["force"] = rows[:, -1].copy()
+    _through_floor_sensors(model, out, dt)
+    return floor_channels(out, dt, model.attributes.get("channel_shift_d", 0.0))
+
+
+def _through_floor_sensors(model: Model, out: dict[str, Array], dt: float) -> None:
+    frame = model.frame
+    for j in range(len(frame.mass)):
+        a = out[f"acceleration_{j + 1}"]
+        if frame.acc_gain is not None:
+            a = a * frame.acc_gain[j]
+        if frame.acc_leakage is not None and frame.acc_leakage[j] > 0:
+            a = _first_order(a, dt, frame.acc_leakage[j], high=True)
+        if frame.acc_lag is not None and frame.acc_lag[j] > 0:
+            a = _first_order(a, dt, frame.acc_lag[j], high=False)
+        if frame.acc_offset is not None:
+            a = a + frame.acc_offset[j]
+        out[f"acceleration_{j + 1}"] = a
+
+
+def _first_order(signal: Array, dt: float, tau: float, *, high: bool) -> Array:
+    """Exact first-order low-pass (or the high-pass beside it) of a signal that runs straight between samples."""
+    decay, out = math.exp(-dt / tau), np.empty_like(signal)
+    out[0] = signal[0]
+    for k in range(1, len(signal)):
+        slope = (signal[k] - signal[k - 1]) / dt
+        if high:
+            out[k] = out[k - 1] * decay + slope * tau * (1 - decay)
+        else:
+            out[k] = signal[k] - slope * tau + (out[k - 1] - signal[k - 1] + slope * tau) * decay
+    return out

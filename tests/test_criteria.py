@@ -1,0 +1,111 @@
+"""Criteria on arrays whose values are known by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp.criteria import Criteria, evaluate
+from mrdamp.errors import InputError
+from mrdamp.structures import ShearFrame
+
+FRAME = ShearFrame(np.array([10.0, 20.0]), np.array([1e4, 1e4]), np.array([1.0, 1.0]))
+TIME = np.linspace(0.0, 2.0, 2001)
+
+
+def sine_run(scale: float = 1.0, **others: Any) -> Criteria:
+    wave = scale * np.sin(2 * np.pi * TIME)
+    drift = np.column_stack([0.01 * wave, -0.03 * wave])
+    acceleration = np.column_stack([2.0 * wave, -3.0 * wave])
+    return evaluate(FRAME, TIME, drift, acceleration, **others)
+
+
+def test_peaks_and_norms_of_a_sine() -> None:
+    c = sine_run(force=500 * np.cos(2 * np.pi * TIME))
+    np.testing.assert_allclose(c.peak_drift, [0.01, 0.03], rtol=1e-6)
+    np.testing.assert_allclose(c.rms_drift, np.array([0.01, 0.03]) / np.sqrt(2), rtol=1e-6)
+    np.testing.assert_allclose(c.peak_displacement, [0.01, 0.02], rtol=1e-6)
+    np.testing.assert_allclose(c.peak_acceleration, [2.0, 3.0], rtol=1e-6)
+    np.testing.assert_allclose(c.rms_acceleration, np.array([2.0, 3.0]) / np.sqrt(2), rtol=1e-6)
+    # 10 kg x 2 m/s2 - 20 kg x 3 m/s2
+    assert c.peak_base_shear == pytest.approx(40.0, rel=1e-6)
+    assert c.rms_base_shear == pytest.approx(40.0 / np.sqrt(2), rel=1e-6)
+    assert c.peak_force == 500
+    assert c.rms_force == pytest.approx(500 / np.sqrt(2), rel=1e-3)
+    assert c.peak_stroke == pytest.approx(0.01, rel=1e-6)
+    assert c.duration == 2.0
+    assert c.weight == pytest.approx(30 * 9.80665)
+
+
+def test_dissipated_energy() -> None:
+    # A dashpot c under x = X sin(w t) takes pi c w X^2 a cycle; a spring takes nothing.
+    w, amplitude = 2 * np.pi, 0.01
+    x, v = amplitude * np.sin(w * TIME), amplitude * w * np.cos(w * TIME)
+    dashpot = sine_run(force=300 * v, stroke=x)
+    assert dashpot.dissipated_energy == pytest.approx(2 * np.pi * 300 * w * amplitude**2, rel=1e-5)
+    assert sine_run(force=300 * x, stroke=x).dissipated_energy == pytest.approx(0, abs=1e-9)
+
+
+def test_command_figures() -> None:
+    command = np.where(TIME < 0.5, 0.0, 2.0)
+    command[TIME >= 1.5] = 1.0
+    c = sine_run(command=command)
+    # 0 for 0.5 s, 2 for 1 s, 1 for 0.5 s
+    assert c.mean_command == pytest.approx(1.25, rel=1e-9)
+    assert c.rms_command == pytest.approx(np.sqrt((4 + 0.5) / 2), rel=1e-9)
+    # a full and a half swing of 2 in 2 s
+    assert c.switching_rate == pytest.approx(0.75)
+    assert sine_run(command=command, command_max=4.0).switching_rate == pytest.approx(0.375)
+    assert sine_run(command=np.full(len(TIME), 2.0)).switching_rate == 0
+    assert sine_run().switching_rate == sine_run().mean_command == sine_run().peak_force == 0
+
+
+def test_uneven_time_weighs_by_duration() -> None:
+    time = np.array([0.0, 1.0, 1.5, 4.0])
+    zeros = np.zeros((4, 2))
+    c = evaluate(FRAME, time, zeros, zeros, command=[1.0, 3.0, 0.0, 9.0])
+    assert c.mean_command == pytest.approx((1.0 * 1 + 3.0 * 0.5) / 4)
+
+
+def test_ratios() -> None:
+    uncontrolled = sine_run()
+    half = sine_run(0.5, force=np.full(len(TIME), 60.0), stroke=0.004 * np.sin(2 * np.pi * TIME))
+    r = half.relative_to(uncontrolled)
+    for ratio in (r.j1, r.j2, r.j3, r.j4, r.j5, r.j6):
+        assert ratio == pytest.approx(0.5)
+    assert r.j11 == pytest.approx(60 / (30 * 9.80665))
+    assert r.j12 == pytest.approx(0.4, rel=1e-6)
+
+
+def test_ratios_take_the_largest_storey_of_each_run() -> None:
+    time = [0.0, 1.0]
+    before = evaluate(FRAME, time, [[4.0, 1.0]] * 2, [[8.0, 2.0]] * 2)
+    after = evaluate(FRAME, time, [[1.0, 2.0]] * 2, [[1.0, 2.0]] * 2)
+    assert after.relative_to(before).j1 == after.relative_to(before).j4 == 0.5
+    assert after.relative_to(before).j2 == after.relative_to(before).j5 == 0.25
+    assert after.relative_to(before).j3 == pytest.approx(50 / 120)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"drift": np.zeros((3, 1))}, "drift has shape (3, 1); allowed: (3, 2)"),
+        ({"acceleration": np.full((3, 2), np.nan)}, "acceleration has a value that is not finite"),
+        ({"force": [1.0, 2.0]}, "force has shape (2,); allowed: (3,)"),
+        ({"time": [0.0, 1.0, 1.0]}, "does not increase"),
+        ({"time": [[0.0, 1.0]]}, "time has shape (1, 2); allowed: (n,)"),
+    ],
+)
+def test_bad_arrays_get_one_line(change: dict[str, Any], says: str) -> None:
+    good = {"time": [0.0, 1.0, 2.0], "drift": np.ones((3, 2)), "acceleration": np.ones((3, 2))}
+    with pytest.raises(InputError) as error:
+        evaluate(FRAME, **{**good, **change})
+    assert says in str(error.value)
+
+
+def test_a_frame_at_rest_is_no_reference() -> None:
+    rest = evaluate(FRAME, [0.0, 1.0], np.zeros((2, 2)), np.zeros((2, 2)))
+    with pytest.raises(InputError, match="peak drift of the uncontrolled run is 0"):
+        sine_run().relative_to(rest)
