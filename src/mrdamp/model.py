@@ -177,9 +177,8 @@ class Model:
             {"name": e.name, "place": e.place, "parameters": dict(e.parameters)} for e in self.effects
         ]
         if self.structure is not None:
-            structure = dict(self.structure.to_dict())
-            model["damper_between"] = structure.pop("damper_between")
-            model["structure"] = structure
+            model["structure"] = self.structure.to_dict()
+            model["damper_between"] = list(self.structure.damper_between)
         if self.weights is not None:
             model["weights"] = self.weights
         return {**out, "model": model, **self.extra}

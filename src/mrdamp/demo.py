@@ -1,0 +1,233 @@
+"""The main job: records -> a fitted damper -> its errors -> MJCF -> a controlled frame -> one page."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp import pictures
+from mrdamp.control import clipped_optimal, passive_off, passive_on
+from mrdamp.control.base import Controller
+from mrdamp.criteria import Criteria, evaluate
+from mrdamp.files import write_atomic
+from mrdamp.identify import Fit, RecordError, identify, simulate
+from mrdamp.mjcf import write_mjcf
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion, embedded_motion, read_motion
+from mrdamp.pictures import LoopData
+from mrdamp.records import Record, RecordSet, embedded, read_records
+from mrdamp.report import Page
+from mrdamp.stepping import FrameRun, run_frame
+from mrdamp.structures import dyke1996
+
+#: Effects fitted along with the law: what records of a real damper nearly always need.
+EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
+#: The frame is a small-scale one: the ground motion is run at five times its speed (Dyke et al. 1996).
+TIME_COMPRESSION = 5.0
+UNCONTROLLED = "no damper"
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What the main job found: the fit, the frame's runs and criteria by controller, and where the page lies."""
+
+    records: RecordSet
+    fit: Fit
+    runs: dict[str, FrameRun]
+    criteria: dict[str, Criteria]
+    page: Path
+
+
+def demo(
+    out: Path | str,
+    data: Path | str | None = None,
+    *,
+    law: str = "modified_bouc_wen",
+    motion: Path | str | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> DemoResult:
+    """Runs the main job and writes index.html, model.json, tables and MJCF into the folder `out`.
+
+    data: a folder of records (see `mrdamp.records.read_records`), None: the embedded set. motion: a ground motion's
+    file, None: the embedded one. A fit that `out` holds of the same records is taken again. Raises InputError.
+    """
+    out = Path(out)
+    records = embedded() if data is None else read_records(data)
+    ground = embedded_motion() if motion is None else read_motion(motion)
+    out.mkdir(parents=True, exist_ok=True)
+
+    def tell(what: str, share: float) -> None:
+        if progress:
+            progress(what, share)
+
+    fit = _fit(out, records, law, seed, lambda what, share: tell(f"identify: {what}", 0.65 * share))
+    fit.model.write(out / "model.json")
+    frame_model = replace(fit.model, rig="frame", structure=dyke1996(), name=f"{records.name} damper in the frame")
+    write_mjcf(replace(fit.model, name=f"{records.name} damper"), out / "rig")
+    write_mjcf(frame_model, out / "frame")
+    runs = _runs(frame_model, ground.compressed(TIME_COMPRESSION), tell)
+    structure = dyke1996()
+    criteria = {
+        name: evaluate(structure, r.time, r.drift, r.acceleration, r.force, None, r.command, None)
+        for name, r in runs.items()
+    }
+    tell("page", 0.95)
+    page = _page(out, records, fit, ground, runs, criteria)
+    tell("done", 1.0)
+    return DemoResult(records, fit, runs, criteria, page)
+
+
+def command_unit(records: RecordSet) -> str:
+    """"A", or "V" for records whose files say so in their names; the channel itself carries no unit."""
+    return "V" if records.name == "nees" else "A"
+
+
+def _runs(model: Model, ground: GroundMotion, tell: Progress) -> dict[str, FrameRun]:
+    command_max = model.parameters.get("command_max", 1.0)
+    assert model.structure is not None
+    controllers: dict[str, Controller | None] = {
+        UNCONTROLLED: None,
+        "passive-off": passive_off(),
+        "passive-on": passive_on(command_max),
+        "clipped-optimal": clipped_optimal(model.structure, command_max),
+    }
+    runs = {}
+    for count, (name, controller) in enumerate(controllers.items()):
+        tell(f"frame: {name}", 0.65 + 0.3 * count / len(controllers))
+        runs[name] = run_frame(model, ground, controller)
+    return runs
+
+
+def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress) -> Fit:
+    """The fit, or the one that an earlier run of the same job left in `out`."""
+    digest = hashlib.sha256(f"{law} {seed} {EXTRAS} 1".encode())
+    for record in records.records:
+        for name, values in record.channels.items():
+            digest.update(name.encode())
+            digest.update(values.tobytes())
+    key, path = digest.hexdigest(), out / "fit.json"
+    try:
+        kept = json.loads(path.read_text())
+        if kept.get("key") == key:
+            errors = [tuple(RecordError(**e) for e in kept[half]) for half in ("train", "held_out")]
+            return Fit(Model.from_dict(kept["fit"], str(path)), errors[0], errors[1], kept["starts"], kept["evaluations"])
+    except (OSError, ValueError, KeyError, TypeError):
+        pass  # none, or one of another version: fit again
+    fit = identify(law, records.train, records.validation, extras=EXTRAS, seed=seed, progress=progress)
+    kept = {
+        "key": key,
+        "fit": fit.model.to_dict(),
+        "train": [vars(e) for e in fit.train],
+        "held_out": [vars(e) for e in fit.held_out],
+        "starts": fit.starts,
+        "evaluations": fit.evaluations,
+    }
+    write_atomic(path, json.dumps(kept, indent=1) + "\n")
+    return fit
+
+
+def _loop(model: Model, record: Record, note: str, unit: str) -> LoopData:
+    return LoopData(
+        name=record.name,
+        time=record.time,
+        displacement=record.displacement,
+        velocity=record.velocity(),
+        command=record.command,
+        measured=record.channel("force_N"),
+        simulated=simulate(model, record),
+        command_unit=unit,
+        note=note,
+    )
+
+
+def _shown(fit: Fit, records: RecordSet, most: int = 4) -> list[Record]:
+    """Held-out records for the pictures: the worst, the best and some between, by their error."""
+    order = [e.record for e in sorted(fit.held_out, key=lambda e: -e.nrmse)]
+    picks = [order[round(k)] for k in np.linspace(0, len(order) - 1, min(most, len(order)))]
+    held = {record.name: record for record in records.validation}
+    return [held[name] for name in dict.fromkeys(picks)]
+
+
+def _page(
+    out: Path, records: RecordSet, fit: Fit, ground: GroundMotion, runs: dict[str, FrameRun],
+    criteria: dict[str, Criteria],
+) -> Path:  # fmt: skip
+    unit = command_unit(records)
+    base = criteria[UNCONTROLLED]
+    best = min((c for c in criteria if c != UNCONTROLLED), key=lambda c: criteria[c].peak_drift.max())
+    summary = (
+        f"A {fit.model.law} damper fitted to {len(records.train)} records of `{records.name}` runs freely over "
+        f"{len(records.validation)} others with an error of {fit.held_out_nrmse:.1%} of the force's standard deviation; "
+        f"in the three-storey frame, {best} brings the peak drift to "
+        f"{criteria[best].peak_drift.max() / base.peak_drift.max():.0%} of the frame without a damper."
+    )
+    page = Page(f"mrdamp: {records.name}", summary, footer="Made by `mrdamp demo`.")
+    loops = [_loop(fit.model, record, "held out", unit) for record in _shown(fit, records)]
+    page.figure(
+        "The damper, measured and simulated", pictures.loops(loops),
+        "Records that nothing was fitted to: the worst, the best and some between.",
+        "Hysteresis loops of force over displacement and over velocity, measured and simulated.",
+    )  # fmt: skip
+    page.figure("", pictures.histories(loops), "The same over time, with what is left below.", "Force over time.")
+    rows = [(e.record, half, e.rmse, 100 * e.nrmse) for half, errors in (("fitted", fit.train), ("held out", fit.held_out)) for e in errors]
+    page.figure(
+        "Errors by record",
+        pictures.error_bars([r[0] for r in rows], [r[3] / 100 for r in rows], [r[1] == "held out" for r in rows]),
+        f"Free-run error. Pooled: {fit.train_nrmse:.3f} on the fitted records, {fit.held_out_nrmse:.3f} on the others.",
+        "Bars of the free-run error of each record.",
+    )  # fmt: skip
+    page.table("", ("record", "", "RMS error (N)", "of the force's standard deviation (%)"), rows)
+    attributes = fit.model.attributes
+    page.table("Parameters", ("attribute", "value"), [(k, float(f"{v:.6g}")) for k, v in attributes.items()],
+               "As in `model.json` and in the MJCF files beside this page.")  # fmt: skip
+    compare = [
+        (
+            name, 1e3 * c.peak_drift.max(), c.peak_acceleration.max(), 1e3 * c.rms_drift.max(), c.rms_acceleration.max(),
+            c.peak_force if name != UNCONTROLLED else None, c.mean_command if name != UNCONTROLLED else None,
+            c.dissipated_energy if name != UNCONTROLLED else None,
+        )
+        for name, c in criteria.items()
+    ]  # fmt: skip
+    columns = (
+        "controller", "peak drift (mm)", "peak acceleration (m/s2)", "RMS drift (mm)", "RMS acceleration (m/s2)",
+        "peak force (N)", f"mean command ({unit})", "energy in the damper (J)",
+    )  # fmt: skip
+    page.table(
+        "The frame under an earthquake", columns, compare,
+        f"Ground motion: {ground.name}, peak {ground.pga:.2f} m/s2, at {TIME_COMPRESSION:g} times its speed. "
+        "Frame of Dyke et al. (1996), damper under the first floor, stepped by MuJoCo.",
+    )  # fmt: skip
+    _frame_pictures(page, ground, runs, criteria, unit)
+    _tables(out, rows, columns, compare)
+    path = out / "index.html"
+    page.write(path)
+    return path
+
+
+def _frame_pictures(
+    page: Page, ground: GroundMotion, runs: dict[str, FrameRun], criteria: dict[str, Criteria], unit: str
+) -> None:
+    time = runs[UNCONTROLLED].time
+    page.figure("", pictures.controllers(criteria, unit), "Each controller over the frame without a damper.",
+                "Bars of peak drift, acceleration and force by controller.")  # fmt: skip
+    page.figure("", pictures.profile(criteria, ground.pga), "Peaks over the height.", "Peak drift and acceleration by floor.")
+    page.figure("", pictures.drifts(time, {name: r.drift for name, r in runs.items()}),
+                "Storey drifts.", "Storey drifts over time under each controller.")  # fmt: skip
+    driven = {name: r for name, r in runs.items() if name == "clipped-optimal"}
+    page.figure("", pictures.command_history(time, {n: r.command for n, r in driven.items()}, {n: r.force for n, r in driven.items()}, unit),
+                "What clipped-optimal commands, and the force that comes of it.", "Command and force over time.")  # fmt: skip
+
+
+def _tables(out: Path, rows: list[tuple[str, str, float, float]], columns: tuple[str, ...], compare: list[tuple[object, ...]]) -> None:
+    lines = ["record,half,rmse_N,nrmse"] + [f"{r},{half},{rmse:.6g},{nrmse / 100:.6g}" for r, half, rmse, nrmse in rows]
+    write_atomic(out / "errors.csv", "\n".join(lines) + "\n")
+    lines = [",".join(columns)] + [",".join("" if v is None else str(v) for v in row) for row in compare]
+    write_atomic(out / "controllers.csv", "\n".join(lines) + "\n")

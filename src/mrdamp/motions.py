@@ -1,0 +1,237 @@
+"""Ground motions: read from CSV or PEER .AT2, scaled, compressed in time, or made from filtered noise."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from mrdamp import motion_files, sampling
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMotion:
+    """Ground acceleration on a uniform clock.
+
+    Attributes:
+        name: short name, from the file.
+        sample_time: s.
+        acceleration: (n,) m/s2, read-only; the first sample is at t = 0.
+        source: where it comes from, in words.
+
+    Raises:
+        InputError: not one-dimensional, fewer than 3 samples, a number that is not finite.
+    """
+
+    name: str
+    sample_time: float
+    acceleration: Array
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        values = np.array(self.acceleration, dtype=np.float64)
+        _check(self.name, self.sample_time, values)
+        values.setflags(write=False)
+        object.__setattr__(self, "acceleration", values)
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.acceleration)
+
+    @property
+    def time(self) -> Array:
+        """(n,) s, from 0."""
+        return np.arange(self.n, dtype=np.float64) * self.sample_time
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample, s."""
+        return (self.n - 1) * self.sample_time
+
+    @property
+    def pga(self) -> float:
+        """Peak ground acceleration, m/s2."""
+        return float(np.abs(self.acceleration).max())
+
+    def scaled(self, factor: float) -> GroundMotion:
+        """Every acceleration times ``factor``."""
+        if not np.isfinite(factor):
+            raise InputError(f"{self.name}: scale factor {factor}: it must be a finite number")
+        return replace(self, acceleration=self.acceleration * factor)
+
+    def compressed(self, factor: float) -> GroundMotion:
+        """Played ``factor`` times as fast, accelerations as they are: the sample time is divided.
+
+        A model frame whose frequencies are five times the building's takes the motion at five times its
+        speed (Dyke, Spencer, Sain, Carlson 1996, 10.1088/0964-1726/5/5/006, sec. 5).
+        """
+        if not 0.0 < factor < np.inf:
+            raise InputError(f"{self.name}: time compression {factor}: it must be positive")
+        return replace(self, sample_time=self.sample_time / factor)
+
+    def resampled(self, sample_time: float) -> GroundMotion:
+        """On another sample time (s), see `mrdamp.sampling.resampled`."""
+        values = sampling.resampled(self.acceleration, self.sample_time, sample_time)
+        return replace(self, sample_time=sample_time, acceleration=values)
+
+    def save(self, path: Path | str, digits: int = 6) -> None:
+        """Write the one-column CSV that `read_motion` reads, in one go."""
+        path = Path(path)
+        if not path.name.endswith(".csv"):
+            raise InputError(f"{path}: a ground motion is written as .csv")
+        body = "\n".join(f"%.{digits}g" % value for value in self.acceleration)
+        source = " ".join(self.source.split())
+        head = f"# {source}\n# dt_s={self.sample_time:.12g} n={self.n} pga_m_s2={self.pga:.4f}\n"
+        write_atomic(path, f"{head}# acceleration in m/s^2, first sample t=0\n{body}\n")
+
+
+def read_motion(path: Path | str, sample_time: float | None = None) -> GroundMotion:
+    """Read a ground motion.
+
+    Three forms, told apart by suffix and content:
+
+    * ``.AT2`` of the PEER database: acceleration in g, turned into m/s2 (1 g = 9.80665 m/s2);
+    * CSV with one column, m/s2, and ``dt_s=0.02`` in a ``#`` line (``n=`` is checked where given),
+      or with ``sample_time`` given here;
+    * CSV with a time column in s and an acceleration column: without a header m/s2; a header names
+      ``time_s`` and ``ground_acceleration_m_s2``, ``acceleration_m_s2`` or ``acceleration_g``.
+
+    Args:
+        path: the file; a name that ends in .gz is unpacked.
+        sample_time: s, for a one-column file that does not give its own.
+
+    Raises:
+        InputError: one line with the file and the fault.
+    """
+    path = Path(path)
+    return _parse(str(path), path.name, decode(str(path), read_bytes(path)), sample_time)
+
+
+def embedded_motion() -> GroundMotion:
+    """The motion that comes with the package, made by `kanai_tajimi` (data/motions/README.md)."""
+    folder = resources.files("mrdamp") / "data" / "motions"
+    name = "synthetic_firm_soil.csv"
+    data = folder.joinpath(name).read_bytes()
+    return _parse(f"motions/{name}", name, decode(name, data), None)
+
+
+def kanai_tajimi(
+    seed: int,
+    *,
+    duration: float = 25.0,
+    sample_time: float = 0.01,
+    pga: float = 3.4,
+    ground_frequency: float = 15.6,
+    ground_damping: float = 0.6,
+    filter_frequency: float = 1.56,
+    filter_damping: float = 0.6,
+    rise: float = 3.0,
+    plateau: float = 8.0,
+    decay: float = 0.35,
+) -> GroundMotion:
+    """Synthetic motion: white noise under an envelope, through the Clough-Penzien filter, scaled to a peak.
+
+    The noise w(t) times the envelope e(t) drives the soil layer, and a high-pass takes out what would
+    let the ground drift::
+
+        x_g'' + 2 z_g w_g x_g' + w_g^2 x_g = -e w      a_g = -2 z_g w_g x_g' - w_g^2 x_g
+        x_f'' + 2 z_f w_f x_f' + w_f^2 x_f =  a_g      a   = x_f''
+
+    so that with e = 1 the spectrum of a is, up to a factor, ::
+
+        [w_g^4 + (2 z_g w_g w)^2] / [(w_g^2 - w^2)^2 + (2 z_g w_g w)^2]
+            * w^4 / [(w_f^2 - w^2)^2 + (2 z_f w_f w)^2]
+
+    e(t) = (t / rise)^2 up to ``rise``, 1 for ``plateau``, exp(-decay (t - rise - plateau)) after.
+    The filters are made discrete by the bilinear rule at the sample time.
+
+    Sources: Kanai 1957 (Bull. Earthq. Res. Inst. 35, 309) and Tajimi 1960 (2nd World Conf. Earthq. Eng.)
+    for the soil layer, Clough and Penzien, Dynamics of Structures, for the second filter, Amin and Ang
+    1968 (J. Eng. Mech. Div. ASCE 94, 559) for the envelope. Defaults: firm soil.
+
+    Args:
+        seed: of numpy's default generator; the same seed gives the same motion.
+        duration: s.
+        sample_time: s; at most a tenth of the ground's period.
+        pga: peak acceleration, m/s2.
+        ground_frequency: w_g, rad/s.
+        ground_damping: z_g.
+        filter_frequency: w_f, rad/s.
+        filter_damping: z_f.
+        rise: s.
+        plateau: s.
+        decay: 1/s.
+
+    Raises:
+        InputError: a value that is not positive, or a sample time too long for the soil.
+    """
+    positive = (
+        ("duration", duration),
+        ("sample_time", sample_time),
+        ("pga", pga),
+        ("ground_frequency", ground_frequency),
+        ("ground_damping", ground_damping),
+        ("filter_frequency", filter_frequency),
+        ("filter_damping", filter_damping),
+        ("rise", rise),
+        ("decay", decay),
+    )
+    for name, value in positive:
+        if not 0.0 < value < np.inf:
+            raise InputError(f"kanai_tajimi: {name} is {value}: it must be positive")
+    if not 0.0 <= plateau < np.inf:
+        raise InputError(f"kanai_tajimi: plateau is {plateau}: it must be 0 or more")
+    longest = 0.2 * np.pi / ground_frequency
+    if sample_time > longest or duration < 10.0 * sample_time:
+        raise InputError(
+            f"kanai_tajimi: sample_time is {sample_time:g} s: at most {longest:.4g} s (a tenth of the"
+            f" ground's period) and a tenth of the duration ({duration:g} s)"
+        )
+    time = np.arange(round(duration / sample_time) + 1) * sample_time
+    fade = np.exp(-decay * np.maximum(time - rise - plateau, 0.0))
+    noise = np.random.default_rng(seed).standard_normal(len(time)) * np.minimum(time / rise, 1.0) ** 2 * fade
+    soil = 2.0 * ground_damping * ground_frequency
+    cut = 2.0 * filter_damping * filter_frequency
+    layer = signal.bilinear([soil, ground_frequency**2], [1.0, soil, ground_frequency**2], 1.0 / sample_time)
+    highpass = signal.bilinear([1.0, 0.0, 0.0], [1.0, cut, filter_frequency**2], 1.0 / sample_time)
+    values = np.asarray(signal.lfilter(*highpass, signal.lfilter(*layer, noise)), dtype=np.float64)
+    values *= pga / np.abs(values).max()
+    source = (
+        f"Synthetic (Clough-Penzien filtered noise, seed {seed}): ground {ground_frequency:g} rad/s,"
+        f" damping {ground_damping:g}; filter {filter_frequency:g} rad/s, damping {filter_damping:g};"
+        f" rise {rise:g} s, plateau {plateau:g} s, decay {decay:g} 1/s"
+    )
+    return GroundMotion(f"kanai_tajimi_{seed}", sample_time, values, source)
+
+
+def _parse(file: str, name: str, text: str, sample_time: float | None) -> GroundMotion:
+    base = re.sub(r"\.gz$", "", name, flags=re.IGNORECASE)
+    stem = re.sub(r"\.(csv|txt|dat|at2)$", "", base, flags=re.IGNORECASE)
+    if base.lower().endswith(".at2"):
+        step, values, source = motion_files.parse_at2(file, text)
+    else:
+        step, values, source = motion_files.parse_csv(file, text, sample_time)
+    _check(file, step, values)
+    return GroundMotion(stem, step, values, source or stem)
+
+
+def _check(label: str, sample_time: float, values: Array) -> None:
+    if values.ndim != 1 or len(values) < 3:
+        raise InputError(f"{label}: acceleration has shape {values.shape}: it must be (n,), n of 3 or more")
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise InputError(
+            f"{label}: sample {bad[0] + 1} is {values[bad[0]]}: every one must be a finite number"
+        )
+    if not 0.0 < sample_time < np.inf:
+        raise InputError(f"{label}: sample time {sample_time:g} s: it must be positive")

@@ -1,0 +1,244 @@
+"""Pictures of a damper: measured against simulated, and the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from mrdamp.errors import InputError
+from mrdamp.pictures.series import (
+    Array,
+    busiest,
+    clock,
+    finite,
+    force_unit,
+    length_unit,
+    outline,
+    padded,
+    peak,
+    thinned,
+    velocity_unit,
+)  # fmt: skip
+from mrdamp.pictures.style import (
+    COLOURS,
+    DASHES,
+    INK,
+    MUTED,
+    REFERENCE,
+    SIMULATED,
+    axes_grid,
+    elide,
+    figure,
+    legend,
+    row_title,
+    short,
+    styled,
+    ticks,
+)  # fmt: skip
+
+BINS = 400  # of a line over time: two points each, about what a screen resolves
+
+
+@dataclass(frozen=True, eq=False)
+class LoopData:
+    """A record and its simulation.
+
+    time (n,) s; displacement (n,) m; velocity (n,) m/s; command (n,) in command_unit; measured and
+    simulated force (n,) N. note: what the row's title says after the name ("held out, error 0.12").
+    Raises InputError on shapes that do not fit, on numbers that are not finite, on a clock that stands.
+    """
+
+    name: str
+    time: Array
+    displacement: Array
+    velocity: Array
+    command: Array
+    measured: Array
+    simulated: Array
+    command_unit: str = "A"
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        time = clock(f"{self.name}: time", self.time)
+        object.__setattr__(self, "time", time)
+        for name in ("displacement", "velocity", "command", "measured", "simulated"):
+            object.__setattr__(self, name, finite(f"{self.name}: {name}", getattr(self, name), time.shape))
+
+
+@styled
+def loops(records: Sequence[LoopData], periods: float = 3.0) -> Figure:
+    """Hysteresis loops, a row a record: force over displacement and over velocity, measured over simulated.
+
+    Shown are so many mean periods of the motion, where the piston moves fastest.
+    """
+    _some("loops", records)
+    parts = [thinned(busiest(r.time, r.displacement, periods, r.velocity), 1500) for r in records]
+    force, force_name = force_unit(*(r.measured for r in records))
+    length, length_name = length_unit(*(r.displacement for r in records))
+    speed, speed_name = velocity_unit(*(r.velocity[p] for r, p in zip(records, parts, strict=True)))
+    fig = figure(0.75 + 1.75 * len(records))
+    axes = axes_grid(fig, len(records), 2, sharey="row")
+    for record, part, (left, right) in zip(records, parts, axes, strict=True):
+        for ax, x in ((left, length * record.displacement[part]), (right, speed * record.velocity[part])):
+            ax.plot(x, force * record.simulated[part], color=SIMULATED, linewidth=2.0)
+            ax.plot(x, force * record.measured[part], color=INK, linewidth=0.7)
+            ticks(ax, 5, 5)
+        row_title(left, right, record.name, record.note)
+        left.set_ylabel(f"force, {force_name}")
+    axes[-1][0].set_xlabel(f"displacement, {length_name}")
+    axes[-1][1].set_xlabel(f"velocity, {speed_name}")
+    _measured_and_simulated(fig)
+    return fig
+
+
+@styled
+def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
+    """Force over time, measured over simulated, and below it their difference on the same scale.
+
+    Shown are so many mean periods of the motion, where the piston moves fastest. A command that changes there
+    is drawn below.
+    """
+    _some("histories", records)
+    parts = [busiest(r.time, r.displacement, periods, r.velocity) for r in records]
+    force, force_name = force_unit(*(r.measured for r in records))
+    # One grid for all: subfigures would not line up.
+    rows: list[tuple[LoopData, slice, str]] = []
+    heights: list[float] = []
+    for record, part in zip(records, parts, strict=True):
+        low, high = _range(record, part)
+        error_low, error_high = padded(*_extent(record.measured[part] - record.simulated[part]))
+        rows += [(record, part, "force"), (record, part, "residual")]
+        heights += [1.0, max((error_high - error_low) / (high - low), 0.3)]
+        if _changes(record, part):
+            rows.append((record, part, "command"))
+            heights.append(0.3)
+    fig = figure(0.5 + sum(1.3 * height + 0.22 for height in heights) + 0.2 * len(records))
+    grid = GridSpec(len(rows), 1, figure=fig, height_ratios=heights)
+    top: Axes | None = None
+    for k, (record, part, what) in enumerate(rows):
+        time = record.time[part]
+        ax = fig.add_subplot(grid[k], sharex=None if what == "force" else top)
+        if what == "force":
+            top = ax
+            low, high = _range(record, part)
+            ax.plot(*outline(time, force * record.simulated[part], BINS), color=SIMULATED, linewidth=2.0)
+            ax.plot(*outline(time, force * record.measured[part], BINS), color=INK, linewidth=0.8)
+            ax.set_ylim(force * low, force * high)
+            ax.set_xlim(time[0], time[-1])
+            ax.set_ylabel(f"force, {force_name}")
+            row_title(ax, ax, record.name, record.note)
+            ticks(ax, 6, 5)
+        elif what == "residual":
+            residual = force * (record.measured[part] - record.simulated[part])
+            ax.axhline(0.0, color=MUTED, linewidth=0.7)
+            ax.plot(*outline(time, residual, BINS), color=COLOURS[0], linewidth=0.9)
+            # As many newton an inch as above: the error is seen at its true size.
+            span = force * (high - low) * heights[k]
+            middle = sum(_extent(residual)) / 2
+            ax.set_ylim(middle - span / 2, middle + span / 2)
+            ax.set_ylabel("error")
+            ticks(ax, 6, max(2, round(5 * heights[k])))
+        else:
+            ax.plot(*outline(time, record.command[part], BINS), color=COLOURS[2], linewidth=1.2)
+            least, most = _extent(record.command[part])
+            ax.set_ylim(*padded(min(0.0, least), most))
+            ax.set_ylabel(record.command_unit)
+            ticks(ax, 6, 2)
+        last = k + 1 == len(rows) or rows[k + 1][2] == "force"
+        ax.tick_params(labelbottom=last)
+        if k + 1 == len(rows):
+            ax.set_xlabel("time, s")
+    fig.align_ylabels()
+    commands = any(what == "command" for _, _, what in rows)
+    _measured_and_simulated(fig, ("error", COLOURS[0]), *([("command", COLOURS[2])] if commands else []))
+    return fig
+
+
+@styled
+def error_bars(
+    names: Sequence[str],
+    errors: Sequence[float],
+    held_out: Sequence[bool],
+    marks: Mapping[str, float] | None = None,
+) -> Figure:
+    """Free-run error by record, the held-out ones first and in colour.
+
+    errors: RMS error over the standard deviation of the measured force, one per name. held_out: of each,
+    whether nothing was fitted to it. marks: name -> error of other work, drawn as lines. A few
+    bars that are much longer than the rest are cut, which an arrow shows; the values stand beside the bars.
+    """
+    _some("error_bars", names)
+    if not len(names) == len(errors) == len(held_out):
+        counts = f"{len(names)} names, {len(errors)} errors and {len(held_out)} halves"
+        raise InputError(f"picture: error_bars has {counts}; give as many of each")
+    values = finite("errors", errors, (len(names),))
+    order = sorted(range(len(names)), key=lambda k: not held_out[k])
+    split = sum(map(bool, held_out))
+    marks = marks or {}
+    longest = max([0.01, *values, *marks.values()])
+    usual = float(np.quantile(values, 0.9, method="lower"))
+    limit = min(longest, max([0.01, 2.5 * usual, *marks.values()]))
+    place = np.arange(len(names)) + np.where(np.arange(len(names)) >= split, 0.6 * (split > 0), 0.0)
+    fig = figure(0.95 + 0.215 * (float(place[-1]) + 1) + 0.2 * (len(marks) > 1))
+    ax = fig.subplots()
+    colour = [COLOURS[0] if k < split else REFERENCE for k in range(len(names))]
+    shown = np.array([values[k] for k in order])
+    ax.barh(place, np.minimum(shown, limit), 0.68, color=colour)
+    for y in place[shown > limit]:
+        ax.plot(1.025 * limit, y, ">", color=INK, markersize=4)
+    right = ax.twinx()
+    right.set_yticks(place, [f"{value:.3f}" if value < 0.9995 else short(value) for value in shown])
+    right.spines["left"].set_visible(False)
+    ax.set_yticks(place, [elide(names[k], 172, 8.5) for k in order], fontsize=8.5)
+    for side in (ax, right):
+        side.set_ylim(place[-1] + 0.6, place[0] - 0.6)
+        side.grid(False, axis="y")
+        side.tick_params(axis="y", length=0)
+    ax.set_xlim(0, 1.04 * limit)
+    ax.set_xlabel("RMS error / standard deviation of force", loc="right")
+    ticks(ax, 5)
+    handles: list[Patch | Line2D] = []
+    if split:
+        handles.append(Patch(color=COLOURS[0], label="held out"))
+    if split < len(names):
+        handles.append(Patch(color=REFERENCE, label="fitted to"))
+    for k, (name, mark) in enumerate(marks.items()):
+        line = ax.axvline(mark, color=INK, linewidth=1.1, linestyle=DASHES[(k + 1) % len(DASHES)])
+        line.set_label(f"{name} {mark:.3g}")
+        handles.append(line)
+    legend(fig, handles, [str(handle.get_label()) for handle in handles])
+    return fig
+
+
+def _measured_and_simulated(fig: Figure, *others: tuple[str, str]) -> None:
+    """Legend: measured, simulated, and other lines by name and colour."""
+    lines = [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=SIMULATED, linewidth=2.0)]
+    lines += [Line2D([], [], color=colour, linewidth=1.2) for _, colour in others]
+    legend(fig, lines, ["measured", "simulated", *(name for name, _ in others)])
+
+
+def _extent(values: Array) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+def _range(record: LoopData, part: slice) -> tuple[float, float]:
+    """Limits of the force axis, N."""
+    both = np.concatenate([record.measured[part], record.simulated[part]])
+    return padded(*_extent(both))
+
+
+def _changes(record: LoopData, part: slice) -> bool:
+    command = record.command[part]
+    return float(np.ptp(command)) > 0.02 * max(peak(record.command), 1e-12)
+
+
+def _some(what: str, items: Sequence[object]) -> None:
+    if not len(items):
+        raise InputError(f"picture: {what} has nothing to show; give at least one")

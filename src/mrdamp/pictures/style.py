@@ -1,0 +1,188 @@
+"""How pictures look: size, type, colours for light and dark, and the parts that all of them share.
+
+Figures are 374 points wide, the width of a phone's page in CSS pixels, so type of 9 points stays 9 pixels
+high there; on a desk they are shown larger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+import matplotlib
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.textpath import TextToPath
+from matplotlib.ticker import MaxNLocator
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType, RcKeyType
+
+INK = "#1f2328"
+MUTED = "#5f6873"
+GRID = "#dde1e6"
+REFERENCE = "#989fa8"  # what others are compared with
+
+#: Okabe and Ito's palette, told apart with every common colour blindness; without yellow, too pale on white.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b08000")
+DASHES: tuple[LineStyleType, ...] = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1.5, 1)),
+    (0, (6, 1.5, 1.5, 1.5)),
+    (0, (3, 1)),
+    (0, (8, 2)),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P")
+SIMULATED = COLOURS[1]
+
+#: Light colour -> the one that takes its place on a dark page.
+DARK: Mapping[str, str] = {
+    INK: "#e6e9ed",
+    MUTED: "#a3acb8",
+    GRID: "#363d46",
+    REFERENCE: "#7d8692",
+    COLOURS[0]: "#4aa9e6",
+    COLOURS[1]: "#f2843f",
+    COLOURS[2]: "#2fc39b",
+    COLOURS[3]: "#e29ac3",
+    COLOURS[4]: "#86cdf5",
+    COLOURS[5]: "#d9ab34",
+}
+
+WIDTH = 374 / 72  # inch
+
+STYLE: dict[RcKeyType, Any] = {
+    "axes.edgecolor": MUTED,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 9.5,
+    "axes.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlecolor": INK,
+    "axes.unicode_minus": True,
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
+    "font.size": 9.5,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "lines.solid_joinstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,  # points
+    "svg.fonttype": "path",
+    "svg.hashsalt": "mrdamp",
+    "text.color": INK,
+    "text.parse_math": False,  # names are not formulas
+    "xtick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "xtick.labelsize": 9,
+    "xtick.major.width": 0.7,
+    "ytick.color": MUTED,
+    "ytick.labelcolor": INK,
+    "ytick.labelsize": 9,
+    "ytick.major.width": 0.7,
+}
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def styled(make: Callable[P, R]) -> Callable[P, R]:
+    """The function with STYLE in force while it runs, and matplotlib's settings as they were afterwards."""
+
+    @wraps(make)
+    def inner(*args: P.args, **kwargs: P.kwargs) -> R:
+        with matplotlib.rc_context(STYLE):
+            return make(*args, **kwargs)
+
+    return inner
+
+
+def figure(height: float) -> Figure:
+    """An empty figure of the common width; height in inch. It belongs to no window and to no global list."""
+    return Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(h_pad=0.045, w_pad=0.05))
+
+
+def axes_grid(fig: Figure, rows: int, columns: int, **how: Any) -> list[list[Axes]]:
+    """A grid of axes, row by row; how: as for matplotlib's `Figure.subplots`."""
+    return [list(row) for row in fig.subplots(rows, columns, squeeze=False, **how)]
+
+
+def legend(fig: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
+    """Entries above the axes, in as many columns as the width takes."""
+    short = [elide(label, 300) for label in labels]
+    columns = len(short)
+    while columns > 1 and _legend_width(short, columns) > 72 * WIDTH - 12:
+        columns -= 1
+    fig.legend(
+        handles, short, loc="outside upper center", ncols=columns,
+        handlelength=1.8, handletextpad=0.5, columnspacing=1.4, borderpad=0.35, labelspacing=0.3,
+    )  # fmt: skip
+
+
+def row_title(left: Axes, right: Axes, name: str, note: str) -> None:
+    """A name over the left end of a row of axes and a note over its right end; both may be the same axes."""
+    taken = text_width(note, 9) + 12 if note else 0.0
+    # Out of the layout, or a long name would push the axes apart; the blank title keeps the height free.
+    left.set_title(elide(name, 318 - taken, 9, "bold"), fontsize=9).set_in_layout(False)
+    right.set_title(note, loc="right", fontsize=9, fontweight="normal", color=MUTED).set_in_layout(False)
+    right.set_title(" ", loc="center", fontsize=9)
+
+
+def ticks(ax: Axes, x: int | None = None, y: int | None = None) -> None:
+    """At most so many intervals on an axis."""
+    for axis, count in ((ax.xaxis, x), (ax.yaxis, y)):
+        if count is not None:
+            axis.set_major_locator(MaxNLocator(count, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
+
+
+def elide(text: str, points: float, size: float = 9.5, weight: str = "normal") -> str:
+    """The text on one line at most so many points wide, its middle left out where it is wider."""
+    text = " ".join(text.split())
+    shown, left_out = text, 1
+    while text_width(shown, size, weight) > points and left_out < len(text):
+        left_out += 1
+        head = (len(text) - left_out + 1) // 2
+        shown = f"{text[:head]}…{text[head + left_out :]}"
+    return shown
+
+
+@lru_cache(maxsize=4096)
+def text_width(text: str, size: float, weight: str = "normal") -> float:
+    """Width of a line of text in points."""
+    font = FontProperties(family="DejaVu Sans", weight=weight, size=size)
+    return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0])
+
+
+def short(value: float) -> str:
+    """A number with about three digits and no exponent, to write at the end of a bar."""
+    size = abs(value)
+    return f"{value:.0f}" if size >= 100 else f"{value:.1f}" if size >= 10 else f"{value:.2f}"
+
+
+def _legend_width(labels: Sequence[str], columns: int) -> float:
+    """Points; matplotlib fills column by column, the first ones with one more."""
+    rows, longer = divmod(len(labels), columns)
+    total, k = 0.0, 0
+    for column in range(columns):
+        count = rows + (column < longer)
+        total += 9.5 * (1.8 + 0.5) + max(text_width(label, 9.5) for label in labels[k : k + count])
+        k += count
+    return total + 9.5 * 1.4 * (columns - 1)
+
+
+def colours(names: Sequence[str]) -> dict[str, str]:
+    """Colour by name: the first one, what the others are compared with, is grey."""
+    return {name: REFERENCE if k == 0 else COLOURS[(k - 1) % len(COLOURS)] for k, name in enumerate(names)}

@@ -1,0 +1,347 @@
+"""Records: the channels of one test on one clock, read from CSV and written back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp import record_csv, sampling
+from mrdamp.channels import check_header, is_channel
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+
+Array = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".csv.gz")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One test: channels (n,) on a uniform clock.
+
+    Attributes:
+        name: name of the file without folder and suffix.
+        path: where it was read from; None for one made in memory or embedded.
+        sample_time: s.
+        channels: name -> (n,) float64, read-only, in file order; the names and units of
+            `mrdamp.channels.CHANNELS`. ``time_s`` is put in front when it is not given.
+        ignored: columns of the file that are no channels.
+
+    Raises:
+        InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
+    """
+
+    name: str
+    path: Path | None
+    sample_time: float
+    channels: Mapping[str, Array]
+    ignored: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_header(self.label, tuple(self.channels), ())
+        if not 0.0 < self.sample_time < np.inf:
+            raise InputError(f"{self.label}: sample time {self.sample_time:g} s: it must be positive")
+        channels: dict[str, Array] = {
+            name: np.array(values, dtype=np.float64) for name, values in self.channels.items()
+        }
+        shapes = {values.shape for values in channels.values()}
+        if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+            raise InputError(f"{self.label}: channels must be one-dimensional and equally long: {shapes}")
+        count = next(iter(shapes))[0]
+        if count < 3:
+            raise InputError(f"{self.label}: {count} samples: at least 3 are needed")
+        if "time_s" not in channels:
+            channels = {"time_s": np.arange(count, dtype=np.float64) * self.sample_time} | channels
+        for name, values in channels.items():
+            if not is_channel(name):
+                raise InputError(f"{self.label}: {name} is not a channel")
+            if not np.isfinite(values).all():
+                raise InputError(f"{self.label}: {name} holds NaN or infinity")
+            values.setflags(write=False)
+        object.__setattr__(self, "channels", channels)
+
+    @property
+    def label(self) -> str:
+        """The path, or the name where there is none: how error lines call the record."""
+        return str(self.path) if self.path is not None else self.name
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.time)
+
+    @property
+    def time(self) -> Array:
+        """(n,) s; exact multiples of the sample time from the first stamp on."""
+        return self.channels["time_s"]
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample, s."""
+        return (self.n - 1) * self.sample_time
+
+    @property
+    def displacement(self) -> Array:
+        """(n,) m, extension positive."""
+        return self.channel("displacement_m")
+
+    @property
+    def command(self) -> Array:
+        """(n,) A or V."""
+        return self.channel("command")
+
+    @property
+    def force(self) -> Array | None:
+        """(n,) N, the damper's own force; None where it is not in the record."""
+        return self.channels.get("force_N")
+
+    def channel(self, name: str) -> Array:
+        """One channel (n,).
+
+        Raises:
+            InputError: the record does not hold it; the line lists what it holds.
+        """
+        if name not in self.channels:
+            raise InputError(f"{self.label}: no channel {name}; the record has {', '.join(self.channels)}")
+        return self.channels[name]
+
+    def velocity(self, cutoff_hz: float | None = None) -> Array:
+        """(n,) m/s: as measured where there is such a channel, else the displacement's central difference.
+
+        Args:
+            cutoff_hz: zero-phase Butterworth low-pass before differentiation (or of the measured channel).
+        """
+        if "velocity_m_s" in self.channels:
+            return self._smooth("velocity_m_s", cutoff_hz)
+        return sampling.derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
+
+    def acceleration(self, cutoff_hz: float | None = None) -> Array:
+        """(n,) m/s2: as measured, else from the measured velocity, else from the displacement.
+
+        Args:
+            cutoff_hz: as in `velocity`.
+        """
+        if "acceleration_m_s2" in self.channels:
+            return self._smooth("acceleration_m_s2", cutoff_hz)
+        if "velocity_m_s" in self.channels:
+            return sampling.derivative(self._smooth("velocity_m_s", cutoff_hz), self.sample_time)
+        return sampling.second_derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
+
+    def part(self, t0: float, t1: float) -> Record:
+        """The samples with t0 <= time <= t1 (s), on their own stamps.
+
+        Raises:
+            InputError: fewer than 3 samples are left.
+        """
+        slack = 1e-6 * self.sample_time
+        keep = (self.time >= t0 - slack) & (self.time <= t1 + slack)
+        if np.count_nonzero(keep) < 3:
+            raise InputError(
+                f"{self.label}: fewer than 3 samples from {t0:g} to {t1:g} s;"
+                f" the record runs from {self.time[0]:g} to {self.time[-1]:g} s"
+            )
+        return self._like(self.sample_time, {name: x[keep] for name, x in self.channels.items()})
+
+    def resample(self, sample_time: float) -> Record:
+        """The record on another sample time (s): linear interpolation.
+
+        A channel other than the command is low-passed first where the rate falls (see
+        `mrdamp.sampling.resampled`); a command steps, and a filter would make it ring.
+        """
+        channels: dict[str, Array] = {}
+        for name, x in self.channels.items():
+            filtered = name not in ("time_s", "command")
+            channels[name] = sampling.resampled(x, self.sample_time, sample_time, filtered=filtered)
+        count = len(channels["time_s"])
+        channels["time_s"] = self.time[0] + sample_time * np.arange(count)
+        return self._like(sample_time, channels)
+
+    def with_channels(self, channels: Mapping[str, Array]) -> Record:
+        """The record with channels (n,) added or replaced."""
+        return self._like(self.sample_time, {**self.channels, **channels})
+
+    def save(self, path: Path | str, digits: int = 9) -> None:
+        """Write a .csv or .csv.gz in one go, with so many significant digits.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        path = Path(path)
+        if not path.name.endswith(SUFFIXES):
+            raise InputError(f"{path}: a record is written as .csv or .csv.gz")
+        write_atomic(path, record_csv.render(self.channels, digits))
+
+    def _smooth(self, name: str, cutoff_hz: float | None) -> Array:
+        x = self.channel(name)
+        return x if cutoff_hz is None else sampling.lowpass(x, self.sample_time, cutoff_hz)
+
+    def _like(self, sample_time: float, channels: Mapping[str, Array]) -> Record:
+        return Record(self.name, self.path, sample_time, channels, self.ignored)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordSet:
+    """Records of one rig: some to fit to, others to judge by."""
+
+    name: str
+    train: tuple[Record, ...]
+    validation: tuple[Record, ...]
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """All of them, the training ones first."""
+        return self.train + self.validation
+
+    def __iter__(self) -> Iterator[Record]:
+        return iter(self.records)
+
+    def __len__(self) -> int:
+        return len(self.train) + len(self.validation)
+
+    def __getitem__(self, name: str) -> Record:
+        """The record of that name.
+
+        Raises:
+            InputError: there is none; the line lists the names.
+        """
+        for record in self:
+            if record.name == name:
+                return record
+        raise InputError(f"{self.name}: no record {name!r}; there are {', '.join(r.name for r in self)}")
+
+
+def read_record(path: Path | str, required: Sequence[str] | None = None) -> Record:
+    """Read a .csv or .csv.gz of the channels in `mrdamp.channels.CHANNELS`.
+
+    Args:
+        path: the file.
+        required: channels that must be there; None: time, command and displacement (damper), or ground
+            acceleration where the file has a frame's channels.
+
+    Raises:
+        InputError: one line with the file, the line number and the channel.
+    """
+    path = Path(path)
+    if not path.name.lower().endswith(SUFFIXES):
+        raise InputError(f"{path}: a record is a .csv or .csv.gz file")
+    return _parse(str(path), _stem(path.name), path, read_bytes(path), required)
+
+
+def read_records(
+    source: Path | str | Sequence[Path | str], required: Sequence[str] | None = None
+) -> RecordSet:
+    """Read a folder, a file or a list of files, sorted by name.
+
+    A folder with ``train/`` and ``validation/`` says which is which. Otherwise records are held out whole:
+    every third one (the last of two) is for validation, and a test that repeats another (``repeat`` in its
+    name, same input) stays on the side of the other. A record that is alone is cut in time: its last third
+    is held out.
+
+    Args:
+        source: a folder, one file or several.
+        required: as in `read_record`.
+
+    Raises:
+        InputError: no records, a half of the set missing, two files of one name, or a bad record.
+    """
+    if not isinstance(source, Path | str):
+        files = sorted((Path(item) for item in source), key=lambda path: (path.name, str(path)))
+        return _hold_out("records", _read_all("the list", files, required))
+    folder = Path(source)
+    if folder.is_file():
+        return _hold_out(_stem(folder.name), (read_record(folder, required),))
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder or file")
+    name = folder.resolve().name
+    halves = [folder / "train", folder / "validation"]
+    if any(half.is_dir() for half in halves):
+        for half in halves:
+            if not half.is_dir():
+                raise InputError(f"{half}: no such folder; a set has both train/ and validation/")
+        train, validation = (_read_all(str(half), _files(half), required) for half in halves)
+        return RecordSet(name, train, validation)
+    return _hold_out(name, _read_all(str(folder), _files(folder), required))
+
+
+def embedded() -> RecordSet:
+    """The set that comes with the package: a made-up self-sensing damper (data/embedded/README.md)."""
+    root = resources.files("mrdamp") / "data" / "embedded"
+    halves: list[tuple[Record, ...]] = []
+    for half in ("train", "validation"):
+        entries = [item for item in root.joinpath(half).iterdir() if item.name.endswith(SUFFIXES)]
+        entries.sort(key=lambda item: item.name)
+        halves.append(
+            tuple(
+                _parse(f"embedded/{half}/{item.name}", _stem(item.name), None, item.read_bytes(), None)
+                for item in entries
+            )
+        )
+    return RecordSet("embedded", halves[0], halves[1])
+
+
+def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
+    channels, ignored, sample_time = record_csv.parse(file, decode(file, data), required)
+    time = channels["time_s"]
+    channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
+    return Record(name, path, sample_time, channels, ignored)
+
+
+def _stem(name: str) -> str:
+    lower = name.lower()
+    return name[: -len(".csv.gz")] if lower.endswith(".csv.gz") else name.removesuffix(name[-4:])
+
+
+def _files(folder: Path) -> list[Path]:
+    found = [
+        path
+        for path in sorted(folder.iterdir(), key=lambda path: path.name)
+        if path.name.lower().endswith(SUFFIXES) and not path.name.startswith(".") and path.is_file()
+    ]
+    if not found:
+        raise InputError(f"{folder}: no .csv or .csv.gz in this folder")
+    return found
+
+
+def _read_all(where: str, files: Sequence[Path], required: Sequence[str] | None) -> tuple[Record, ...]:
+    if not files:
+        raise InputError(f"{where}: no records")
+    names = [_stem(path.name) for path in files]
+    for first, second in pairwise(names):
+        if first == second:
+            raise InputError(f"{where}: two records are named {first}: keep one")
+    return tuple(read_record(path, required) for path in files)
+
+
+def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
+    if len(records) == 1:
+        only = records[0]
+        cut = float(only.time[0] + 2.0 / 3.0 * only.duration)
+        after = cut + only.sample_time
+        return RecordSet(name, (only.part(only.time[0], cut),), (only.part(after, only.time[-1]),))
+    first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
+    if len(first) < 2:
+        first = list(range(len(records)))
+    held = set(first[2::3]) or {first[-1]}
+    for k in sorted(set(range(len(records))) - set(first)):
+        if min(first, key=lambda other: _input_difference(records[k], records[other])) in held:
+            held.add(k)
+    train = tuple(record for k, record in enumerate(records) if k not in held)
+    return RecordSet(name, train, tuple(records[k] for k in sorted(held)))
+
+
+def _input_difference(a: Record, b: Record) -> float:
+    """How far the inputs of two tests are apart: 0 the same, infinite where they cannot be compared."""
+    names = [name for name in ("displacement_m", "ground_acceleration_m_s2", "command") if name in a.channels]
+    if a.n != b.n or any(name not in b.channels for name in names):
+        return float("inf")
+    size = [float(np.abs(a.channels[name]).max()) or 1.0 for name in names]
+    return sum(
+        float(np.abs(a.channels[name] - b.channels[name]).mean()) / scale
+        for name, scale in zip(names, size, strict=True)
+    )

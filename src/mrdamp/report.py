@@ -1,0 +1,197 @@
+"""One self-contained HTML page: text, tables and pictures, no outside resource and no script."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+
+import jinja2
+import matplotlib
+from markupsafe import Markup, escape
+from matplotlib.figure import Figure
+
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+from mrdamp.pictures.style import DARK, STYLE
+
+#: A picture above this many bytes as SVG goes into the page as PNG, with as many dots as stay below it.
+PICTURE_LIMIT = 220_000
+_PNG_DPI = (200, 150, 110, 75)
+#: A number with or without a unit, a dash, or nothing: columns of these are set flush right.
+_NUMBER = re.compile(r"([-+−±]?\d[\d.,]*(e[-+]?\d+)?( ?[%‰]| \S{1,5})?|[-–—])?", re.IGNORECASE)
+
+Cell = str | float | int | None
+
+
+@dataclass(frozen=True)
+class _Picture:
+    svg: Markup | None
+    png: str  # data URI, where there is no SVG
+    width: int  # points
+    height: int
+    caption: str
+    alt: str
+
+
+@dataclass(frozen=True)
+class _Table:
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: tuple[bool, ...]
+    note: str
+
+
+@dataclass
+class _Section:
+    heading: str
+    anchor: str
+    blocks: list[tuple[str, object]] = field(default_factory=list)
+
+
+class Page:
+    """A page that grows from top to bottom.
+
+    title: of the page and of the browser's tab. summary: one sentence, shown first. footer: the last line.
+    Every text is plain; `code` between backticks is set as code, all else is escaped. A heading opens a
+    section; with an empty one the block joins the section above.
+    """
+
+    def __init__(self, title: str, summary: str, footer: str = "") -> None:
+        self.title = title
+        self.summary = summary
+        self.footer = footer
+        self._sections: list[_Section] = []
+        self._pictures = 0
+
+    def text(self, heading: str, paragraphs: Sequence[str] | str) -> None:
+        """Paragraphs."""
+        self._add(heading, "text", (paragraphs,) if isinstance(paragraphs, str) else tuple(paragraphs))
+
+    def table(
+        self, heading: str, columns: Sequence[str], rows: Sequence[Sequence[Cell]], note: str = ""
+    ) -> None:
+        """A table; the first column names the rows. Numbers are shown with three digits, None as a dash.
+
+        Raises InputError where a row is not as long as `columns`.
+        """
+        texts = tuple(tuple(_cell(value) for value in row) for row in rows)
+        for row in texts:
+            if len(row) != len(columns):
+                raise InputError(
+                    f"page: table '{heading}' has {len(columns)} columns and a row of {len(row)}: {row}"
+                )
+        numeric = tuple(
+            k > 0 and all(_NUMBER.fullmatch(row[k]) for row in texts) for k in range(len(columns))
+        )
+        self._add(heading, "table", _Table(tuple(columns), texts, numeric, note))
+
+    def figure(self, heading: str, fig: Figure, caption: str, alt: str) -> None:
+        """A picture with its caption; alt says what it shows to who cannot see it.
+
+        Raises InputError where alt is empty.
+        """
+        if not alt.strip():
+            raise InputError(f"page: the picture '{caption}' has no alt text")
+        self._pictures += 1
+        width, height = (round(72 * inch) for inch in fig.get_size_inches())
+        with matplotlib.rc_context(STYLE):
+            svg: Markup | None = _svg(fig, f"p{self._pictures}")
+            png = ""
+            if svg is None or len(svg) > PICTURE_LIMIT:
+                svg, png = None, _png(fig)
+        self._add(heading, "figure", _Picture(svg, png, width, height, caption, " ".join(alt.split())))
+
+    def html(self) -> str:
+        """The whole page."""
+        environment = jinja2.Environment(
+            autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        )
+        environment.filters |= {"code": _code, "breaks": _breaks, "unit": _unit}
+        template = (resources.files("mrdamp") / "templates" / "page.html").read_text(encoding="utf-8")
+        return environment.from_string(template).render(
+            title=self.title,
+            summary=self.summary,
+            footer=self.footer,
+            sections=self._sections,
+            day=Markup("".join(f"--c{k}:{light};" for k, light in enumerate(DARK))),
+            night=Markup("".join(f"--c{k}:{dark};" for k, dark in enumerate(DARK.values()))),
+        )
+
+    def write(self, path: Path | str) -> None:
+        """Write the page in one go: either all of it is there or the old file stays.
+
+        Raises InputError where the folder is missing or cannot be written.
+        """
+        write_atomic(Path(path), self.html())
+
+    def _add(self, heading: str, kind: str, block: object) -> None:
+        if heading or not self._sections:
+            self._sections.append(_Section(heading, f"s{len(self._sections) + 1}"))
+        self._sections[-1].blocks.append((kind, block))
+
+
+def _svg(fig: Figure, name: str) -> Markup:
+    """A figure as an SVG element whose ids begin with name and whose colours follow the page's."""
+    stream = io.BytesIO()
+    fig.savefig(stream, format="svg", facecolor="none", metadata={"Date": None, "Creator": None})
+    text = stream.getvalue().decode("utf-8")
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|<style.*?</style>", "", text, flags=re.DOTALL)
+    text = re.sub(r' d="([^"]*)"', lambda m: f' d="{_short(m[1])}"', text)
+    text = re.sub(r'(?<= )(id="|xlink:href="#|[a-z-]+="url\(#)', rf"\1{name}-", text)
+    text = re.sub(r"\n\s*", "\n", text)
+    for k, light in enumerate(DARK):
+        text = text.replace(light, f"var(--c{k})")
+    return Markup(text)
+
+
+def _png(fig: Figure) -> str:
+    """A figure as the data URI of a PNG, with as many dots as stay below PICTURE_LIMIT."""
+    for dpi in _PNG_DPI:
+        stream = io.BytesIO()
+        fig.savefig(stream, format="png", dpi=dpi, facecolor="none", metadata={"Software": None})
+        if stream.tell() <= PICTURE_LIMIT:
+            break
+    return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
+
+
+def _short(path: str) -> str:
+    """A polyline in steps of a hundredth of a point, each from the point before; other paths as they are."""
+    if not re.fullmatch(r"M \S+ \S+\s+(L \S+ \S+\s*)+(z\s*)?", path):
+        return " ".join(path.split())
+    numbers = re.findall(r"[ML] (\S+) (\S+)", path)
+    points = [(round(100 * float(x)), round(100 * float(y))) for x, y in numbers]
+    steps = [(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)]
+    start = f"M{points[0][0] / 100:g} {points[0][1] / 100:g}l"
+    rest = " ".join(f"{x / 100:g} {y / 100:g}" for x, y in steps if x or y) or "0 0"
+    rest = re.sub(r"(?<!\d)0\.", ".", rest).replace(" -", "-")
+    return start + rest + ("z" if path.rstrip().endswith("z") else "")
+
+
+def _cell(value: Cell) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        # 1234 rather than 1.23e+03, and 0.10 rather than 0.1
+        return f"{value:.0f}" if 100 <= abs(value) < 1e6 else f"{value:#.3g}"
+    return str(value)
+
+
+def _breaks(html: Markup) -> Markup:
+    """Lets a long file name go on in the next line after an underscore."""
+    return Markup(str(html).replace("_", "_<wbr>"))
+
+
+def _unit(text: str) -> str:
+    """A column's head with its unit kept in one line with the last word."""
+    return re.sub(r", (\S{1,6})$", ",\u00a0\\1", text)
+
+
+def _code(text: str) -> Markup:
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))

@@ -1,0 +1,99 @@
+"""Published parameter sets: JSON files with their sources, one a damper; README.md has the table.
+
+Values are SI (command in the unit of the source, V or A); names are the plugin's attributes. The sets are
+data: which parameters a law needs and their ranges are checked where a model is made of them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
+from typing import Any, Literal
+
+from mrdamp.errors import InputError
+
+__all__ = ["CommandRange", "ParameterSet", "load", "names"]
+
+
+@dataclass(frozen=True)
+class CommandRange:
+    """Commands that the numbers hold for; ``min == max`` where they were fitted at one command only."""
+
+    min: float
+    max: float
+    unit: Literal["A", "V"]
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """A published damper.
+
+    Attributes:
+        id: name of the set and of its file.
+        device: what was measured, and its force scale.
+        law: force law of the contract.
+        parameters: attribute -> value in SI units; the law's own first, in the contract's order, then the
+            optional dependences on the field, then ``command_min`` and ``command_max`` where the force
+            depends on the command.
+        command: range the numbers hold for.
+        effects: effect -> parameter -> value, for what the source has beside the law (the coil's lag).
+        status: A: two independent public copies, or one and reproduced results; B: one public copy.
+        sources: papers and repositories, the first one is where the numbers were published.
+        notes: conversions made, and what is doubtful.
+    """
+
+    id: str
+    device: str
+    law: str
+    parameters: Mapping[str, float]
+    command: CommandRange
+    effects: Mapping[str, Mapping[str, float]]
+    status: Literal["A", "B"]
+    sources: tuple[str, ...]
+    notes: str
+
+    def attributes(self, *, effects: bool = True) -> dict[str, float]:
+        """Parameters and, unless left out, effects as one table of attributes (``driver_lag_tau`` ...)."""
+        table = dict(self.parameters)
+        if effects:
+            for effect, values in self.effects.items():
+                table |= {f"{effect}_{name}": value for name, value in values.items()}
+        return table
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """Ids of the sets that ship, sorted."""
+    files = resources.files(__name__).iterdir()
+    return tuple(sorted(file.name.removesuffix(".json") for file in files if file.name.endswith(".json")))
+
+
+@cache
+def load(id: str) -> ParameterSet:
+    """The set of that id.
+
+    Raises:
+        InputError: no such set; the line lists those there are.
+    """
+    if id not in names():
+        raise InputError(f"parameter set {id!r}: no such set; there are {', '.join(names())}")
+    text = resources.files(__name__).joinpath(f"{id}.json").read_text(encoding="utf-8")
+    return _parse(json.loads(text))
+
+
+def _parse(data: dict[str, Any]) -> ParameterSet:
+    return ParameterSet(
+        id=data["id"],
+        device=data["device"],
+        law=data["law"],
+        parameters=MappingProxyType(data["parameters"]),
+        command=CommandRange(**data["command"]),
+        effects=MappingProxyType({k: MappingProxyType(v) for k, v in data.get("effects", {}).items()}),
+        status=data["status"],
+        sources=tuple(data["sources"]),
+        notes=data["notes"],
+    )

@@ -1,0 +1,257 @@
+"""The CSV of a record: what is read, and what is refused with which line. Any bytes are one or the other."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrdamp import record_csv
+from mrdamp.channels import DAMPER_INPUTS
+from mrdamp.errors import InputError
+from mrdamp.files import decode
+from mrdamp.records import read_record
+from record_tables import HEADER, message, table, write
+
+
+def test_gzip_windows_lines_byte_order_mark_and_end_blanks(tmp_path: Path) -> None:
+    text = "\ufeff" + "\r\n".join(table()) + "\r\n\r\n"
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(text.encode()))
+    assert read_record(path).n == 50
+
+
+def test_other_columns_are_ignored_and_may_hold_text(tmp_path: Path) -> None:
+    lines = [line + (",note" if k == 0 else ",ok") for k, line in enumerate(table())]
+    assert read_record(write(tmp_path, lines)).ignored == ("note",)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ("force_kN", "force_N"),
+        ("Force_N", "force_N"),
+        ("force", "force_N"),
+        ("displacement_mm", "displacement_m"),
+        ("Displacement [mm]", "displacement_m"),
+        ("velocity_mm_s", "velocity_m_s"),
+        ("acceleration_g", "acceleration_m_s2"),
+        ("acceleration_m_s^2", "acceleration_m_s2"),
+        ("current_mA", "current_A"),
+        ("command_V", "command"),
+        ("temperature_K", "temperature_C"),
+        ("reference_force_kN", "reference_force_N"),
+        ("ground_acceleration_g", "ground_acceleration_m_s2"),
+        ("floor2_acceleration_g", "floor2_acceleration_m_s2"),
+        ("floor0_displacement_m", "floor1_displacement_m"),
+        ("time_ms", "time_s"),
+    ],
+)
+def test_wrong_unit_names_the_right_channel(tmp_path: Path, wrong: str, right: str) -> None:
+    path = write(tmp_path, table(header=f"{HEADER},{wrong}"))
+    assert f"{wrong!r} must be {right} " in message(path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["force_N_filtered", "displacement_target", "timestamp", "pressure_Pa", "voltage_V", "command_raw"],
+)
+def test_another_quantity_is_no_wrong_unit(tmp_path: Path, name: str) -> None:
+    assert read_record(write(tmp_path, table(header=f"{HEADER},{name}"))).ignored == (name,)
+
+
+def test_missing_channel_says_what_is_there(tmp_path: Path) -> None:
+    text = message(write(tmp_path, table(header="time_s,displacement_m,force_N,extra")))
+    assert "missing channel command; the file has time_s, displacement_m, force_N, extra;" in text
+    assert "reference_force_N" in text
+    text = message(write(tmp_path, table(header="displacement_m,command")), required=("command",))
+    assert "missing channel time_s" in text
+
+
+def test_frame_channels_decide_what_is_required(tmp_path: Path) -> None:
+    head = "time_s,ground_acceleration_m_s2,command,floor1_acceleration_m_s2,floor12_displacement_m"
+    assert "floor12_displacement_m" in read_record(write(tmp_path, table(header=head))).channels
+    text = message(write(tmp_path, table(header="time_s,command,floor1_displacement_m")))
+    assert "missing channel ground_acceleration_m_s2" in text
+    text = message(write(tmp_path, table(header=head)), required=DAMPER_INPUTS)
+    assert "missing channel displacement_m" in text
+
+
+@pytest.mark.parametrize(
+    ("row", "cell", "expected"),
+    [
+        (7, "0.014,nan,0.5,1", "line 9: displacement_m is NaN"),
+        (7, "0.014,0.1,-inf,1", "line 9: command is infinite"),
+        (7, "0.014,0.1,0.5,1e999", "line 9: force_N is infinite"),
+        (7, "0.014,0.1,abc,1", "line 9: command is not a number: 'abc'"),
+        (7, "0.014,0.1,,1", "line 9: command is empty"),
+        (7, "0.014,0.1,0.5", "line 9 has 3 cells, 4 columns are needed"),
+        (7, "0.014,0.1,0.5,1,", "line 9 has 5 cells, 4 columns are needed"),
+        (7, "", "line 9 is empty"),
+        (7, "0.014,0.1,1_0,1", "line 9: command is not a number"),
+    ],
+)
+def test_bad_cells_are_found_with_their_line(tmp_path: Path, row: int, cell: str, expected: str) -> None:
+    lines = table()
+    lines[row + 1] = cell
+    assert expected in message(write(tmp_path, lines))
+
+
+def test_columns_left_out_do_not_shift_the_names(tmp_path: Path) -> None:
+    lines = ["note," + line for line in table()]
+    lines[8] = "nan,0.014,0.1,0.5,nan"
+    assert "line 9: force_N is NaN" in message(write(tmp_path, lines))
+    lines[8] = "nan,0.014,0.1,x,1"
+    assert "line 9: command is not a number: 'x'" in message(write(tmp_path, lines))
+
+
+def test_files_that_are_no_record(tmp_path: Path) -> None:
+    good = gzip.compress("\n".join(table(500)).encode())
+    cases: list[tuple[str, bytes, str]] = [
+        ("empty.csv", b"", "the file is empty"),
+        ("blank.csv", b" \n\n", "the file is empty"),
+        ("empty.csv.gz", b"", "the file is empty"),
+        ("cut.csv.gz", good[: len(good) // 2], "truncated"),
+        ("cut8.csv.gz", good[:-4], "truncated"),
+        ("plain.csv.gz", b"time_s,command\n", "not gzip"),
+        ("packed.csv", good, "must end in .gz"),
+        ("bad.csv.gz", good[:30] + b"\xff\x00\xff\x00" + good[34:], "damaged"),
+        ("latin.csv", b"time_s,\xe9\n", "not a text file"),
+        ("numbers.csv", b"0,1,2\n0.1,1,2\n0.2,1,2\n", "no header"),
+        ("semicolon.csv", b"time_s;displacement_m;command\n0;1;2\n", "separated by commas"),
+        ("twice.csv", b"time_s,command,command,displacement_m\n", "two columns are named"),
+        ("unnamed.csv", b"time_s,,command,displacement_m\n", "column 2 has no name"),
+        ("head.csv", b"time_s,displacement_m,command\n", "0 samples: at least 3"),
+        ("two.csv", b"time_s,displacement_m,command\n0,1,2\n1,1,2\n", "2 samples: at least 3"),
+        ("a.txt", b"time_s\n", "a record is a .csv or .csv.gz"),
+    ]
+    for name, data, expected in cases:
+        path = tmp_path / name
+        path.write_bytes(data)
+        assert expected in message(path), name
+    assert "no such file" in message(tmp_path / "nowhere.csv")
+    (tmp_path / "folder.csv").mkdir()
+    assert "is a folder" in message(tmp_path / "folder.csv")
+
+
+def stamped(folder: Path, stamps: list[str]) -> Path:
+    return write(folder, ["time_s,displacement_m,command", *(f"{stamp},0,0" for stamp in stamps)])
+
+
+@pytest.mark.parametrize("form", ["%.6f", "%.6g", "%.9g", "%.4f"])
+@pytest.mark.parametrize("rate", [3004.8, 1000.0, 500.0, 200.0, 50.0])
+@pytest.mark.parametrize("start", [0.0, 3.25])
+def test_rounded_stamps_are_uniform(tmp_path: Path, form: str, rate: float, start: float) -> None:
+    n = 12000
+    time = start + np.arange(n) / rate
+    record = read_record(stamped(tmp_path, [form % t for t in time]))
+    assert record.sample_time == pytest.approx(1.0 / rate, abs=1e-3 / (n - 1))
+    np.testing.assert_allclose(record.time, time, atol=6e-4)
+    assert np.ptp(np.diff(record.time)) < 1e-12
+
+
+def test_float32_stamps_are_uniform(tmp_path: Path) -> None:
+    time = (np.arange(6000) * 0.002).astype(np.float32)
+    assert read_record(stamped(tmp_path, [repr(float(t)) for t in time])).n == 6000
+
+
+@pytest.mark.parametrize("rate", [3004.8, 1000.0, 200.0])
+@pytest.mark.parametrize("form", ["%.6f", "%.9g"])
+@pytest.mark.parametrize("place", [1, 700, 3998])
+def test_dropped_sample_is_found(tmp_path: Path, rate: float, form: str, place: int) -> None:
+    stamps = [form % (k / rate) for k in range(4000)]
+    del stamps[place]
+    text = message(stamped(tmp_path, stamps))
+    assert f"line {place + 2}: non-uniform clock" in text
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "expected"),
+    [
+        (40, 0.0795, "line 42: non-uniform clock"),  # a quarter of a step early
+        (40, 0.078, "line 42: time_s does not increase: 0.078 after 0.078"),
+        (40, 0.05, "line 42: time_s does not increase"),
+        (99, 0.1985, "line 101: non-uniform clock"),
+    ],
+)
+def test_one_bad_stamp_is_found(tmp_path: Path, index: int, value: float, expected: str) -> None:
+    stamps = [f"{k * 0.002:.3f}" for k in range(100)]
+    stamps[index] = f"{value:.4f}"
+    assert expected in message(stamped(tmp_path, stamps))
+
+
+def test_wandering_clock_is_found(tmp_path: Path) -> None:
+    time = np.arange(5000) * 0.002
+    text = message(stamped(tmp_path, [f"{t:.9g}" for t in time + 2e-3 * np.sin(0.2 * time)]))
+    assert "non-uniform clock" in text
+    pairs = 0.015 * 0.002 * (-1.0) ** np.arange(5000)
+    assert "non-uniform clock: time_s steps by" in message(
+        stamped(tmp_path, [f"{t:.9g}" for t in time + pairs])
+    )
+    jitter = np.random.default_rng(0).uniform(-0.1, 0.1, 5000) * 0.002
+    assert "non-uniform clock" in message(stamped(tmp_path, [f"{t:.9g}" for t in time + jitter]))
+
+
+def parses_or_refuses(name: str, data: bytes) -> None:
+    refusal = None
+    try:
+        channels, _, sample_time = record_csv.parse(name, decode(name, data))
+    except InputError as error:
+        refusal = str(error)
+    if refusal is not None:
+        assert refusal.startswith(name)
+        assert "\n" not in refusal
+        return
+    sizes = {len(values) for values in channels.values()}
+    assert len(sizes) == 1
+    assert min(sizes) >= 3
+    assert sample_time > 0.0
+    assert all(np.isfinite(values).all() for values in channels.values())
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=300), st.sampled_from(["a.csv", "a.csv.gz"]))
+def test_any_bytes_are_read_or_refused(data: bytes, name: str) -> None:
+    parses_or_refuses(name, data)
+    parses_or_refuses(name, b"time_s,displacement_m,command\n" + data)
+
+
+CELLS = st.one_of(
+    st.sampled_from(
+        ["", "nan", "-inf", "1e999", "0e400", "1e-400", "1e308", "-1e308", "1d5", "0x1p3", "١", "1 2"]
+    ),
+    st.floats(allow_nan=False).map(repr),
+    st.text(max_size=5),
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 12), st.integers(0, 3), CELLS), max_size=4))
+def test_any_cells_are_read_or_refused(changes: list[tuple[int, int, str]]) -> None:
+    rows = [line.split(",") for line in table(12)]
+    for row, column, cell in changes:
+        rows[row][column] = cell
+    parses_or_refuses("a.csv", "\n".join(",".join(row) for row in rows).encode("utf-8", "surrogatepass"))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_any_damage_is_read_or_refused(data: st.DataObject) -> None:
+    packed = data.draw(st.booleans())
+    text = "\n".join(table(15)).encode()
+    raw = bytearray(gzip.compress(text, mtime=0) if packed else text)
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(raw) - 1))
+        kind = data.draw(st.integers(0, 2))
+        if kind == 0:
+            raw[place] = data.draw(st.integers(0, 255))
+        elif kind == 1:
+            raw[place:place] = data.draw(st.binary(max_size=4))
+        elif len(raw) > 1:
+            del raw[place:]
+            raw = raw or bytearray(b"x")
+    parses_or_refuses("a.csv.gz" if packed else "a.csv", bytes(raw))

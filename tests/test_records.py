@@ -1,0 +1,265 @@
+"""Records: channels, derivatives, parts, other rates, saving, and sets that are fitted to and held out."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamp.errors import InputError
+from mrdamp.records import Record, RecordSet, read_record, read_records
+from record_tables import HEADER, table, write
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+needs_shared = pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the shared data folder is not here")
+
+
+def sine(n: int = 2001, dt: float = 0.001, f: float = 2.0, extra: bool = False) -> Record:
+    t = np.arange(n) * dt
+    w = 2 * np.pi * f
+    channels = {"displacement_m": 0.003 * np.sin(w * t), "command": np.where(t < 1.0, 0.2, 0.9)}
+    channels["force_N"] = 100 * np.cos(w * t)
+    if extra:
+        channels["velocity_m_s"] = np.full(n, 7.0) * t
+    return Record("sine", None, dt, channels)
+
+
+def test_reads_channels_in_file_order(tmp_path: Path) -> None:
+    lines = table(header="force_N,time_s,command,displacement_m")
+    lines[1:] = [f"{k},{k * 0.002:.3f},0.5,{k * 1e-5:.6f}" for k in range(20)]
+    record = read_record(write(tmp_path, lines, "one.two.csv"))
+    assert list(record.channels) == ["force_N", "time_s", "command", "displacement_m"]
+    assert record.name == "one.two"
+    assert record.n == 20
+    assert record.sample_time == pytest.approx(0.002, rel=1e-12)
+    assert record.duration == pytest.approx(0.038, rel=1e-12)
+    assert record.force is not None
+    np.testing.assert_array_equal(record.force, np.arange(20.0))
+    np.testing.assert_allclose(record.displacement, np.arange(20) * 1e-5, rtol=1e-12)
+    assert not record.displacement.flags.writeable
+
+
+def test_force_is_none_where_absent(tmp_path: Path) -> None:
+    record = read_record(write(tmp_path, table(header="time_s,displacement_m,command")))
+    assert record.force is None
+    with pytest.raises(
+        InputError, match=r"no channel force_N; the record has time_s, displacement_m, command"
+    ):
+        record.channel("force_N")
+
+
+def test_velocity_and_acceleration_of_a_sine() -> None:
+    record = sine()
+    w, t = 4 * np.pi, record.time
+    v, a = 0.003 * w * np.cos(w * t), -0.003 * w**2 * np.sin(w * t)
+    assert np.abs(record.velocity() - v).max() < 1e-4 * 0.003 * w * 2
+    assert np.abs(record.acceleration()[1:-1] - a[1:-1]).max() < 1e-4 * 0.003 * w**2
+    inside = slice(200, -200)
+    assert np.abs(record.velocity(60.0) - v)[inside].max() < 2e-3 * 0.003 * w
+
+
+def test_measured_velocity_goes_first() -> None:
+    record = sine(extra=True)
+    np.testing.assert_array_equal(record.velocity(), 7.0 * record.time)
+    np.testing.assert_allclose(record.acceleration(), 7.0, rtol=1e-9)
+    measured = record.with_channels({"acceleration_m_s2": np.full(record.n, 3.0)})
+    np.testing.assert_array_equal(measured.acceleration(), 3.0)
+
+
+def test_smoothing_cuts_noise_without_delay() -> None:
+    record = sine()
+    noise = 3e-6 * np.random.default_rng(1).standard_normal(record.n)
+    noisy = record.with_channels({"displacement_m": record.displacement + noise})
+    raw, smooth = noisy.velocity() - record.velocity(), noisy.velocity(20.0) - record.velocity()
+    assert np.std(smooth[100:-100]) < 0.2 * np.std(raw)
+    v = noisy.velocity(20.0)[100:-100]
+    lags = range(-5, 6)
+    match = [np.dot(v, record.velocity()[100 + k : record.n - 100 + k]) for k in lags]
+    assert lags[int(np.argmax(match))] == 0
+    with pytest.raises(InputError, match="cutoff_hz is 500: it must lie between 0 and 500"):
+        noisy.velocity(500.0)
+
+
+@pytest.mark.parametrize(("frequency", "gain"), [(5.0, 16 / 17), (10.0, 1 / 2), (20.0, 1 / 17)])
+def test_lowpass_gain(frequency: float, gain: float) -> None:
+    """1 / (1 + (f / f_c)^4): a second-order Butterworth run twice."""
+    t = np.arange(20000) * 1e-3
+    record = Record("a", None, 1e-3, {"acceleration_m_s2": np.sin(2 * np.pi * frequency * t)})
+    assert np.abs(record.acceleration(10.0)[8000:12000]).max() == pytest.approx(gain, rel=0.02)
+
+
+def test_part_keeps_its_stamps() -> None:
+    part = sine().part(0.5, 1.25)
+    assert (part.n, part.time[0], part.time[-1]) == (751, pytest.approx(0.5), pytest.approx(1.25))
+    np.testing.assert_array_equal(part.displacement, sine().displacement[500:1251])
+    with pytest.raises(
+        InputError, match=r"fewer than 3 samples from 1 to 1.001 s; the record runs from 0 to 2 s"
+    ):
+        sine().part(1.0, 1.001)
+
+
+@pytest.mark.parametrize("dt", [0.0005, 0.002, 0.004, 0.0013])
+def test_resample_keeps_the_signal_and_the_steps_of_the_command(dt: float) -> None:
+    record = sine().part(0.25, 2.0).resample(dt)
+    assert record.sample_time == dt
+    assert record.time[0] == 0.25
+    assert record.time[-1] <= 2.0 + 1e-12
+    assert record.n == int(1.75 / dt + 1e-9) + 1
+    x = 0.003 * np.sin(4 * np.pi * record.time)
+    assert np.abs(record.displacement - x)[30:-30].max() < 0.01 * 0.003
+    assert set(np.round(record.command, 12)) <= {0.2, 0.9} or dt == 0.0005 or dt == 0.0013
+    assert record.command.min() >= 0.2
+    assert record.command.max() <= 0.9
+
+
+def test_resample_does_not_fold_noise_back() -> None:
+    rng = np.random.default_rng(3)
+    noise = Record("n", None, 1e-3, {"force_N": rng.standard_normal(40000)}).resample(0.01)
+    assert noise.force is not None
+    assert np.var(noise.force) == pytest.approx(0.08, rel=0.2)  # 40 Hz of 500
+
+
+@pytest.mark.parametrize("dt", [0.0, -1.0, float("nan"), 1.5, 1e-12])
+def test_resample_refuses(dt: float) -> None:
+    with pytest.raises(InputError, match="sample time"):
+        sine().resample(dt)
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.csv.gz"])
+def test_save_and_read_back(tmp_path: Path, name: str) -> None:
+    record = sine(extra=True)
+    record.save(tmp_path / name)
+    back = read_record(tmp_path / name)
+    assert list(back.channels) == list(record.channels)
+    for channel, x in record.channels.items():
+        np.testing.assert_allclose(back.channels[channel], x, rtol=1e-8, atol=1e-12)
+    assert os.listdir(tmp_path) == [name]
+    first = (tmp_path / name).read_bytes()
+    record.save(tmp_path / name)
+    assert (tmp_path / name).read_bytes() == first
+    if name.endswith(".gz"):
+        assert first[3:8] == bytes(5)  # no name and no time in the gzip header
+
+
+def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("old")
+
+    def full(source: object, target: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(InputError, match=r"a\.csv: cannot be written: No space left on device"):
+        sine().save(path)
+    monkeypatch.undo()
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.csv"]
+    with pytest.raises(InputError, match="cannot be written"):
+        sine().save(tmp_path / "nowhere" / "a.csv")
+    with pytest.raises(InputError, match=r"written as \.csv"):
+        sine().save(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    ("channels", "expected"),
+    [
+        ({"force_N": [1.0, 2.0]}, "2 samples"),
+        ({"force_N": [1.0, 2.0, np.nan]}, "NaN"),
+        ({"force_N": [1.0, 2.0, 3.0], "command": [1.0] * 4}, "equally long"),
+        ({"force_N": [[1.0], [2.0], [3.0]]}, "one-dimensional"),
+        ({"force_kN": [1.0, 2.0, 3.0]}, "must be force_N"),
+        ({"pressure": [1.0, 2.0, 3.0]}, "not a channel"),
+    ],
+)
+def test_record_refuses(channels: dict[str, list[float]], expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        Record("a", None, 0.1, {name: np.array(x) for name, x in channels.items()})
+
+
+def names(records: tuple[Record, ...]) -> list[str]:
+    return [record.name for record in records]
+
+
+def test_flat_folder_holds_out_every_third_record(tmp_path: Path) -> None:
+    for k in range(7):
+        write(tmp_path, table(50 + k), f"{k}.csv")
+    (tmp_path / "case.json").write_text("{}")
+    (tmp_path / ".0.csv").write_text("hidden")
+    found = read_records(tmp_path)
+    assert found.name == tmp_path.name
+    assert names(found.train) == ["0", "1", "3", "4", "6"]
+    assert names(found.validation) == ["2", "5"]
+    assert len(found) == 7
+    assert found["5"].n == 55
+    with pytest.raises(InputError, match="no record '9'"):
+        found["9"]
+    mixed = read_records([tmp_path / "3.csv", tmp_path / "1.csv"])
+    assert (names(mixed.train), names(mixed.validation)) == (["1"], ["3"])
+
+
+def test_a_repeat_stays_with_the_test_it_repeats(tmp_path: Path) -> None:
+    for k in range(5):
+        rows = [f"{j * 0.002:.3f},{k},{k * j % 7},1" for j in range(60)]
+        write(tmp_path, [HEADER, *rows], f"{k}.csv")
+    for k, side in ((2, "validation"), (3, "train")):
+        (tmp_path / "5_repeat.csv").write_text((tmp_path / f"{k}.csv").read_text().replace(",1\n", ",1.5\n"))
+        assert "5_repeat" in names(getattr(read_records(tmp_path), side))
+
+
+def test_one_record_is_cut_in_time(tmp_path: Path) -> None:
+    found = read_records(write(tmp_path, table(301)))
+    assert [record.n for record in found] == [201, 100]
+    assert found.validation[0].time[0] == pytest.approx(found.train[0].time[-1] + 0.002)
+
+
+def test_train_and_validation_folders(tmp_path: Path) -> None:
+    for half in ("train", "validation"):
+        (tmp_path / half).mkdir()
+        write(tmp_path / half, table(), f"of_{half}.csv")
+    found = read_records(tmp_path)
+    assert (names(found.train), names(found.validation)) == (["of_train"], ["of_validation"])
+    (tmp_path / "validation" / "of_validation.csv").unlink()
+    with pytest.raises(InputError, match=r"validation: no \.csv"):
+        read_records(tmp_path)
+    (tmp_path / "validation").rmdir()
+    with pytest.raises(InputError, match="a set has both"):
+        read_records(tmp_path)
+
+
+def test_sets_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such folder or file"):
+        read_records(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"no \.csv or \.csv\.gz"):
+        read_records(tmp_path)
+    with pytest.raises(InputError, match="no records"):
+        read_records([])
+    write(tmp_path, table(), "a.csv")
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress("\n".join(table()).encode()))
+    with pytest.raises(InputError, match="two records are named a"):
+        read_records(tmp_path)
+
+
+@needs_shared
+def test_every_shared_set_reads() -> None:
+    sizes = {"utfsm": (12, 5), "utfpr": (16, 31), "nees": (3, 1)}
+    for name, size in sizes.items():
+        found: RecordSet = read_records(SHARED / "data" / name)
+        assert (len(found.train), len(found.validation)) == size
+    # 12020 samples at 3004.8 Hz, stamps of six decimals
+    assert found.train[0].sample_time == pytest.approx(1 / 3004.8, rel=1e-6)
+
+
+@needs_shared
+def test_every_open_case_reads() -> None:
+    folders = sorted((SHARED / "cases" / "open").iterdir())
+    assert folders
+    for folder in folders:
+        found = read_records(folder)
+        files = sorted(path.name.removesuffix(".csv.gz") for path in folder.glob("*.csv.gz"))
+        assert sorted(record.name for record in found) == files
+        assert found.train
+        assert found.validation
+        assert all(record.sample_time == pytest.approx(0.002, rel=1e-9) for record in found)
