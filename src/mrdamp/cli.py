@@ -7,9 +7,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mrdamp import __version__
 from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.model import Model
 
 _Run = Callable[[argparse.Namespace], int]
 
@@ -30,46 +34,69 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="mrdamp", description="Magnetorheological dampers for MuJoCo, from measured record to controlled structure."
+        prog="mrdamp",
+        description="Magnetorheological dampers for MuJoCo, from measured record to controlled structure.",
     )
     parser.add_argument("--version", action="version", version=f"mrdamp {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name: str, run: _Run, text: str, example: str) -> argparse.ArgumentParser:
         command = commands.add_parser(
-            name, help=text, description=text, epilog=f"example: {example}",
+            name,
+            help=text,
+            description=text,
+            epilog=f"example: {example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
-        )  # fmt: skip
+        )
         command.set_defaults(run=run)
         return command
 
-    demo = add("demo", _demo, "records -> fitted damper -> controlled frame -> one HTML page", "mrdamp demo -o out/demo")
+    demo = add(
+        "demo",
+        _demo,
+        "records -> fitted damper -> controlled frame -> one HTML page",
+        "mrdamp demo -o out/demo",
+    )
     demo.add_argument("--data", type=Path, help="folder of records (default: the embedded set)")
     demo.add_argument("--law", default="modified_bouc_wen", help="force law to fit (default: %(default)s)")
     demo.add_argument("--motion", type=Path, help="ground motion, CSV or AT2 (default: the embedded one)")
     demo.add_argument("--seed", type=int, default=0)
-    demo.add_argument("-o", "--out", type=Path, default=Path("out/demo"), help="folder to write (default: %(default)s)")
+    demo.add_argument(
+        "-o", "--out", type=Path, default=Path("out/demo"), help="folder to write (default: %(default)s)"
+    )
 
     identify = add(
-        "identify", _identify, "fit a parametric law to records, judged in free run on records held out",
+        "identify",
+        _identify,
+        "fit a parametric law to records, judged in free run on records held out",
         "mrdamp identify records/ --law bouc_wen -o model.json",
-    )  # fmt: skip
+    )
     identify.add_argument("records", nargs="+", type=Path, help="record files, or one folder")
     identify.add_argument("--law", default="modified_bouc_wen")
-    identify.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
+    identify.add_argument(
+        "--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)"
+    )
     identify.add_argument("--starts", type=int, default=4)
     identify.add_argument("--seed", type=int, default=0)
     identify.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
 
     predict = add(
-        "predict", _predict, "a model's free run over a record's inputs", "mrdamp predict model.json record.csv -o pred.csv"
+        "predict",
+        _predict,
+        "a model's free run over a record's inputs",
+        "mrdamp predict model.json record.csv -o pred.csv",
     )
     predict.add_argument("model", type=Path, help="case.json, corrected.json or a model file")
     predict.add_argument("record", type=Path)
     predict.add_argument("-o", "--out", type=Path, required=True, help="CSV to write")
 
-    mjcf = add("mjcf", _mjcf, "a model as MJCF: the damper in a test rig, or in its frame", "mrdamp mjcf model.json -o rig")
-    mjcf.add_argument("model", type=_model_argument, help="a model file, or the name of a parameter set")
+    mjcf = add(
+        "mjcf",
+        _mjcf,
+        "a model as MJCF: the damper in a test rig, or in its frame",
+        "mrdamp mjcf model.json -o rig",
+    )
+    mjcf.add_argument("model", help="a model file, or the name of a parameter set")
     mjcf.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
 
     view = add("view", _view, "look at a model in MuJoCo's viewer", "mrdamp view frame3")
@@ -82,11 +109,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _model_argument(text: str) -> str:
-    return text
-
-
-def _load(text: str) -> object:
+def _model(text: str) -> Model:
+    """A model file, or a parameter set by its name."""
     from mrdamp import sets
     from mrdamp.model import Model, effects_from
 
@@ -103,7 +127,12 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
     if not console.is_terminal:
         last = [""]
 
@@ -127,10 +156,16 @@ def _demo(a: argparse.Namespace) -> int:
     fit = result.fit
     print(f"{result.records.name}: {fit.model.law}, free-run error over the force's standard deviation:")
     print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
-    print(f"  {'controller':16s} {'peak drift':>10s} {'peak acc.':>10s} {'peak force':>11s} {'mean command':>13s}")
+    print(
+        f"  {'controller':16s} {'peak drift':>10s} {'peak acc.':>10s} {'peak force':>11s} {'mean command':>13s}"
+    )
     for name, c in result.criteria.items():
-        force, mean = (f"{c.peak_force:9.0f} N", f"{c.mean_command:13.3f}") if name != UNCONTROLLED else ("", "")
-        print(f"  {name:16s} {1e3 * c.peak_drift.max():7.2f} mm {c.peak_acceleration.max():5.2f} m/s2 {force:>11s} {mean}")
+        force, mean = (
+            (f"{c.peak_force:9.0f} N", f"{c.mean_command:13.3f}") if name != UNCONTROLLED else ("", "")
+        )
+        print(
+            f"  {name:16s} {1e3 * c.peak_drift.max():7.2f} mm {c.peak_acceleration.max():5.2f} m/s2 {force:>11s} {mean}"
+        )
     print(f"page: {result.page}")
     return 0
 
@@ -142,7 +177,13 @@ def _identify(a: argparse.Namespace) -> int:
     records = read_records(a.records[0] if len(a.records) == 1 else a.records)
     with _progress() as progress:
         fit = identify(
-            a.law, records.train, records.validation, extras=a.extras, starts=a.starts, seed=a.seed, progress=progress
+            a.law,
+            records.train,
+            records.validation,
+            extras=a.extras,
+            starts=a.starts,
+            seed=a.seed,
+            progress=progress,
         )
     fit.model.write(a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
@@ -163,11 +204,8 @@ def _predict(a: argparse.Namespace) -> int:
 
 def _mjcf(a: argparse.Namespace) -> int:
     from mrdamp.mjcf import write_mjcf
-    from mrdamp.model import Model
 
-    model = _load(a.model)
-    assert isinstance(model, Model)
-    print(write_mjcf(model, a.out))
+    print(write_mjcf(_model(a.model), a.out))
     return 0
 
 
@@ -176,7 +214,6 @@ def _view(a: argparse.Namespace) -> int:
 
     from mrdamp import models_xml
     from mrdamp.mjcf import mjcf
-    from mrdamp.model import Model
 
     if a.model in models_xml.names():
         path = models_xml.path(a.model, "scene.xml")
@@ -185,10 +222,7 @@ def _view(a: argparse.Namespace) -> int:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
     else:
-        model = _load(a.model)
-        assert isinstance(model, Model)
-        spec = mujoco.MjModel.from_xml_string(mjcf(model))
-        return _launch(spec)
+        return _launch(mujoco.MjModel.from_xml_string(mjcf(_model(a.model))))
     try:
         return _launch(mujoco.MjModel.from_xml_path(str(path)))
     except ValueError as error:
@@ -210,12 +244,10 @@ def _sets(a: argparse.Namespace) -> int:
     import json
 
     from mrdamp import sets
-    from mrdamp.model import Model
 
     if a.name:
-        model = _load(a.name) if a.name in sets.names() else sets.load(a.name)
-        assert isinstance(model, Model)
-        print(json.dumps(model.to_dict(), indent=1))
+        sets.load(a.name)  # says which there are where there is none of that name
+        print(json.dumps(_model(a.name).to_dict(), indent=1))
         return 0
     for name in sets.names():
         found = sets.load(name)

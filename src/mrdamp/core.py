@@ -1,205 +1,66 @@
-"""The C++ chain from Python: whole records, whole frames, the attribute table (ctypes over `mrdamp.h`)."""
+"""Whole records and whole frames through the C++ chain, and its NARX networks."""
 
 from __future__ import annotations
 
 import ctypes
-import functools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from mrdamp.attributes import (
+    Attribute,
+    attribute_index,
+    attributes,
+    check,
+    defaults,
+    law_number,
+    law_options,
+    law_parameters,
+    laws,
+    vector,
+)
 from mrdamp.errors import InputError
-from mrdamp.library import library_path
+from mrdamp.native import ERROR_SIZE, Array, Frame, Options, library, pointer
 
-Array = npt.NDArray[np.float64]
-_double_p = ctypes.POINTER(ctypes.c_double)
+__all__ = [
+    "COLUMNS",
+    "Array",
+    "Attribute",
+    "FrameInput",
+    "Narx",
+    "attribute_index",
+    "attributes",
+    "check",
+    "defaults",
+    "frame_columns",
+    "law_number",
+    "law_options",
+    "law_parameters",
+    "laws",
+    "library",
+    "run",
+    "run_frame",
+    "run_frame_many",
+    "run_many",
+    "vector",
+]
 
 #: Columns of a run, in the order of the enum in `mrdamp.h`: force at the rod end as the damper's sensor reads it
 #: (N), the same on an ideal load cell (N), force without the moving mass (N), coil current and field variable
 #: (command units), rise of the fluid's temperature (K), piston displacement behind the mount (m), the law's state.
 COLUMNS = ("force", "reference", "true", "current", "field", "temperature", "piston", "state")
 
-_ABI = 1
-_ERROR_SIZE = 400
-
-
-class _Options(ctypes.Structure):
-    _fields_ = (("hold", ctypes.c_int), ("threads", ctypes.c_int), ("substep", ctypes.c_double))
-
-
-class _Frame(ctypes.Structure):
-    _fields_ = (
-        ("storeys", ctypes.c_int),
-        ("mass", _double_p),
-        ("stiffness", _double_p),
-        ("damping", _double_p),
-        ("friction", _double_p),
-        ("damper_from", ctypes.c_int),
-        ("damper_to", ctypes.c_int),
-        ("acc_gain", _double_p),
-        ("acc_offset", _double_p),
-        ("acc_leakage", _double_p),
-        ("acc_lag", _double_p),
-    )
-
-
-@functools.cache
-def library() -> ctypes.CDLL:
-    """The shared library of plugin and C entries, loaded once (it needs MuJoCo in the process)."""
-    import mujoco  # noqa: F401  (loads the engine that the library is linked to)
-
-    lib = ctypes.CDLL(str(library_path()))
-    if lib.mrdamp_abi() != _ABI:
-        raise ImportError(f"{library_path().name} has interface {lib.mrdamp_abi()}, not {_ABI}: reinstall mrdamp")
-    c_int, c_double, c_char_p, c_void_p = ctypes.c_int, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p
-    for name in ("name", "group", "unit", "meaning"):
-        getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
-    for name in ("default", "min", "max"):
-        getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
-    lib.mrdamp_law_name.restype = c_char_p
-    lib.mrdamp_narx_parse.restype = c_void_p
-    lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
-    lib.mrdamp_narx_free.argtypes = (c_void_p,)
-    lib.mrdamp_narx_free.restype = None
-    lib.mrdamp_narx_sample_time.argtypes = (c_void_p,)
-    lib.mrdamp_narx_sample_time.restype = c_double
-    lib.mrdamp_narx_inputs.argtypes = (c_void_p,)
-    lib.mrdamp_narx_forward.argtypes = (c_void_p, _double_p)
-    lib.mrdamp_narx_forward.restype = c_double
-    lib.mrdamp_defaults.argtypes = (_double_p,)
-    lib.mrdamp_defaults.restype = None
-    lib.mrdamp_check.argtypes = (c_int, _double_p, c_char_p, c_int)
-    lib.mrdamp_run.argtypes = (
-        (c_int, c_void_p, c_int, _double_p, c_double, c_int)
-        + (_double_p,) * 4
-        + (ctypes.POINTER(_Options), c_int, ctypes.POINTER(c_int), _double_p, c_char_p, c_int)
-    )
-    lib.mrdamp_run_frame.argtypes = (
-        (c_int, c_void_p, c_int, _double_p, ctypes.POINTER(_Frame), c_double, c_int)
-        + (_double_p,) * 2
-        + (ctypes.POINTER(_Options), _double_p, c_char_p, c_int)
-    )
-    return lib
-
-
-@dataclass(frozen=True)
-class Attribute:
-    """One row of the attribute table: `group` is law, dependence, command, numerics or an effect's name."""
-
-    name: str
-    group: str
-    unit: str
-    default: float | None
-    minimum: float
-    maximum: float
-    meaning: str
-
-
-@functools.cache
-def attributes() -> tuple[Attribute, ...]:
-    """Every numeric attribute of `mrdamp.damper`, in the order of the parameter vector."""
-    lib = library()
-    rows = []
-    for i in range(lib.mrdamp_attribute_count()):
-        name, group, unit, meaning = (
-            getattr(lib, f"mrdamp_attribute_{what}")(i).decode() for what in ("name", "group", "unit", "meaning")
-        )
-        default, low, high = (getattr(lib, f"mrdamp_attribute_{what}")(i) for what in ("default", "min", "max"))
-        rows.append(Attribute(name, group, unit, None if math.isnan(default) else default, low, high, meaning))
-    return tuple(rows)
-
-
-@functools.cache
-def attribute_index() -> dict[str, int]:
-    """Position of each attribute in a parameter vector."""
-    return {row.name: i for i, row in enumerate(attributes())}
-
-
-@functools.cache
-def laws() -> tuple[str, ...]:
-    """Names of the force laws."""
-    lib = library()
-    return tuple(lib.mrdamp_law_name(i).decode() for i in range(lib.mrdamp_law_count()))
-
-
-def law_number(law: str) -> int:
-    """Number of a law in the C interface; InputError lists the laws."""
-    if law not in laws():
-        raise InputError(f"law '{law}' is unknown; allowed: {', '.join(laws())}")
-    return laws().index(law)
-
-
-@functools.cache
-def law_parameters(law: str) -> tuple[str, ...]:
-    """Names of the parameters that a law needs, in the contract's order."""
-    lib, number = library(), law_number(law)
-    names = [row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 1]
-    order = _ORDER.get(law, ())
-    return tuple(sorted(names, key=order.index)) if set(order) == set(names) else tuple(names)
-
-
-@functools.cache
-def law_options(law: str) -> tuple[str, ...]:
-    """Names of the parameters that a law may take besides: dependences on the field that are no straight line."""
-    lib, number = library(), law_number(law)
-    return tuple(row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 2)
-
-
-_ORDER = {
-    "bingham": tuple("c0a c0b fya fyb v_ref".split()),
-    "bouc_wen": tuple("c0a c0b alpha_a alpha_b gamma beta A n k0 x0".split()),
-    "hyperbolic_tangent": tuple("k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref".split()),
-    "modified_bouc_wen": tuple("c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n".split()),
-}
-
-
-def defaults() -> Array:
-    """The neutral parameter vector (attributes,)."""
-    out = np.empty(len(attributes()))
-    library().mrdamp_defaults(_pointer(out))
-    return out
-
-
-def vector(law: str, parameters: Mapping[str, float]) -> Array:
-    """Parameter vector (attributes,) from names; effects' attributes may stand among a law's parameters.
-
-    Raises InputError for an unknown name, a missing or surplus parameter of the law, or a value out of range.
-    """
-    number, index, out = law_number(law), attribute_index(), defaults()
-    missing = [name for name in law_parameters(law) if name not in parameters]
-    if missing:
-        raise InputError(f"law {law} needs parameter '{missing[0]}'; it takes {' '.join(law_parameters(law))}")
-    allowed = set(law_parameters(law)) | set(law_options(law))
-    for name, value in parameters.items():
-        row = attributes()[index[name]] if name in index else None
-        if row is None or (row.group in ("law", "dependence") and name not in allowed):
-            raise InputError(
-                f"parameter '{name}' is none of law {law}; it takes {' '.join(law_parameters(law)) or 'weights alone'}"
-            )
-        out[index[name]] = value
-    check(number, out)
-    return out
-
-
-def check(law: int, params: Array) -> None:
-    """Checks ranges and what the law needs, as MJCF does; raises InputError."""
-    error = ctypes.create_string_buffer(_ERROR_SIZE)
-    if library().mrdamp_check(law, _pointer(params), error, _ERROR_SIZE):
-        raise InputError(error.value.decode())
-
 
 class Narx:
     """A NARX network in the plugin's weights format (see `plugin_cpp/README.md`)."""
 
     def __init__(self, text: str) -> None:
-        error = ctypes.create_string_buffer(_ERROR_SIZE)
+        error = ctypes.create_string_buffer(ERROR_SIZE)
         self.text = text
         self._lib = library()
-        self.handle = self._lib.mrdamp_narx_parse(text.encode(), error, _ERROR_SIZE)
+        self.handle = self._lib.mrdamp_narx_parse(text.encode(), error, ERROR_SIZE)
         if not self.handle:
             raise InputError(error.value.decode())
         self.sample_time: float = self._lib.mrdamp_narx_sample_time(self.handle)  # s
@@ -225,7 +86,7 @@ class Narx:
         values = np.ascontiguousarray(inputs, dtype=float)
         if values.shape != (self.inputs,):
             raise InputError(f"the network takes {self.inputs} inputs, got an array of shape {values.shape}")
-        return float(self._lib.mrdamp_narx_forward(self.handle, _pointer(values)))
+        return float(self._lib.mrdamp_narx_forward(self.handle, pointer(values)))
 
 
 def run_many(
@@ -253,22 +114,22 @@ def run_many(
     arrays = [_channel(name, value, len(x)) for name, value in (("x", x), ("v", v), ("a", a), ("u", u))]
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
     out = np.empty((len(matrix), len(columns), len(x)))
-    options = _Options(int(hold), threads, substep or 0.0)
-    error = ctypes.create_string_buffer(_ERROR_SIZE)
+    options = Options(int(hold), threads, substep or 0.0)
+    error = ctypes.create_string_buffer(ERROR_SIZE)
     failed = library().mrdamp_run(
         law_number(law),
         narx.handle if narx else None,
         len(matrix),
-        _pointer(matrix),
+        pointer(matrix),
         dt,
         len(x),
-        *(None if array is None else _pointer(array) for array in arrays),
+        *(None if array is None else pointer(array) for array in arrays),
         ctypes.byref(options),
         len(columns),
         numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-        _pointer(out),
+        pointer(out),
         error,
-        _ERROR_SIZE,
+        ERROR_SIZE,
     )
     if failed:
         raise InputError(error.value.decode())
@@ -362,38 +223,47 @@ def run_frame_many(
     assert command is not None
     keep: list[Array] = []
 
-    def pointer(name: str, value: Array | None, storeys: int) -> object:
+    def held(name: str, value: Array | None, storeys: int) -> object:
         array = _channel(name, value, storeys)
         if array is None:
             return None
         keep.append(array)
-        return _pointer(array)
+        return pointer(array)
 
-    rows = (_Frame * len(frames))()
+    rows = (Frame * len(frames))()
     n = len(ground)
     for row, frame in zip(rows, frames, strict=True):
         row.storeys = len(frame.mass)
-        for name in ("mass", "stiffness", "damping", "friction", "acc_gain", "acc_offset", "acc_leakage", "acc_lag"):
-            setattr(row, name, pointer(name, getattr(frame, name), row.storeys))
+        for name in (
+            "mass",
+            "stiffness",
+            "damping",
+            "friction",
+            "acc_gain",
+            "acc_offset",
+            "acc_leakage",
+            "acc_lag",
+        ):
+            setattr(row, name, held(name, getattr(frame, name), row.storeys))
         row.damper_from, row.damper_to = frame.damper_between or (-1, -1)
     sizes = [(2 * row.storeys + 7) * n for row in rows]
     out = np.empty(sum(sizes))
-    options = _Options(int(hold), threads, substep or 0.0)
-    error = ctypes.create_string_buffer(_ERROR_SIZE)
+    options = Options(int(hold), threads, substep or 0.0)
+    error = ctypes.create_string_buffer(ERROR_SIZE)
     failed = library().mrdamp_run_frame(
         law_number(law),
         narx.handle if narx else None,
         len(matrix),
-        _pointer(matrix),
+        pointer(matrix),
         rows,
         dt,
         n,
-        _pointer(ground),
-        _pointer(command),
+        pointer(ground),
+        pointer(command),
         ctypes.byref(options),
-        _pointer(out),
+        pointer(out),
         error,
-        _ERROR_SIZE,
+        ERROR_SIZE,
     )
     if failed:
         raise InputError(error.value.decode())
@@ -419,12 +289,16 @@ def run_frame(
     """One frame through one ground motion; arguments as in `run_frame_many`."""
     command = np.full(len(ground_acceleration), float(u)) if np.ndim(u) == 0 else np.asarray(u, dtype=float)
     return run_frame_many(
-        law, vector(law, parameters), [frame], dt, ground_acceleration, command, hold=hold, substep=substep, narx=narx
+        law,
+        vector(law, parameters),
+        [frame],
+        dt,
+        ground_acceleration,
+        command,
+        hold=hold,
+        substep=substep,
+        narx=narx,
     )[0]
-
-
-def _pointer(array: Array) -> object:
-    return array.ctypes.data_as(_double_p)
 
 
 def _channel(name: str, value: Array | None, n: int) -> Array | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -70,7 +70,9 @@ def demo(
 
     fit = _fit(out, records, law, seed, lambda what, share: tell(f"identify: {what}", 0.65 * share))
     fit.model.write(out / "model.json")
-    frame_model = replace(fit.model, rig="frame", structure=dyke1996(), name=f"{records.name} damper in the frame")
+    frame_model = replace(
+        fit.model, rig="frame", structure=dyke1996(), name=f"{records.name} damper in the frame"
+    )
     write_mjcf(replace(fit.model, name=f"{records.name} damper"), out / "rig")
     write_mjcf(frame_model, out / "frame")
     runs = _runs(frame_model, ground.compressed(TIME_COMPRESSION), tell)
@@ -86,7 +88,7 @@ def demo(
 
 
 def command_unit(records: RecordSet) -> str:
-    """"A", or "V" for records whose files say so in their names; the channel itself carries no unit."""
+    """ "A", or "V" for records whose files say so in their names; the channel itself carries no unit."""
     return "V" if records.name == "nees" else "A"
 
 
@@ -118,7 +120,13 @@ def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress)
         kept = json.loads(path.read_text())
         if kept.get("key") == key:
             errors = [tuple(RecordError(**e) for e in kept[half]) for half in ("train", "held_out")]
-            return Fit(Model.from_dict(kept["fit"], str(path)), errors[0], errors[1], kept["starts"], kept["evaluations"])
+            return Fit(
+                Model.from_dict(kept["fit"], str(path)),
+                errors[0],
+                errors[1],
+                kept["starts"],
+                kept["evaluations"],
+            )
     except (OSError, ValueError, KeyError, TypeError):
         pass  # none, or one of another version: fit again
     fit = identify(law, records.train, records.validation, extras=EXTRAS, seed=seed, progress=progress)
@@ -157,54 +165,85 @@ def _shown(fit: Fit, records: RecordSet, most: int = 4) -> list[Record]:
 
 
 def _page(
-    out: Path, records: RecordSet, fit: Fit, ground: GroundMotion, runs: dict[str, FrameRun],
+    out: Path,
+    records: RecordSet,
+    fit: Fit,
+    ground: GroundMotion,
+    runs: dict[str, FrameRun],
     criteria: dict[str, Criteria],
-) -> Path:  # fmt: skip
+) -> Path:
     unit = command_unit(records)
     base = criteria[UNCONTROLLED]
     best = min((c for c in criteria if c != UNCONTROLLED), key=lambda c: criteria[c].peak_drift.max())
     summary = (
         f"A {fit.model.law} damper fitted to {len(records.train)} records of `{records.name}` runs freely over "
-        f"{len(records.validation)} others with an error of {fit.held_out_nrmse:.1%} of the force's standard deviation; "
+        f"{len(records.validation)} others with an error of {fit.held_out_nrmse:.1%} of the force's standard "
+        "deviation; "
         f"in the three-storey frame, {best} brings the peak drift to "
         f"{criteria[best].peak_drift.max() / base.peak_drift.max():.0%} of the frame without a damper."
     )
     page = Page(f"mrdamp: {records.name}", summary, footer="Made by `mrdamp demo`.")
     loops = [_loop(fit.model, record, "held out", unit) for record in _shown(fit, records)]
     page.figure(
-        "The damper, measured and simulated", pictures.loops(loops),
+        "The damper, measured and simulated",
+        pictures.loops(loops),
         "Records that nothing was fitted to: the worst, the best and some between.",
         "Hysteresis loops of force over displacement and over velocity, measured and simulated.",
-    )  # fmt: skip
-    page.figure("", pictures.histories(loops), "The same over time, with what is left below.", "Force over time.")
-    rows = [(e.record, half, e.rmse, 100 * e.nrmse) for half, errors in (("fitted", fit.train), ("held out", fit.held_out)) for e in errors]
+    )
+    page.figure(
+        "", pictures.histories(loops), "The same over time, with what is left below.", "Force over time."
+    )
+    rows = [
+        (e.record, half, e.rmse, 100 * e.nrmse)
+        for half, errors in (("fitted", fit.train), ("held out", fit.held_out))
+        for e in errors
+    ]
     page.figure(
         "Errors by record",
-        pictures.error_bars([r[0] for r in rows], [r[3] / 100 for r in rows], [r[1] == "held out" for r in rows]),
+        pictures.error_bars(
+            [r[0] for r in rows], [r[3] / 100 for r in rows], [r[1] == "held out" for r in rows]
+        ),
         f"Free-run error. Pooled: {fit.train_nrmse:.3f} on the fitted records, {fit.held_out_nrmse:.3f} on the others.",
         "Bars of the free-run error of each record.",
-    )  # fmt: skip
+    )
     page.table("", ("record", "", "RMS error (N)", "of the force's standard deviation (%)"), rows)
     attributes = fit.model.attributes
-    page.table("Parameters", ("attribute", "value"), [(k, float(f"{v:.6g}")) for k, v in attributes.items()],
-               "As in `model.json` and in the MJCF files beside this page.")  # fmt: skip
+    page.table(
+        "Parameters",
+        ("attribute", "value"),
+        [(k, float(f"{v:.6g}")) for k, v in attributes.items()],
+        "As in `model.json` and in the MJCF files beside this page.",
+    )
     compare = [
         (
-            name, 1e3 * c.peak_drift.max(), c.peak_acceleration.max(), 1e3 * c.rms_drift.max(), c.rms_acceleration.max(),
-            c.peak_force if name != UNCONTROLLED else None, c.mean_command if name != UNCONTROLLED else None,
+            name,
+            1e3 * c.peak_drift.max(),
+            c.peak_acceleration.max(),
+            1e3 * c.rms_drift.max(),
+            c.rms_acceleration.max(),
+            c.peak_force if name != UNCONTROLLED else None,
+            c.mean_command if name != UNCONTROLLED else None,
             c.dissipated_energy if name != UNCONTROLLED else None,
         )
         for name, c in criteria.items()
-    ]  # fmt: skip
+    ]
     columns = (
-        "controller", "peak drift (mm)", "peak acceleration (m/s2)", "RMS drift (mm)", "RMS acceleration (m/s2)",
-        "peak force (N)", f"mean command ({unit})", "energy in the damper (J)",
-    )  # fmt: skip
+        "controller",
+        "peak drift (mm)",
+        "peak acceleration (m/s2)",
+        "RMS drift (mm)",
+        "RMS acceleration (m/s2)",
+        "peak force (N)",
+        f"mean command ({unit})",
+        "energy in the damper (J)",
+    )
     page.table(
-        "The frame under an earthquake", columns, compare,
+        "The frame under an earthquake",
+        columns,
+        compare,
         f"Ground motion: {ground.name}, peak {ground.pga:.2f} m/s2, at {TIME_COMPRESSION:g} times its speed. "
         "Frame of Dyke et al. (1996), damper under the first floor, stepped by MuJoCo.",
-    )  # fmt: skip
+    )
     _frame_pictures(page, ground, runs, criteria, unit)
     _tables(out, rows, columns, compare)
     path = out / "index.html"
@@ -216,18 +255,44 @@ def _frame_pictures(
     page: Page, ground: GroundMotion, runs: dict[str, FrameRun], criteria: dict[str, Criteria], unit: str
 ) -> None:
     time = runs[UNCONTROLLED].time
-    page.figure("", pictures.controllers(criteria, unit), "Each controller over the frame without a damper.",
-                "Bars of peak drift, acceleration and force by controller.")  # fmt: skip
-    page.figure("", pictures.profile(criteria, ground.pga), "Peaks over the height.", "Peak drift and acceleration by floor.")
-    page.figure("", pictures.drifts(time, {name: r.drift for name, r in runs.items()}),
-                "Storey drifts.", "Storey drifts over time under each controller.")  # fmt: skip
+    page.figure(
+        "",
+        pictures.controllers(criteria, unit),
+        "Each controller over the frame without a damper.",
+        "Bars of peak drift, acceleration and force by controller.",
+    )
+    page.figure(
+        "",
+        pictures.profile(criteria, ground.pga),
+        "Peaks over the height.",
+        "Peak drift and acceleration by floor.",
+    )
+    page.figure(
+        "",
+        pictures.drifts(time, {name: r.drift for name, r in runs.items()}),
+        "Storey drifts.",
+        "Storey drifts over time under each controller.",
+    )
     driven = {name: r for name, r in runs.items() if name == "clipped-optimal"}
-    page.figure("", pictures.command_history(time, {n: r.command for n, r in driven.items()}, {n: r.force for n, r in driven.items()}, unit),
-                "What clipped-optimal commands, and the force that comes of it.", "Command and force over time.")  # fmt: skip
+    page.figure(
+        "",
+        pictures.command_history(
+            time, {n: r.command for n, r in driven.items()}, {n: r.force for n, r in driven.items()}, unit
+        ),
+        "What clipped-optimal commands, and the force that comes of it.",
+        "Command and force over time.",
+    )
 
 
-def _tables(out: Path, rows: list[tuple[str, str, float, float]], columns: tuple[str, ...], compare: list[tuple[object, ...]]) -> None:
-    lines = ["record,half,rmse_N,nrmse"] + [f"{r},{half},{rmse:.6g},{nrmse / 100:.6g}" for r, half, rmse, nrmse in rows]
+def _tables(
+    out: Path,
+    rows: list[tuple[str, str, float, float]],
+    columns: tuple[str, ...],
+    compare: Sequence[tuple[object, ...]],
+) -> None:
+    lines = ["record,half,rmse_N,nrmse"] + [
+        f"{r},{half},{rmse:.6g},{nrmse / 100:.6g}" for r, half, rmse, nrmse in rows
+    ]
     write_atomic(out / "errors.csv", "\n".join(lines) + "\n")
     lines = [",".join(columns)] + [",".join("" if v is None else str(v) for v in row) for row in compare]
     write_atomic(out / "controllers.csv", "\n".join(lines) + "\n")

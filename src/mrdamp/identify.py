@@ -61,16 +61,25 @@ def pooled(errors: Sequence[RecordError]) -> float:
     """RMS error over the standard deviation of the force, mean squares pooled over the records."""
     if not errors:
         return float("nan")
-    return float(np.sqrt(np.mean([e.rmse**2 for e in errors]) / np.mean([(e.rmse / e.nrmse) ** 2 for e in errors])))
+    return float(
+        np.sqrt(np.mean([e.rmse**2 for e in errors]) / np.mean([(e.rmse / e.nrmse) ** 2 for e in errors]))
+    )
 
 
 def simulate(model: Model, record: Record) -> Array:
     """Free-run force (n,) N of a model on a damper record, through the C entry."""
     columns = ("force",)
     out = core.run(
-        model.law, model.attributes, record.sample_time, record.displacement, _velocity(record),
-        record.channels.get("acceleration_m_s2"), record.command, narx=model.narx, columns=columns,
-    )  # fmt: skip
+        model.law,
+        model.attributes,
+        record.sample_time,
+        record.displacement,
+        _velocity(record),
+        record.channels.get("acceleration_m_s2"),
+        record.command,
+        narx=model.narx,
+        columns=columns,
+    )
     return out["force"]
 
 
@@ -100,18 +109,25 @@ class _Problem:
         parts = []
         for record, velocity, force in self.records:
             out = core.run_many(
-                self.space.law, vectors, record.sample_time, record.displacement, record.command, v=velocity,
-                a=record.channels.get("acceleration_m_s2"), threads=self.threads, substep=_FIT_SUBSTEP,
-            )  # fmt: skip
+                self.space.law,
+                vectors,
+                record.sample_time,
+                record.displacement,
+                record.command,
+                v=velocity,
+                a=record.channels.get("acceleration_m_s2"),
+                threads=self.threads,
+                substep=_FIT_SUBSTEP,
+            )
             parts.append(out[:, 0, :] - force)
-        return np.concatenate(parts, axis=1) * self.scale
+        return np.asarray(np.concatenate(parts, axis=1) * self.scale)
 
     def jacobian(self, point: Array) -> Array:
         """Differences within the bounds, all columns in one threaded call."""
         step = 1e-4
         shifts = np.where(point + step <= 1, step, -step)
         rows = self.residuals(np.vstack([point, point + np.diag(shifts)]))
-        return ((rows[1:] - rows[0]) / shifts[:, None]).T
+        return np.asarray(((rows[1:] - rows[0]) / shifts[:, None]).T)
 
 
 def identify(
@@ -165,7 +181,9 @@ def identify(
     model = model_of(search, best)
     commands = np.concatenate([record.command for record in train])
     held = {"command_min": float(commands.min()), "command_max": float(commands.max())}
-    parameters = {**model.parameters, **held} if held["command_min"] < held["command_max"] else model.parameters
+    parameters = (
+        {**model.parameters, **held} if held["command_min"] < held["command_max"] else model.parameters
+    )
     model = replace(model, parameters=parameters, sample_rate_hz=round(1 / train[0].sample_time, 6))
     if progress:
         progress("judging", 1.0)
@@ -190,9 +208,15 @@ def model_of(search: Space, point: Array) -> Model:
 def _descend(problem: _Problem, start: Array, most: int, order: int) -> tuple[float, int, Array]:
     """Cost, order and end of one bounded least squares."""
     solution = least_squares(
-        lambda p: problem.residuals(p[None])[0], start, problem.jacobian, bounds=(0, 1), ftol=1e-6, xtol=1e-6,
-        gtol=1e-9, max_nfev=most,
-    )  # fmt: skip
+        lambda p: problem.residuals(p[None])[0],
+        start,
+        problem.jacobian,
+        bounds=(0, 1),
+        ftol=1e-6,
+        xtol=1e-6,
+        gtol=1e-9,
+        max_nfev=most,
+    )
     return float(solution.cost), order, solution.x
 
 

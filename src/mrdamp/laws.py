@@ -36,7 +36,9 @@ class Scales:
         command = max(float(np.abs(record.command).max()) for record in records)
         for name, value in (("force_N", force), ("displacement_m", stroke), ("displacement_m", velocity)):
             if not value > 0:
-                raise InputError(f"{records[0].label}: channel {name} is constant; nothing can be identified from it")
+                raise InputError(
+                    f"{records[0].label}: channel {name} is constant; nothing can be identified from it"
+                )
         return cls(force, velocity, stroke, command)
 
 
@@ -137,11 +139,16 @@ def _hyperbolic_tangent(s: Scales) -> tuple[list[Coordinate], Expand]:
         *([Coordinate("k1b", 5 * k / s.command, 0.0, 2000 * k / s.command)] if s.command > 0 else []),
         *_linear("c0", c, s, 0.3, 0.2),
         *_linear("c1", c, s, 0.3, 0.2),
-        Coordinate("m0", 1e-3 * f / (s.velocity**2 / s.stroke), 1e-6 * f * s.stroke / s.velocity**2,
-                   f * s.stroke / s.velocity**2, log=True),
+        Coordinate(
+            "m0",
+            1e-3 * f / (s.velocity**2 / s.stroke),
+            1e-6 * f * s.stroke / s.velocity**2,
+            f * s.stroke / s.velocity**2,
+            log=True,
+        ),
         *_linear("f0", f, s, 0.3, 0.8),
         Coordinate("v_ref", 0.1 * s.velocity, 1e-3 * s.velocity, 3 * s.velocity, log=True),
-    ]  # fmt: skip
+    ]
     zero = dict.fromkeys(("k0b", "k1b", "c0b", "c1b", "f0b"), 0.0)
     return coordinates, lambda p: {**zero, **p}
 
@@ -173,7 +180,9 @@ def space(law: str, scales: Scales, extras: Sequence[str] = (), sample_time: flo
     known = {
         "offset": [Coordinate("gas_spring_f0", 0.0, -2 * scales.force, 2 * scales.force)],
         "driver_lag": [Coordinate("driver_lag_tau", 0.005, 1e-4, 0.2, log=True)],
-        "saturation": [Coordinate("saturation_i_s", scales.command, 0.1 * scales.command, 20 * scales.command, log=True)],
+        "saturation": [
+            Coordinate("saturation_i_s", scales.command, 0.1 * scales.command, 20 * scales.command, log=True)
+        ],
         "gas_spring": [Coordinate("gas_spring_k", 0.0, -3 * stiffness, 3 * stiffness)],
         "channel_shift": [Coordinate("channel_shift_d", 0.0, -5 * sample_time, 5 * sample_time)],
     }

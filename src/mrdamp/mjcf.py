@@ -158,11 +158,18 @@ def _put_friction(root: ET.Element, storey: int, coulomb: float) -> None:
     for key, value in ({"law": "bingham"} | law | friction).items():
         ET.SubElement(instance, "config", key=key, value=value)
     ET.SubElement(
-        _find(root, "actuator"), "plugin", name=name, joint=f"storey{storey}", plugin="mrdamp.damper", instance=name
+        _find(root, "actuator"),
+        "plugin",
+        name=name,
+        joint=f"storey{storey}",
+        plugin="mrdamp.damper",
+        instance=name,
     )
 
 
-def _draw_damper(below: ET.Element, above: ET.Element, tool: dict[str | None, ET.Element], on_table: bool) -> None:
+def _draw_damper(
+    below: ET.Element, above: ET.Element, tool: dict[str | None, ET.Element], on_table: bool
+) -> None:
     """Bracket and cylinder on the floor below, rod and braces under the floor above, as in frame3."""
     lift = 0.0 if on_table else -0.04  # a slab's own frame is higher than the table's
     for body, names, dz in (
@@ -202,7 +209,12 @@ def _actuators(root: ET.Element, structure: ShearFrame) -> None:
 def _signal_sensors(root: ET.Element, signals: tuple[str, ...]) -> None:
     for signal in signals:
         item = ET.SubElement(
-            _find(root, "sensor"), "plugin", name=signal, plugin="mrdamp.force_sensor", objtype="actuator", objname="damper"
+            _find(root, "sensor"),
+            "plugin",
+            name=signal,
+            plugin="mrdamp.force_sensor",
+            objtype="actuator",
+            objname="damper",
         )
         ET.SubElement(item, "config", key="signal", value=signal)
 
@@ -228,5 +240,8 @@ def _sensors(root: ET.Element, model: Model) -> None:
         for effect in placed:
             for key, value in effect.parameters.items():
                 ET.SubElement(
-                    custom, "numeric", name=f"acceleration_{effect.place}_{effect.name}_{key}", data=repr(float(value))
+                    custom,
+                    "numeric",
+                    name=f"acceleration_{effect.place}_{effect.name}_{key}",
+                    data=repr(float(value)),
                 )

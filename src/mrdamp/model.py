@@ -131,7 +131,8 @@ class Model:
                 mass[k] += p.get("dm", 0.0)
             else:
                 for key, column in FLOOR_SENSOR_EFFECTS[effect.name].items():
-                    sensors.setdefault(column, np.zeros(s.storeys))[k] = p.get(key, sensors[column][k])
+                    values = sensors.setdefault(column, np.zeros(s.storeys))
+                    values[k] = p.get(key, values[k])
         return core.FrameInput(
             mass, stiffness, damping, s.damper_between, friction if friction.any() else None, **sensors
         )
@@ -215,7 +216,9 @@ class Model:
         rig = data.get("rig", "damper")
         structure = None
         if rig == "frame":
-            structure = ShearFrame.from_dict(body.get("structure", {}), body.get("damper_between", (0, 1)), where)
+            structure = ShearFrame.from_dict(
+                body.get("structure", {}), body.get("damper_between", (0, 1)), where
+            )
         rate = data.get("sample_rate_hz")
         known = {"name", "format", "rig", "sample_rate_hz", "model", "nominal"}
         extra = {key: value for key, value in data.items() if key not in known}
@@ -230,10 +233,14 @@ def effect_parameters(name: str, placed: bool = False) -> tuple[str, ...]:
         return tuple(STRUCTURE_EFFECTS[name])
     if placed:
         if name not in FLOOR_SENSOR_EFFECTS:
-            raise InputError(f"effect {name} has no place; with one: {', '.join((*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS))}")
+            raise InputError(
+                f"effect {name} has no place; with one: {', '.join((*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS))}"
+            )
         return tuple(FLOOR_SENSOR_EFFECTS[name])
     if name not in damper_effects():
-        raise InputError(f"effect '{name}' is unknown; allowed: {', '.join((*damper_effects(), *STRUCTURE_EFFECTS))}")
+        raise InputError(
+            f"effect '{name}' is unknown; allowed: {', '.join((*damper_effects(), *STRUCTURE_EFFECTS))}"
+        )
     return tuple(row.name[len(name) + 1 :] for row in core.attributes() if row.group == name)
 
 
@@ -276,7 +283,9 @@ def _effect(item: Any, where: str) -> Effect:
     place = item.get("place")
     if place is not None and (isinstance(place, bool) or not isinstance(place, int)):
         raise InputError(f"{where}: effect {item['name']}: place {place!r}; allowed: a whole number or null")
-    return Effect(item["name"], _numbers(item.get("parameters", {}), f"{where}: effect {item['name']}"), place)
+    return Effect(
+        item["name"], _numbers(item.get("parameters", {}), f"{where}: effect {item['name']}"), place
+    )
 
 
 def _numbers(values: Any, where: str) -> dict[str, float]:

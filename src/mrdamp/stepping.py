@@ -32,25 +32,29 @@ def _steps(dt: float, largest: float) -> int:
     return max(1, math.ceil(dt / largest - 1e-9))
 
 
-def drive_rig(model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 5e-4) -> dict[str, Array]:
+def drive_rig(
+    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 5e-4
+) -> dict[str, Array]:
     """A damper record through MuJoCo: force_N and reference_force_N (n,) at the record's sample times.
 
-    dt (s) and inputs as in `Model.simulate`; the record's motion is imposed on the machine, with cubic pieces
-    between the samples and steps no longer than `largest_step` (s).
+    dt (s) and inputs as in `Model.simulate`; the record's motion is imposed on the machine, with
+    steps no longer than `largest_step` (s).
     """
     x, u = inputs["displacement_m"], inputs["command"]
     n, inner = len(x), _steps(dt, largest_step)
     t = dt * np.arange(n)
     v = inputs.get("velocity_m_s")
     v = np.gradient(x, dt, edge_order=2) if v is None else v
-    path = CubicHermiteSpline(t, x, v)
-    fine = dt / inner * np.arange((n - 1) * inner + 1)
-    # The displacement channel may be read late or early: the rod moves as it really did.
-    moved = np.clip(fine + model.attributes.get("channel_shift_d", 0.0), 0.0, t[-1])
-    rod, rod_velocity = path(moved), path(moved, 1)
     a = inputs.get("acceleration_m_s2")
-    a = np.interp(moved, t, np.gradient(v, dt, edge_order=2) if a is None else a)
-    command = np.interp(fine, t, u)
+    a = np.gradient(v, dt, edge_order=2) if a is None else a
+    shift = model.attributes.get("channel_shift_d", 0.0)
+    if shift:  # the displacement is read late or early: the rod moves as it really did
+        path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
+        inside = moved == t + shift
+        x, v, a = path(moved), path(moved, 1) * inside, np.interp(moved, t, a) * inside
+    fine = dt / inner * np.arange((n - 1) * inner + 1)
+    rod, rod_velocity = _straight(x, v, dt, inner)
+    acceleration, command = np.interp(fine, t, a), np.interp(fine, t, u)
     m, d = _load(mjcf(model, timestep=dt / inner))
     damper = m.actuator("damper").id
     sensors = {s: m.sensor(s).adr[0] for s in ("damper_force", "true_force")}
@@ -58,12 +62,26 @@ def drive_rig(model: Model, dt: float, inputs: Mapping[str, Array], largest_step
     for k in range(len(fine)):
         d.qpos[0], d.qvel[0], d.ctrl[damper] = rod[k], rod_velocity[k], command[k]
         # The machine's acceleration is its driver's: a force of mass times acceleration.
-        d.qfrc_applied[0] = m.body_mass[1] * a[k]
+        d.qfrc_applied[0] = m.body_mass[1] * acceleration[k]
         mujoco.mj_step(m, d)
         if k % inner == 0:
             out["force_N"][k // inner] = d.sensordata[sensors["damper_force"]]
             out["reference_force_N"][k // inner] = d.sensordata[sensors["true_force"]]
     return out
+
+
+def _straight(x: Array, v: Array, dt: float, inner: int) -> tuple[Array, Array]:
+    """Displacement and velocity at the steps between samples, as the C entry takes them.
+
+    The velocity runs straight from sample to sample, shifted so that its path is that of the displacement: noise of
+    a measured displacement is then the same in both.
+    """
+    s = np.arange(inner) / inner
+    shift = np.diff(x) / dt - (v[:-1] + v[1:]) / 2
+    velocity = (v[:-1] + shift)[:, None] + np.diff(v)[:, None] * s
+    path = x[:-1, None] + dt * ((v[:-1] + shift)[:, None] * s + np.diff(v)[:, None] * s**2 / 2)
+    velocity[:, 0] = v[:-1]
+    return np.append(path, x[-1]), np.append(velocity, v[-1])
 
 
 @dataclass(frozen=True)
@@ -110,7 +128,7 @@ def run_frame(
     # The engine's Euler step is a leapfrog whose velocities stand half a step early: forces belong to its start.
     push = np.interp(step * np.arange(samples * inner), motion.time, motion.acceleration)
     run = FrameRun(
-        time=period * np.arange(samples),
+        time=period * np.arange(samples, dtype=np.float64),
         drift=np.empty((samples, storeys)),
         acceleration=np.empty((samples, storeys)),
         **{name: np.zeros(samples) for name in ("force", "stroke", "command", "current")},
@@ -136,11 +154,15 @@ def run_frame(
         if progress is not None and k % 200 == 0:
             progress(k * 100 // samples)
     if not np.isfinite(run.acceleration).all():
-        raise InputError(f"{model.name}: the simulation diverged; check the structure and the ground motion's unit")
+        raise InputError(
+            f"{model.name}: the simulation diverged; check the structure and the ground motion's unit"
+        )
     return run
 
 
-def drive_frame(model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 2.5e-4) -> dict[str, Array]:
+def drive_frame(
+    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 2.5e-4
+) -> dict[str, Array]:
     """A frame record through MuJoCo: channels as in `Model.simulate`, (n,) each, at the sample time dt (s)."""
     if model.structure is None:
         raise InputError(f"{model.name}: rig damper has no frame to run")

@@ -25,10 +25,11 @@ if TYPE_CHECKING:
 INK = "#1f2328"
 MUTED = "#5f6873"
 GRID = "#dde1e6"
-REFERENCE = "#989fa8"  # what others are compared with
+REFERENCE = "#8a919b"  # what others are compared with
 
-#: Okabe and Ito's palette, told apart with every common colour blindness; without yellow, too pale on white.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b08000")
+#: After Okabe and Ito's palette for all kinds of colour vision; yellow is left out and sky blue is darker,
+#: as both are too pale on white.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#3a97d0", "#b08000")
 DASHES: tuple[LineStyleType, ...] = (
     "-",
     (0, (5, 1.5)),

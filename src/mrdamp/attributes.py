@@ -1,0 +1,127 @@
+"""The attribute table of `mrdamp.damper`, the laws, and parameter vectors made of names."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.errors import InputError
+from mrdamp.native import ERROR_SIZE, Array, library, pointer
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """One row of the attribute table: `group` is law, dependence, command, numerics or an effect's name."""
+
+    name: str
+    group: str
+    unit: str
+    default: float | None
+    minimum: float
+    maximum: float
+    meaning: str
+
+
+@functools.cache
+def attributes() -> tuple[Attribute, ...]:
+    """Every numeric attribute of `mrdamp.damper`, in the order of the parameter vector."""
+    lib = library()
+    rows = []
+    for i in range(lib.mrdamp_attribute_count()):
+        name, group, unit, meaning = (
+            getattr(lib, f"mrdamp_attribute_{what}")(i).decode()
+            for what in ("name", "group", "unit", "meaning")
+        )
+        default, low, high = (
+            getattr(lib, f"mrdamp_attribute_{what}")(i) for what in ("default", "min", "max")
+        )
+        rows.append(
+            Attribute(name, group, unit, None if math.isnan(default) else default, low, high, meaning)
+        )
+    return tuple(rows)
+
+
+@functools.cache
+def attribute_index() -> dict[str, int]:
+    """Position of each attribute in a parameter vector."""
+    return {row.name: i for i, row in enumerate(attributes())}
+
+
+@functools.cache
+def laws() -> tuple[str, ...]:
+    """Names of the force laws."""
+    lib = library()
+    return tuple(lib.mrdamp_law_name(i).decode() for i in range(lib.mrdamp_law_count()))
+
+
+def law_number(law: str) -> int:
+    """Number of a law in the C interface; InputError lists the laws."""
+    if law not in laws():
+        raise InputError(f"law '{law}' is unknown; allowed: {', '.join(laws())}")
+    return laws().index(law)
+
+
+@functools.cache
+def law_parameters(law: str) -> tuple[str, ...]:
+    """Names of the parameters that a law needs, in the contract's order."""
+    lib, number = library(), law_number(law)
+    names = [row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 1]
+    order = _ORDER.get(law, ())
+    return tuple(sorted(names, key=order.index)) if set(order) == set(names) else tuple(names)
+
+
+@functools.cache
+def law_options(law: str) -> tuple[str, ...]:
+    """Names of the parameters that a law may take besides: dependences on the field that are no straight line."""
+    lib, number = library(), law_number(law)
+    return tuple(row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 2)
+
+
+_ORDER = {
+    "bingham": tuple("c0a c0b fya fyb v_ref".split()),
+    "bouc_wen": tuple("c0a c0b alpha_a alpha_b gamma beta A n k0 x0".split()),
+    "hyperbolic_tangent": tuple("k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref".split()),
+    "modified_bouc_wen": tuple("c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n".split()),
+}
+
+
+def defaults() -> Array:
+    """The neutral parameter vector (attributes,)."""
+    out = np.empty(len(attributes()))
+    library().mrdamp_defaults(pointer(out))
+    return out
+
+
+def vector(law: str, parameters: Mapping[str, float]) -> Array:
+    """Parameter vector (attributes,) from names; effects' attributes may stand among a law's parameters.
+
+    Raises InputError for an unknown name, a missing or surplus parameter of the law, or a value out of range.
+    """
+    number, index, out = law_number(law), attribute_index(), defaults()
+    missing = [name for name in law_parameters(law) if name not in parameters]
+    if missing:
+        raise InputError(
+            f"law {law} needs parameter '{missing[0]}'; it takes {' '.join(law_parameters(law))}"
+        )
+    allowed = set(law_parameters(law)) | set(law_options(law))
+    for name, value in parameters.items():
+        row = attributes()[index[name]] if name in index else None
+        if row is None or (row.group in ("law", "dependence") and name not in allowed):
+            raise InputError(
+                f"parameter '{name}' is none of law {law}; it takes {' '.join(law_parameters(law)) or 'weights alone'}"
+            )
+        out[index[name]] = value
+    check(number, out)
+    return out
+
+
+def check(law: int, params: Array) -> None:
+    """Checks ranges and what the law needs, as MJCF does; raises InputError."""
+    error = ctypes.create_string_buffer(ERROR_SIZE)
+    if library().mrdamp_check(law, pointer(params), error, ERROR_SIZE):
+        raise InputError(error.value.decode())

@@ -1,0 +1,83 @@
+"""The shared library's C interface (`mrdamp.h`), bound by ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+
+import numpy as np
+import numpy.typing as npt
+
+from mrdamp.library import library_path
+
+Array = npt.NDArray[np.float64]
+double_p = ctypes.POINTER(ctypes.c_double)
+
+_ABI = 1
+ERROR_SIZE = 400
+
+
+class Options(ctypes.Structure):
+    _fields_ = (("hold", ctypes.c_int), ("threads", ctypes.c_int), ("substep", ctypes.c_double))
+
+
+class Frame(ctypes.Structure):
+    _fields_ = (
+        ("storeys", ctypes.c_int),
+        ("mass", double_p),
+        ("stiffness", double_p),
+        ("damping", double_p),
+        ("friction", double_p),
+        ("damper_from", ctypes.c_int),
+        ("damper_to", ctypes.c_int),
+        ("acc_gain", double_p),
+        ("acc_offset", double_p),
+        ("acc_leakage", double_p),
+        ("acc_lag", double_p),
+    )
+
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    """The shared library of plugin and C entries, loaded once (it needs MuJoCo in the process)."""
+    import mujoco  # noqa: F401  (loads the engine that the library is linked to)
+
+    lib = ctypes.CDLL(str(library_path()))
+    if lib.mrdamp_abi() != _ABI:
+        raise ImportError(
+            f"{library_path().name} has interface {lib.mrdamp_abi()}, not {_ABI}: reinstall mrdamp"
+        )
+    c_int, c_double, c_char_p, c_void_p = ctypes.c_int, ctypes.c_double, ctypes.c_char_p, ctypes.c_void_p
+    for name in ("name", "group", "unit", "meaning"):
+        getattr(lib, f"mrdamp_attribute_{name}").restype = c_char_p
+    for name in ("default", "min", "max"):
+        getattr(lib, f"mrdamp_attribute_{name}").restype = c_double
+    lib.mrdamp_law_name.restype = c_char_p
+    lib.mrdamp_narx_parse.restype = c_void_p
+    lib.mrdamp_narx_parse.argtypes = (c_char_p, c_char_p, c_int)
+    lib.mrdamp_narx_free.argtypes = (c_void_p,)
+    lib.mrdamp_narx_free.restype = None
+    lib.mrdamp_narx_sample_time.argtypes = (c_void_p,)
+    lib.mrdamp_narx_sample_time.restype = c_double
+    lib.mrdamp_narx_inputs.argtypes = (c_void_p,)
+    lib.mrdamp_narx_forward.argtypes = (c_void_p, double_p)
+    lib.mrdamp_narx_forward.restype = c_double
+    lib.mrdamp_defaults.argtypes = (double_p,)
+    lib.mrdamp_defaults.restype = None
+    lib.mrdamp_check.argtypes = (c_int, double_p, c_char_p, c_int)
+    lib.mrdamp_run.argtypes = (
+        (c_int, c_void_p, c_int, double_p, c_double, c_int)
+        + (double_p,) * 4
+        + (ctypes.POINTER(Options), c_int, ctypes.POINTER(c_int), double_p, c_char_p, c_int)
+    )
+    lib.mrdamp_run_frame.argtypes = (
+        (c_int, c_void_p, c_int, double_p, ctypes.POINTER(Frame), c_double, c_int)
+        + (double_p,) * 2
+        + (ctypes.POINTER(Options), double_p, c_char_p, c_int)
+    )
+    return lib
+
+
+def pointer(array: Array) -> object:
+    """Pointer to the doubles of a contiguous array."""
+    return array.ctypes.data_as(double_p)

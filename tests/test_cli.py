@@ -1,0 +1,165 @@
+"""The commands: what they write, and how they fail."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamp import cli, demo
+from mrdamp.model import Model
+from mrdamp.records import embedded, read_record
+from mrdamp.stepping import drive_rig
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    path = tmp_path / "record.csv"
+    embedded()["sine_1.0Hz_2.5mm_random_current"].part(0.0, 2.0).save(path)
+    return path
+
+
+@pytest.fixture
+def model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    path = tmp_path / "model.json"
+    assert cli.main(["sets", "spencer1997_3kN"]) == 0
+    path.write_text(capsys.readouterr().out)
+    return path
+
+
+def line(capsys: pytest.CaptureFixture[str]) -> str:
+    """What an error wrote: one line."""
+    text = capsys.readouterr().err
+    assert text.startswith("mrdamp: ")
+    assert text.count("\n") == 1
+    return text
+
+
+def test_predict_writes_the_simulated_channels(record: Path, model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "pred.csv"
+    assert cli.main(["predict", str(model), str(record), "-o", str(out)]) == 0
+    written = np.genfromtxt(out, delimiter=",", names=True)
+    assert written.dtype.names == ("time_s", "force_N", "reference_force_N")
+    read = read_record(record)
+    inputs = {name: read.channel(name) for name in ("displacement_m", "command")}
+    stepped = drive_rig(Model.read(model), read.sample_time, inputs)["force_N"]
+    error = np.sqrt(np.mean((written["force_N"] - stepped) ** 2) / np.mean(stepped**2))
+    assert error < 0.005
+
+
+def test_predict_does_not_look_at_the_outputs(record: Path, model: Path, tmp_path: Path) -> None:
+    outs = []
+    read = read_record(record)
+    for k, factor in enumerate((1.0, -3.0)):
+        changed = tmp_path / f"changed{k}.csv"
+        read.with_channels({**read.channels, "force_N": factor * read.channel("force_N")}).save(changed)
+        outs.append(tmp_path / f"pred{k}.csv")
+        assert cli.main(["predict", str(model), str(changed), "-o", str(outs[-1])]) == 0
+    assert outs[0].read_text() == outs[1].read_text()
+
+
+def test_mjcf_writes_a_model_that_loads(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import mujoco
+
+    assert cli.main(["mjcf", str(model), "-o", str(tmp_path / "rig")]) == 0
+    scene = capsys.readouterr().out.strip()
+    loaded = mujoco.MjModel.from_xml_path(scene)
+    assert loaded.actuator("damper").id == 0
+    assert cli.main(["mjcf", "vrths_2022", "-o", str(tmp_path / "other")]) == 0
+
+
+def test_identify_writes_a_model(record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "fit.json"
+    assert cli.main(["identify", str(record), "--law", "bingham", "--starts", "1", "-o", str(out)]) == 0
+    assert "held-out records" in capsys.readouterr().out
+    assert Model.read(out).law == "bingham"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "empty"),
+        ("time_s,displacement_m\n0,0\n1,0\n2,0\n", "command"),
+        ("time_s,displacement_m,command\n0,0,0\n0.1,nan,0\n0.2,0,0\n", "displacement_m"),
+        ("time_s,displacement_m,command\n0,0,0\n0.1,0,0\n0.5,0,0\n0.6,0,0\n", "time_s"),
+        ("time_s,displacement_m,command\n0,0,0\n0.1,0,0\n", "2 samples"),
+        ("time_s,displacement_mm,command\n0,0,0\n0.1,0,0\n0.2,0,0\n", "displacement_m"),
+    ],
+)
+def test_a_bad_record_is_one_line_and_leaves_nothing(
+    content: str, said: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad, out = tmp_path / "bad.csv", tmp_path / "pred.csv"
+    bad.write_text(content)
+    assert cli.main(["predict", str(model), str(bad), "-o", str(out)]) == 2
+    text = line(capsys)
+    assert "bad.csv" in text
+    assert said in text
+    assert not out.exists()
+
+
+def test_a_truncated_gz_is_one_line(
+    record: Path, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packed = tmp_path / "packed.csv.gz"
+    read_record(record).save(packed)
+    packed.write_bytes(packed.read_bytes()[:200])
+    assert cli.main(["predict", str(model), str(packed), "-o", str(tmp_path / "p.csv")]) == 2
+    assert "packed.csv.gz" in line(capsys)
+
+
+def test_a_model_that_is_none_is_one_line(
+    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["predict", str(tmp_path), str(record), "-o", str(tmp_path / "p.csv")]) == 2
+    assert "case.json" in line(capsys)
+    assert cli.main(["sets", "ghost"]) == 2
+    assert "spencer1997_3kN" in line(capsys)
+    assert cli.main(["view", str(tmp_path / "ghost.xml")]) == 2
+    assert "ghost.xml" in line(capsys)
+
+
+def test_every_command_has_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("demo", "identify", "predict", "mjcf", "view", "sets", "plugin-path"):
+        with pytest.raises(SystemExit) as stop:
+            cli.main([name, "--help"])
+        assert stop.value.code == 0
+        assert f"example: mrdamp {name}" in capsys.readouterr().out
+
+
+def test_plugin_path_names_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["plugin-path"]) == 0
+    assert Path(capsys.readouterr().out.strip()).is_file()
+
+
+def test_the_demo_runs_and_goes_on_where_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records = embedded()
+    for half in ("train", "validation"):
+        (tmp_path / "set" / half).mkdir(parents=True)
+    for r in records.train[1:4]:
+        r.part(0.0, 2.0).save(tmp_path / "set" / "train" / f"{r.name}.csv")
+    for r in records.validation[:2]:
+        r.part(0.0, 2.0).save(tmp_path / "set" / "validation" / f"{r.name}.csv")
+    arguments = ["demo", "--data", str(tmp_path / "set"), "--law", "bouc_wen", "-o", str(tmp_path / "out")]
+    assert cli.main(arguments) == 0
+    said = capsys.readouterr().out
+    for controller in ("no damper", "passive-off", "passive-on", "clipped-optimal"):
+        assert controller in said
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert page.count("<figure") >= 6
+    kept = json.loads((tmp_path / "out" / "fit.json").read_text())
+    assert len(kept["held_out"]) == 2
+
+    def fail(*_: object, **__: object) -> None:
+        raise AssertionError("the fit that is there must be taken")
+
+    monkeypatch.setattr(demo, "identify", fail)
+    assert cli.main(arguments) == 0
+    assert capsys.readouterr().out.splitlines()[:2] == said.splitlines()[:2]
+    assert Model.read(tmp_path / "out" / "frame" / "model.json").rig == "frame"

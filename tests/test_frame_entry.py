@@ -1,0 +1,158 @@
+"""The frame's C entry against an independent integration of the same equations by SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from mrdamp import core
+from mrdamp.core import Array, FrameInput
+from mrdamp.errors import InputError
+
+BOUC_WEN = {
+    "c0a": 300.0, "c0b": 150.0, "alpha_a": 60.0, "alpha_b": 250.0, "gamma": 900.0, "beta": 600.0, "A": 1500.0,
+    "n": 2.0, "k0": 800.0, "x0": 0.0,
+}  # fmt: skip
+DT = 0.002
+TIME = np.arange(0, 1.6, DT)
+
+
+def motion(t: Array | float) -> Array:
+    parts = ((1.1, 3.1, 0.3), (0.9, 5.6, 1.9), (0.5, 11.3, 4.0))
+    return np.asarray(sum(a * np.sin(2 * np.pi * f * np.asarray(t) + p) for a, f, p in parts))
+
+
+def command(t: Array | float) -> Array:
+    return np.asarray(1.0 + 0.8 * np.sin(2 * np.pi * 1.3 * np.asarray(t)))
+
+
+def reference(frame: FrameInput, tau: float, friction: float = 0.0, storey: int = 0) -> dict[str, Array]:
+    """States x, v, z, i; dry friction of one storey as a steep tanh."""
+    n = len(frame.mass)
+    chain = np.eye(n) - np.eye(n, k=-1)  # drift = chain @ x
+    k, c = chain.T @ np.diag(frame.stiffness) @ chain, chain.T @ np.diag(frame.damping) @ chain
+    assert frame.damper_between is not None
+    along = np.zeros(n + 1)
+    along[frame.damper_between[1]], along[frame.damper_between[0]] = 1.0, -1.0
+    along = along[1:]
+    p = BOUC_WEN
+
+    def law(x: Array, v: Array, z: float, i: float) -> tuple[float, float]:
+        stroke, rate = float(along @ x), float(along @ v)
+        force = (p["c0a"] + p["c0b"] * i) * rate + (p["alpha_a"] + p["alpha_b"] * i) * z + p["k0"] * stroke
+        slope = p["A"] * rate - p["gamma"] * abs(rate) * z * abs(z) - p["beta"] * rate * z * z
+        return force, slope
+
+    def acceleration(x: Array, v: Array, force: float) -> Array:
+        dry = np.zeros(n)
+        dry[storey] = friction * np.tanh((chain @ v)[storey] / 2e-4)
+        return np.asarray((-k @ x - c @ v - along * force - chain.T @ dry) / frame.mass)
+
+    def rhs(t: float, s: Array) -> Array:
+        x, v, z, i = s[:n], s[n : 2 * n], float(s[-2]), float(s[-1])
+        force, slope = law(x, v, z, i)
+        push = acceleration(x, v, force) - float(np.interp(t, TIME, motion(TIME)))
+        return np.concatenate([v, push, [slope, (float(np.interp(t, TIME, command(TIME))) - i) / tau]])
+
+    start = np.zeros(2 * n + 2)
+    start[-1] = command(0.0)
+    s = solve_ivp(
+        rhs, (0, TIME[-1]), start, t_eval=TIME, method="LSODA", rtol=1e-8, atol=1e-10, max_step=DT
+    ).y
+    forces = np.array([law(s[:n, j], s[n : 2 * n, j], s[-2, j], s[-1, j])[0] for j in range(len(TIME))])
+    out = {f"displacement_{j + 1}": s[j] for j in range(n)} | {"force": forces, "current": s[-1]}
+    absolute = [acceleration(s[:n, j], s[n : 2 * n, j], forces[j]) for j in range(len(TIME))]
+    return out | {f"acceleration_{j + 1}": np.array(absolute)[:, j] for j in range(n)}
+
+
+def off(a: Array, b: Array) -> float:
+    return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)))
+
+
+def frame_of(n: int, between: tuple[int, int], friction: Array | None = None) -> FrameInput:
+    rng = np.random.default_rng(n)
+    mass = rng.uniform(60, 120, n)
+    return FrameInput(mass, rng.uniform(1e5, 3e5, n), rng.uniform(40, 150, n), between, friction)
+
+
+@pytest.mark.parametrize(("n", "between"), [(1, (0, 1)), (3, (0, 1)), (3, (1, 3)), (3, (2, 1)), (6, (2, 3))])
+def test_frame_agrees_with_scipy(n: int, between: tuple[int, int]) -> None:
+    frame, tau = frame_of(n, between), 0.015
+    want = reference(frame, tau)
+    got = core.run_frame(
+        "bouc_wen", BOUC_WEN | {"driver_lag_tau": tau}, frame, DT, motion(TIME), command(TIME)
+    )
+    for name, values in want.items():
+        assert off(got[name], values) < 2e-3, name
+
+
+def test_dry_friction_in_a_storey_agrees_with_scipy() -> None:
+    friction = np.array([0.0, 60.0, 0.0])
+    frame = frame_of(3, (0, 1), friction)
+    want = reference(frame, 0.015, 60.0, 1)
+    got = core.run_frame(
+        "bouc_wen", BOUC_WEN | {"driver_lag_tau": 0.015}, frame, DT, motion(TIME), command(TIME)
+    )
+    for name in ("displacement_1", "displacement_2", "displacement_3"):
+        assert off(got[name], want[name]) < 0.02, name  # the steep tanh is not quite dry
+    # It matters: the same frame without it is far off.
+    plain = core.run_frame(
+        "bouc_wen", BOUC_WEN | {"driver_lag_tau": 0.015}, frame_of(3, (0, 1)), DT, motion(TIME), command(TIME)
+    )
+    assert off(plain["displacement_2"], want["displacement_2"]) > 0.1
+
+
+def test_floor_sensors_read_through_gain_offset_and_lag() -> None:
+    plain = frame_of(2, (0, 1))
+    sensed = FrameInput(
+        plain.mass, plain.stiffness, plain.damping, (0, 1),
+        acc_gain=np.array([1.0, 1.25]), acc_offset=np.array([0.3, 0.0]), acc_lag=np.array([0.0, 0.01]),
+    )  # fmt: skip
+    a = core.run_frame("bouc_wen", BOUC_WEN, plain, DT, motion(TIME), 1.0)
+    b = core.run_frame("bouc_wen", BOUC_WEN, sensed, DT, motion(TIME), 1.0)
+    np.testing.assert_allclose(b["acceleration_1"], a["acceleration_1"] + 0.3, rtol=1e-12)
+    true = 1.25 * a["acceleration_2"]
+
+    def rhs(t: float, y: Array) -> Array:
+        return np.asarray((np.interp(t, TIME, true) - y) / 0.01)
+
+    want = solve_ivp(rhs, (0, TIME[-1]), [true[0]], t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-9).y[0]
+    assert off(b["acceleration_2"], want) < 1e-4
+    np.testing.assert_array_equal(a["displacement_2"], b["displacement_2"])
+
+
+def test_without_a_damper_the_frame_is_linear() -> None:
+    plain = frame_of(3, (0, 1))
+    bare = FrameInput(plain.mass, plain.stiffness, plain.damping, None)
+    a = core.run_frame("bouc_wen", BOUC_WEN, bare, DT, motion(TIME))
+    b = core.run_frame("bouc_wen", BOUC_WEN, bare, DT, 2 * motion(TIME))
+    np.testing.assert_allclose(b["displacement_3"], 2 * a["displacement_3"], rtol=1e-9, atol=1e-12)
+    assert not a["force"].any()
+
+
+def test_many_frames_are_the_same_on_any_number_of_threads() -> None:
+    frames = [frame_of(3, (0, 1)), frame_of(2, (1, 2)), frame_of(4, (0, 2))]
+    vectors = np.array([core.vector("bouc_wen", BOUC_WEN | {"alpha_b": b}) for b in (100.0, 250.0, 400.0)])
+    runs = [
+        core.run_frame_many("bouc_wen", vectors, frames, DT, motion(TIME), command(TIME), threads=t)
+        for t in (1, 3)
+    ]
+    for one, three in zip(*runs, strict=True):
+        for name in one:
+            np.testing.assert_array_equal(one[name], three[name])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"mass": np.array([1.0, -1.0])}, "mass_kg of storey 2"),
+        ({"stiffness": np.array([0.0, 1.0])}, "stiffness_n_m of storey 1"),
+        ({"damper_between": (1, 1)}, "damper_between"),
+        ({"damper_between": (0, 3)}, "damper_between"),
+    ],
+)
+def test_a_bad_frame_is_told(change: dict[str, object], said: str) -> None:
+    parts: dict[str, object] = {"mass": np.ones(2), "stiffness": np.ones(2), "damping": np.ones(2)}
+    with pytest.raises(InputError, match=said):
+        core.run_frame("bouc_wen", BOUC_WEN, FrameInput(**(parts | change)), DT, motion(TIME))  # type: ignore[arg-type]

@@ -1,0 +1,124 @@
+"""Models and their files: what is written is read again, what is wrong is told in a line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamp import sets
+from mrdamp.errors import InputError
+from mrdamp.model import Effect, Model, damper_effects, effect_parameters, effects_from
+from mrdamp.structures import dyke1996
+
+BINGHAM = {"c0a": 500.0, "c0b": 100.0, "fya": 50.0, "fyb": 200.0, "v_ref": 0.005}
+
+
+def frame_model(effects: tuple[Effect, ...] = ()) -> Model:
+    return Model("bingham", BINGHAM, effects, "frame", dyke1996())
+
+
+def test_effects_are_those_of_the_contract() -> None:
+    assert damper_effects() == (
+        "driver_lag", "command_delay", "saturation", "remanence", "heating", "asymmetry", "shear_thinning",
+        "trapped_gas", "gas_spring", "seal_friction", "moving_mass", "mount_compliance", "backlash",
+        "sensor_gain", "sensor_offset", "sensor_leakage", "sensor_lag", "channel_shift",
+    )  # fmt: skip
+    assert effect_parameters("joint_friction") == ("coulomb",)
+    assert effect_parameters("sensor_gain", placed=True) == ("g",)
+
+
+def test_a_model_file_is_read_as_it_was_written(tmp_path: Path) -> None:
+    effects = (
+        Effect("driver_lag", {"tau": 0.01}),
+        Effect("storey_stiffness", {"e": -0.2}, 2),
+        Effect("sensor_gain", {"g": 1.1}, 3),
+    )
+    model = frame_model(effects)
+    model.write(tmp_path / "corrected.json")
+    read = Model.read(tmp_path / "corrected.json")
+    assert read.to_dict() == {**model.to_dict(), "name": read.name}
+    assert read.attributes == {**BINGHAM, "driver_lag_tau": 0.01}
+
+
+def test_structure_effects_change_the_frame_where_they_are_placed() -> None:
+    plain = dyke1996()
+    effects = (
+        Effect("storey_stiffness", {"e": -0.25}, 2),
+        Effect("storey_damping", {"e": 1.0}, 1),
+        Effect("joint_friction", {"coulomb": 30.0}, 3),
+        Effect("floor_mass", {"dm": 12.0}, 1),
+        Effect("sensor_gain", {"g": 0.9}, 2),
+        Effect("sensor_offset", {"f": 0.05}, 3),
+    )
+    frame = frame_model(effects).frame
+    np.testing.assert_allclose(frame.stiffness, plain.stiffness * [1, 0.75, 1])
+    np.testing.assert_allclose(frame.damping, plain.damping * [2, 1, 1])
+    np.testing.assert_allclose(frame.mass, plain.mass + np.array([12, 0, 0]))
+    assert frame.friction is not None
+    np.testing.assert_allclose(frame.friction, [0, 0, 30])
+    assert frame.acc_gain is not None
+    np.testing.assert_allclose(frame.acc_gain, [1, 0.9, 1])
+    assert frame.acc_offset is not None
+    np.testing.assert_allclose(frame.acc_offset, [0, 0, 0.05])
+
+
+def test_every_shipped_set_makes_a_model() -> None:
+    for name in sets.names():
+        found = sets.load(name)
+        model = Model(found.law, dict(found.parameters), effects_from(found.attributes()))
+        assert model.attributes == found.attributes()
+
+
+def case(**change: object) -> dict[str, object]:
+    nominal = {"law": "bingham", "parameters": BINGHAM}
+    return {"name": "x", "format": 1, "rig": "damper", "nominal": nominal} | change
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "empty"),
+        ("{", "no JSON"),
+        ("[]", "'nominal'"),
+        (json.dumps(case(format=2)), "format 2"),
+        (json.dumps(case(rig="bridge")), "damper, frame"),
+        (json.dumps(case(rig="frame")), "structure has no mass_kg"),
+        (json.dumps(case(nominal={"law": "maxwell", "parameters": {}})), "modified_bouc_wen"),
+        (json.dumps(case(nominal={"law": "bingham", "parameters": {"c0a": 1.0}})), "c0b"),
+        (json.dumps(case(nominal={"law": "bingham", "parameters": {**BINGHAM, "k1": 1.0}})), "'k1'"),
+        (json.dumps(case(nominal={"law": "bingham", "parameters": {**BINGHAM, "v_ref": -1.0}})), "outside"),
+        (
+            json.dumps(case(nominal={"law": "bingham", "parameters": {**BINGHAM, "c0a": "x"}})),
+            "finite number",
+        ),
+        (json.dumps(case(nominal={"law": "narx", "parameters": {}})), "weights"),
+    ],
+)
+def test_a_bad_file_is_told_in_a_line_with_its_name(tmp_path: Path, content: str, said: str) -> None:
+    path = tmp_path / "case.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=r"case\.json") as caught:
+        Model.read(path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [
+        (Effect("ghost", {}), "driver_lag"),
+        (Effect("driver_lag", {"lag": 1.0}), "tau"),
+        (Effect("driver_lag", {"tau": float("nan")}), "finite"),
+        (Effect("driver_lag", {"tau": -1.0}), "driver_lag_tau"),
+        (Effect("storey_stiffness", {"e": 0.1}), "place None"),
+        (Effect("storey_stiffness", {"e": 0.1}, 4), "1 to 3"),
+        (Effect("driver_lag", {"tau": 0.1}, 1), "no place"),
+    ],
+)
+def test_a_bad_effect_is_told(effect: Effect, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        frame_model((effect,))
+    assert said in str(caught.value)

@@ -1,0 +1,147 @@
+"""The written MJCF, stepped by MuJoCo, gives what the C entry predicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from mrdamp import sets, stepping
+from mrdamp.control import clipped_optimal, passive_on
+from mrdamp.core import Array
+from mrdamp.mjcf import mjcf, write_mjcf
+from mrdamp.model import Effect, Model
+from mrdamp.motions import embedded_motion
+from mrdamp.records import embedded
+from mrdamp.structures import ShearFrame, dyke1996
+
+LIMIT = 0.005  # of the RMS
+
+SPENCER = {k: v for k, v in sets.load("dyke1996_3kN").parameters.items() if not k.startswith("command")}
+TANH = {
+    "k0a": 500.0, "k0b": 0.0, "k1a": 2e5, "k1b": 1e5, "c0a": 800.0, "c0b": 300.0, "c1a": 500.0, "c1b": 100.0,
+    "m0": 0.5, "f0a": 60.0, "f0b": 500.0, "v_ref": 0.004,
+}  # fmt: skip
+LAWS = {"modified_bouc_wen": SPENCER, "hyperbolic_tangent": TANH}
+
+EFFECTS = {
+    "none": (),
+    "driver, friction, mass": (
+        Effect("driver_lag", {"tau": 0.01, "tau2": 0.003}),
+        Effect("seal_friction", {"coulomb": 40.0, "breakaway": 1.5}),
+        Effect("moving_mass", {"m": 3.0}),
+    ),
+    "delay, mount, gap, leak": (
+        Effect("command_delay", {"d": 0.012}),
+        Effect("mount_compliance", {"k": 2e6}),
+        Effect("backlash", {"gap": 4e-4}),
+        Effect("sensor_leakage", {"tau": 0.5}),
+    ),
+    "heat, gas, remanence, lag": (
+        Effect("heating", {"kappa": 0.02, "kappa_yield": 0.01, "capacity": 50.0, "loss": 1.0}),
+        Effect("trapped_gas", {"d": 0.4}),
+        Effect("remanence", {"b": 0.1, "d": 0.2}),
+        Effect("sensor_lag", {"tau": 0.004}),
+    ),
+    "shift, saturation, gain": (
+        Effect("channel_shift", {"d": 0.003}),
+        Effect("saturation", {"i_s": 1.0, "shape": 1.0}),
+        Effect("sensor_gain", {"g": 1.2}),
+        Effect("sensor_offset", {"f": 30.0}),
+        Effect("gas_spring", {"k": 3000.0, "k2": 5.0, "f0": 50.0}),
+    ),
+}
+
+
+def off(a: Array, b: Array) -> float:
+    return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)))
+
+
+@pytest.mark.parametrize("effects", EFFECTS)
+@pytest.mark.parametrize("law", LAWS)
+def test_the_rig_agrees_with_the_c_entry(law: str, effects: str) -> None:
+    record = embedded()["random_random_current_2"].part(0.0, 4.0)
+    inputs = {name: record.channel(name) for name in ("displacement_m", "command")}
+    model = Model(law, LAWS[law], EFFECTS[effects])
+    predicted = model.simulate(record.sample_time, inputs)
+    stepped = stepping.drive_rig(model, record.sample_time, inputs)
+    for name, values in predicted.items():
+        assert off(stepped[name], values) < LIMIT, name
+
+
+FRAME_EFFECTS = {
+    "none": (),
+    "structure": (
+        Effect("storey_stiffness", {"e": -0.2}, 2),
+        Effect("joint_friction", {"coulomb": 80.0}, 2),
+        Effect("floor_mass", {"dm": 15.0}, 3),
+        Effect("storey_damping", {"e": 2.0}, 1),
+    ),
+    "driver and sensors": (
+        Effect("driver_lag", {"tau": 0.01}),
+        Effect("sensor_gain", {"g": 1.3}, 3),
+        Effect("sensor_lag", {"tau": 0.005}, 1),
+        Effect("sensor_leakage", {"tau": 0.5}, 2),
+        Effect("sensor_offset", {"f": 0.1}, 2),
+        Effect("channel_shift", {"d": 0.002}),
+    ),
+}
+
+
+def smooth_inputs() -> dict[str, Array]:
+    t = 0.002 * np.arange(2000)
+    ground = sum(
+        a * np.sin(2 * np.pi * f * t + p) for a, f, p in ((1.5, 2.3, 0), (1.2, 5.2, 1), (0.5, 12, 2))
+    )
+    return {"ground_acceleration_m_s2": np.asarray(ground), "command": 1 + 0.9 * np.sin(2 * np.pi * 1.7 * t)}
+
+
+@pytest.mark.parametrize("effects", FRAME_EFFECTS)
+@pytest.mark.parametrize("between", [(0, 1), (1, 2), (0, 3), (2, 1)])
+def test_the_frame_agrees_with_the_c_entry(between: tuple[int, int], effects: str) -> None:
+    frame = replace(dyke1996(), damper_between=between)
+    model = Model("modified_bouc_wen", SPENCER, FRAME_EFFECTS[effects], "frame", frame)
+    inputs = smooth_inputs()
+    predicted = model.simulate(0.002, inputs)
+    stepped = stepping.drive_frame(model, 0.002, inputs)
+    for name, values in predicted.items():
+        assert off(stepped[name], values) < LIMIT, name
+
+
+@pytest.mark.parametrize("storeys", [1, 2, 7])
+def test_frames_of_any_height(storeys: int, tmp_path: Path) -> None:
+    frame = ShearFrame(np.full(storeys, 90.0), np.full(storeys, 4e5), np.full(storeys, 80.0))
+    model = Model("modified_bouc_wen", SPENCER, (), "frame", frame)
+    inputs = smooth_inputs()
+    predicted = model.simulate(0.002, inputs)
+    stepped = stepping.drive_frame(model, 0.002, inputs)
+    for name, values in predicted.items():
+        assert off(stepped[name], values) < LIMIT, name
+    scene = mujoco.MjModel.from_xml_path(str(write_mjcf(model, tmp_path)))
+    assert scene.nv == storeys + 1
+    assert Model.read(tmp_path / "model.json").structure == frame
+
+
+def test_without_damper_there_is_none() -> None:
+    model = Model(
+        "modified_bouc_wen", SPENCER, (Effect("joint_friction", {"coulomb": 5.0}, 1),), "frame", dyke1996()
+    )
+    bare = mujoco.MjModel.from_xml_string(mjcf(model, damper=False))
+    assert [bare.actuator(k).name for k in range(bare.nu)] == ["ground", "friction_1"]
+
+
+def test_a_controlled_run_is_repeatable_and_helps() -> None:
+    model = Model("modified_bouc_wen", SPENCER, (), "frame", dyke1996())
+    motion = embedded_motion().compressed(5.0)
+    bare = stepping.run_frame(model, motion, None)
+    controller = clipped_optimal(dyke1996(), 2.25)
+    first = stepping.run_frame(model, motion, controller)
+    again = stepping.run_frame(model, motion, controller)
+    np.testing.assert_array_equal(first.acceleration, again.acceleration)
+    assert np.abs(first.drift).max() < 0.6 * np.abs(bare.drift).max()
+    assert set(np.unique(first.command)) == {0.0, 2.25}
+    on = stepping.run_frame(model, motion, passive_on(2.25))
+    assert np.abs(on.force).max() > np.abs(first.force).max() * 0.8
