@@ -175,6 +175,7 @@ double mrdamp_damper_step(mrdamp_damper* m, double dt, double x, double v, doubl
   } else if (dt > 0) {
     if (s.line) s.line->Push(s.c.time, m->d.Clamp(u), m->d.p.command_delay_d);
     Advance(m->d, &s, {m->x, m->v, x, v, dt}, u, u);
+    Settle(m->d, &s, x, v, u);
     a = (v - m->v) / dt;
     m->seen = Observe(m->d, s, x, v, a, u);
     m->sensor.Step(m->reading, m->seen.force, dt);

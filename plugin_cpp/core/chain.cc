@@ -223,17 +223,36 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
   }
 }
 
+namespace {
+
+// The chain's state with the command u: one without lag or delay acts at once.
+ChainState Commanded(const Damper& d, const State& s, double u) {
+  const Params& p = d.p;
+  ChainState c = s.c;
+  if (p.driver_lag_tau > 0 || p.driver_lag_tau2 > 0) return c;
+  double now = d.Clamp(u);
+  if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
+  if (p.remanence_b > 0 && now != c.coil) c.branch = Branch(p, c.branch, c.coil, now);
+  c.coil = now;
+  return c;
+}
+
+}  // namespace
+
+void Settle(const Damper& d, State* s, double x, double v, double u) {
+  if (d.law != Law::kNarx) return;
+  if (HasMount(d.p)) {
+    x = s->c.piston;
+    v = s->c.piston_velocity;
+  }
+  if (std::fabs(s->c.time - s->past->count * d.net->sample_time) > 1e-9 * d.net->sample_time) return;
+  Narx::Amend(*d.net, s->past, x, v, FieldNow(d, Commanded(d, *s, u)));
+}
+
 Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u) {
   const Params& p = d.p;
   Observation o{};
-  ChainState c = s.c;
-  // A command without lag or delay acts at once.
-  if (!(p.driver_lag_tau > 0) && !(p.driver_lag_tau2 > 0)) {
-    double now = d.Clamp(u);
-    if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
-    if (p.remanence_b > 0 && now != c.coil) c.branch = Branch(p, c.branch, c.coil, now);
-    c.coil = now;
-  }
+  const ChainState c = Commanded(d, s, u);
   o.current = c.coil;
   o.field = FieldNow(d, c);
   o.temperature = c.heat;

@@ -64,6 +64,10 @@ void Start(const Damper& d, State* s, double x, double v, double u);
 // Steps the chain over the motion while the command runs from u0 to u1 (u1 == u0: held).
 void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1);
 
+// To be called where a step ends at a sample, with the motion and the command there: a network's own sample that
+// falls on this instant takes them in place of what the step ran with.
+void Settle(const Damper& d, State* s, double x, double v, double u);
+
 // The force at the state s, at rod displacement x, velocity v and acceleration a, command u now.
 Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u);
 

@@ -1,5 +1,6 @@
 #include "core/config.h"
 
+#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -51,10 +52,18 @@ bool FindWeights(const std::string& name, std::string* text) {
 }  // namespace
 
 bool ParseNumber(const char* text, double* value, std::string* error) {
-  char* end = nullptr;
-  *value = std::strtod(text, &end);
-  while (end && (*end == ' ' || *end == '\t' || *end == '\n' || *end == '\r')) end++;
-  if (end == text || *end) {
+  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; };
+  const char *begin = text, *last = text + std::strlen(text);
+  while (begin != last && blank(*begin)) begin++;
+  while (begin != last && blank(last[-1])) last--;
+  if (begin != last && *begin == '+') begin++;
+  // Not strtod: it reads numbers as the host program's locale writes them.
+  const std::from_chars_result read = std::from_chars(begin, last, *value);
+  if (read.ec == std::errc::result_out_of_range) {
+    *error = Quote(text) + " is out of the range of numbers";
+    return false;
+  }
+  if (begin == last || read.ec != std::errc() || read.ptr != last) {
     *error = Quote(text) + " is not a number";
     return false;
   }
@@ -118,7 +127,10 @@ bool ParseDamper(const Lookup& config, const Lookup& text, Damper* damper, std::
       return false;
     }
     *net = ParseNarx(content, error);
-    if (!*net) return false;
+    if (!*net) {
+      *error = "attribute 'weights' = " + Quote(weights) + ": " + *error;
+      return false;
+    }
     damper->net = net->get();
   } else if (given) {
     *error = "attribute 'weights' = " + Quote(weights) + " is for law narx alone; the law here is " + law_name;

@@ -258,6 +258,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
         const double x1 = Structure::Along(next, 0, e), v1 = Structure::Along(next, n, e);
         if (e.input == 1) {
           Advance(d, &state.s, {x0, v0, x1, v1, h}, u0, u1);
+          Settle(d, &state.s, x1, v1, step + 1 == inner ? u[k] : u1);
           acceleration_along = (v1 - v0) / h;
           e.force = e.next;
         } else {

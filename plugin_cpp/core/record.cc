@@ -77,6 +77,7 @@ void RunRecord(const Damper& d, const RecordView& record, int ncol, const int* c
       if (s.line) s.line->Push((d.hold ? i - 1 : i) * r.dt, d.Clamp(now), d.p.command_delay_d);
       Advance(d, &s, {r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt}, before, now);
       if (s.line && d.hold) s.line->Push(i * r.dt, d.Clamp(r.u[i]), d.p.command_delay_d);
+      Settle(d, &s, r.x[i], r.v[i], r.u[i]);
     }
     const Observation o = Observe(d, s, r.x[i], r.v[i], r.a[i], r.u[i]);
     if (i == 0) sensor.Start(reading, o.force);

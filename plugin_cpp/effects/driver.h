@@ -31,7 +31,7 @@ struct DelayLine {
       value[h] = u;
       return;
     }
-    if (n < 2 || t - time[before] >= spacing) {
+    if (n < 2 || time[h] - time[before] >= spacing) {
       h = n == 0 ? 0 : (h + 1) % kCapacity;
       if (n < kCapacity) count = n + 1;
       head = h;

@@ -7,13 +7,13 @@
 namespace mrdamp {
 
 struct Bingham {
+  // The sign function is a tanh too steep to tell: at rest a step needs a force that goes with a velocity.
+  static constexpr double kSharpest = 1e-6;  // m/s
+
   static LawForce Force(const Params& p, const Coefficients& k, double v) {
-    double turn = v > 0 ? 1 : (v < 0 ? -1 : 0), slope = k.c0;
-    if (p.v_ref > 0) {
-      turn = std::tanh(v / p.v_ref);
-      slope += k.yield * (1 - turn * turn) / p.v_ref;
-    }
-    return {k.c0 * v + k.yield * turn, 0, slope};
+    const double width = p.v_ref > kSharpest ? p.v_ref : kSharpest;
+    const double turn = std::tanh(v / width);
+    return {k.c0 * v + k.yield * turn, 0, k.c0 + k.yield * (1 - turn * turn) / width};
   }
 };
 

@@ -21,8 +21,6 @@ inline double Square(double u, double A, double B, double s, double* left) {
   }
   const double c = std::sqrt(std::fabs(A / B));  // |u| at rest (B > 0)
   if (B > 0) {
-    // A field that falls may leave z beyond the new rest on the far side, from where the law runs away.
-    if (u < -c) u = -c * (1 - 1e-12);
     const double t = std::tanh(rate * s);
     const double next = c * (u + c * t) / (c + u * t);
     if (u >= 0 || next <= 0) return next;
@@ -79,6 +77,11 @@ inline double Hysteresis(double z, double dx, double A, double beta, double gamm
   if (dx == 0) return z;
   const double sign = dx > 0 ? 1 : -1;
   double s = std::fabs(dx), u = z * sign, left = 0;
+  if (u < 0 && beta > gamma) {
+    // A field that falls may leave z beyond the rest on the far side, from where the law would run away.
+    const double far = std::pow(A / (beta - gamma), 1 / n) * (1 - 1e-9);
+    if (u < -far) u = -far;
+  }
   if (n == 2) {
     if (u < 0) {
       u = Square(u, A, beta - gamma, s, &left);

@@ -1,6 +1,7 @@
 #include "laws/narx.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -54,9 +55,9 @@ class Reader {
   bool Number(const char* what, double lo, double hi, double* value, std::string* error) {
     std::string word;
     if (!(in_ >> word)) return Fail(error, std::string("ends inside `") + what + "`");
-    char* end = nullptr;
-    *value = std::strtod(word.c_str(), &end);
-    if (end == word.c_str() || *end || !std::isfinite(*value)) {
+    const char* last = word.data() + word.size();
+    const std::from_chars_result read = std::from_chars(word.data(), last, *value);
+    if (read.ec != std::errc() || read.ptr != last || !std::isfinite(*value)) {
       return Fail(error, std::string("`") + what + "`: `" + word.substr(0, 40) + "` is not a finite number");
     }
     if (*value < lo || *value > hi) {
@@ -121,7 +122,7 @@ class Reader {
 std::unique_ptr<NarxNet> ParseNarx(const std::string& text, std::string* error) {
   Reader r(text);
   auto net = std::make_unique<NarxNet>();
-  const double big = 1e300;
+  const double big = 1e30;  // sums of products of three such numbers stay finite
   int version, inputs, hidden;
   if (!r.Word("mrdamp-narx", error) || !r.Count("mrdamp-narx", 1, 1, &version, error)) return nullptr;
   if (!r.Word("sample_time", error) || !r.Number("sample_time", 1e-6, 1, &net->sample_time, error)) return nullptr;
@@ -164,11 +165,15 @@ void Narx::Push(const NarxNet& net, NarxHistory* past, double x, double v, doubl
   for (auto& channel : past->value) {
     std::memmove(channel + 1, channel, sizeof(double) * (NarxHistory::kLength - 1));
   }
+  past->count += 1;
+  Amend(net, past, x, v, i);
+}
+
+void Narx::Amend(const NarxNet& net, NarxHistory* past, double x, double v, double i) {
   past->value[NarxNet::kX][0] = x;
   past->value[NarxNet::kV][0] = v;
   past->value[NarxNet::kI][0] = i;
   past->value[NarxNet::kF][0] = Force(net, *past, 0, x, v, i);
-  past->count += 1;
 }
 
 double Narx::Force(const NarxNet& net, const NarxHistory& past, double part, double x, double v, double i) {

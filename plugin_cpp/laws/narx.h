@@ -50,6 +50,8 @@ struct Narx {
   static void Start(const NarxNet& net, NarxHistory* past, double x, double v, double i);
   // Takes in one grid sample.
   static void Push(const NarxNet& net, NarxHistory* past, double x, double v, double i);
+  // Puts other values in place of the newest sample's.
+  static void Amend(const NarxNet& net, NarxHistory* past, double x, double v, double i);
   // Force `part` of a sample time after the newest grid sample, 0 <= part < 1: the network as if now were a
   // sample, over lags interpolated between the grid's. At part = 0 it is the grid's own force.
   static double Force(const NarxNet& net, const NarxHistory& past, double part, double x, double v, double i);

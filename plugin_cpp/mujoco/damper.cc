@@ -7,8 +7,6 @@
 #include <type_traits>
 
 #include "core/config.h"
-#include "core/solve.h"
-#include "core/weight.h"
 #include "effects/mount.h"
 
 namespace mrdamp {
@@ -55,13 +53,6 @@ template <class Store>
 void Load(Store* to, const double* from) {
   static_assert(std::is_trivially_copyable_v<Store> && sizeof(Store) % sizeof(double) == 0);
   std::memcpy(static_cast<void*>(to), from, sizeof(Store));
-}
-
-double Dot(const mjData* d, int output, const double* x) {
-  double sum = 0;
-  const int begin = d->moment_rowadr[output], count = d->moment_rownnz[output];
-  for (int k = begin; k < begin + count; k++) sum += d->actuator_moment[k] * x[d->moment_colind[k]];
-  return sum;
 }
 
 }  // namespace
@@ -124,6 +115,15 @@ std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int insta
              " outputs; allowed: a slide or hinge joint, a tendon or a site with one direction";
     return nullptr;
   }
+  const int transmission = m->actuator_trntype[a], target = m->actuator_trnid[2 * a];
+  const bool joint = transmission == mjTRN_JOINT || transmission == mjTRN_JOINTINPARENT;
+  if (joint ? m->jnt_type[target] != mjJNT_SLIDE && m->jnt_type[target] != mjJNT_HINGE
+            : transmission != mjTRN_TENDON && transmission != mjTRN_SITE && transmission != mjTRN_SLIDERCRANK) {
+    *error = who + ": this transmission has no length; allowed: a slide or hinge joint, a tendon, a site or a slider-crank";
+    return nullptr;
+  }
+  // The engine gives no length along a site's own axes: it is the path of the velocity then.
+  made->integrate_ = transmission == mjTRN_SITE && m->actuator_trnid[2 * a + 1] < 0;
   made->output_ = m->actuator_outadr[a];
   std::string why;
   if (!made->Parse(m, &why)) {
@@ -136,7 +136,6 @@ std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int insta
   for (int i = 0; i < m->nactuator; i++) {
     if (m->actuator_plugin[i] < 0 || !IsDamper(m, m->actuator_plugin[i])) made->others_.push_back(i);
   }
-  made->inverse_.resize(m->nv);
   if (HasLine(m, instance)) made->now_.line = &made->line_;
   if (HasPast(m, instance)) {
     made->now_.past = &made->past_;
@@ -179,6 +178,7 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   }
   if (!std::isfinite(u_)) u_ = 0;
   time_ = d->time;
+  if (integrate_) x_ = s[0] == 0 ? 0 : s[2] + std::max(0.0, d->time - s[1]) * v_;
   if (s[0] == 0) {
     Start(damper_, &now_, x_, v_, u_);
   } else {
@@ -195,12 +195,12 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
     if (dt > 0) {
       mrdamp::Advance(damper_, &now_, {s[2], s[3], x_, v_, dt}, s[4], s[4]);
       if (now_.line) now_.line->Push(now_.c.time, damper_.Clamp(u_), damper_.p.command_delay_d);
+      Settle(damper_, &now_, x_, v_, u_);
     }
   }
   seen_ = Observe(damper_, now_, x_, v_, 0, u_);
 }
 
-// Force without the moving mass when a part of the step has gone by and the velocity is v.
 double DamperInstance::Trial(double v, double h) {
   const State* s = &now_;
   double x = x_;
@@ -215,115 +215,53 @@ double DamperInstance::Trial(double v, double h) {
   return mount_ ? o.force : o.damper;
 }
 
-// Mean force over the step with v1 = free - h w F, F = (1 - weight) F0 + weight F(v1) + m (v1 - v0) / h.
-//
-// The engine's Euler step is a leapfrog: velocities stand half a step before positions, so the force that it
-// takes belongs to the position at the start of the step and the mean of both velocities. Where the damper is
-// soft against the mass (q = h w dF/dv small) F(v1) is therefore the present state's force at v1; the stiffer it
-// is, the more of the step the state is taken through before, and the more F(v1) counts (core/weight.h).
-double DamperInstance::SolveStep(double free_velocity, double mobility, double h) {
-  const double start = mount_ ? seen_.force : seen_.damper;
-  const double mass = mount_ ? 0 : damper_.p.moving_mass_m;
-  if (!(mobility > 0)) return start;
-  const double q = h * mobility;
-  // With a moving mass the force without it acts on the heavier body.
-  const double heavier = 1 / (1 + mobility * mass);
-  const double free = v_ + (free_velocity - v_) * heavier, qm = q * heavier;
-  // The slope over all that the step may bring: from no force to the present force.
-  const double va = free, fa = Trial(va, h), vb = free - qm * fa;
-  double slope = std::max(seen_.slope, 0.0);
-  if (std::fabs(vb - va) > 1e-12 * (std::fabs(va) + std::fabs(vb)) + 1e-15) {
-    slope = std::max((Trial(vb, h) - fa) / (vb - va), slope);
-  }
-  const double weight = EndWeight(qm * slope);
-  const double part = weight > 0.501 ? (2 * weight - 1) * h : 0;
-  // In units of force; increasing in v wherever the law is.
-  const auto residual = [&](double v) { return (v - free) / qm + (1 - weight) * start + weight * Trial(v, part); };
-  const double guess = free - qm * ((1 - weight) * start + weight * fa) / (1 + weight * qm * slope);
-  const double tolerance = 1e-6 * (std::fabs(start) + std::fabs(fa)) + 1e-9;
-  const double v1 = SolveIncreasing(residual, guess, 1 / qm + weight * slope, tolerance);
-  return (free_velocity - v1) / q;
+bool DamperInstance::Acts(const mjModel* m) const {
+  const int group = m->actuator_group[actuator_];
+  const bool off = group >= 0 && group < 31 && (m->opt.disableactuator & (1 << group));
+  return !off && !(m->opt.disableflags & mjDSBL_ACTUATION);
 }
 
 void DamperInstance::Compute(const mjModel* m, mjData* d) {
   const double h = m->opt.timestep;
-  const int n = static_cast<int>(peers_.size());
+  bool mass = false;
+  acting_.clear();
   for (int i : peers_) {
     DamperInstance* p = Data(d, i);
     p->Refresh(m);
     p->CatchUp(m, d);
-    const int group = m->actuator_group[p->actuator_];
-    p->force_ = group >= 0 && group < 31 && (m->opt.disableactuator & (1 << group)) ? 0 : p->seen_.force;
+    p->force_ = 0;
+    if (!p->Acts(m)) continue;
+    acting_.push_back(p);
+    p->force_ = p->seen_.force;
+    mass |= !p->mount_ && p->damper_.p.moving_mass_m > 0;
   }
-  if (m->opt.integrator != mjINT_RK4) {
-    bool damping = false;
-    for (int k = 0; k < m->nv && !damping; k++) damping = m->dof_damping[k] > 0;
-    bool applied = false;
-    for (int k = 6; k < 6 * m->nbody && !applied; k++) applied = d->xfrc_applied[k] != 0;
-    std::vector<double>& push = push_;
-    push.resize(m->nv);
-    for (int k = 0; k < m->nv; k++) push[k] = d->qfrc_passive[k] + d->qfrc_applied[k] - d->qfrc_bias[k];
-    for (int b = 1; applied && b < m->nbody; b++) {
-      const mjtNum* f = d->xfrc_applied + 6 * b;
-      mj_applyFT(m, d, f, f + 3, d->xipos + 3 * b, b, push.data());
+  const std::size_t n = acting_.size();
+  const bool explicit_step = m->opt.integrator == mjINT_RK4;
+  if (n > 0 && (!explicit_step || mass)) {
+    mobility_.Update(m, d, others_);
+    step_.resize(n);
+    weight_.resize(n * n);
+    forces_.resize(n);
+    for (std::size_t k = 0; k < n; k++) {
+      DamperInstance* p = acting_[k];
+      const double free = p->v_ + h * mobility_.Row(m, d, p->output_, h, &p->inverse_);
+      const double moving = p->mount_ ? 0 : p->damper_.p.moving_mass_m;
+      step_[k] = {p->v_, free, p->mount_ ? p->seen_.force : p->seen_.damper, p->seen_.slope, moving,
+                  [p](double v, double part) { return p->Trial(v, part); }};
     }
-    // Actuators that are no damper have their force already.
-    for (int a : others_) {
-      for (int o = m->actuator_outadr[a]; o < m->actuator_outadr[a] + m->actuator_outnum[a]; o++) {
-        const double force = d->actuator_force[o];
-        if (force == 0) continue;
-        const int begin = d->moment_rowadr[o];
-        for (int k = begin; k < begin + d->moment_rownnz[o]; k++) push[d->moment_colind[k]] += d->actuator_moment[k] * force;
+    for (std::size_t k = 0; k < n; k++) {
+      for (std::size_t j = 0; j < n; j++) weight_[k * n + j] = Dot(d, acting_[j]->output_, acting_[k]->inverse_.data());
+    }
+    if (!explicit_step) {
+      SolveStep(h, step_, weight_, &forces_);
+    } else {
+      // Runge-Kutta's stages take the present force; of it the moving mass alone needs the acceleration.
+      for (std::size_t k = 0; k < n; k++) {
+        const double a = (step_[k].free - step_[k].velocity) / h - weight_[k * n + k] * step_[k].force;
+        forces_[k] = step_[k].force + step_[k].mass * a / (1 + weight_[k * n + k] * step_[k].mass);
       }
     }
-    for (int i : peers_) {
-      DamperInstance* p = Data(d, i);
-      std::vector<double>& x = p->inverse_;
-      std::vector<double>& row = row_;
-      row.assign(m->nv, 0.0);
-      const int begin = d->moment_rowadr[p->output_];
-      for (int k = begin; k < begin + d->moment_rownnz[p->output_]; k++) row[d->moment_colind[k]] = d->actuator_moment[k];
-      mj_solveM(m, d, x.data(), row.data(), 1);
-      // Euler and the implicit integrators treat joint damping implicitly: (M + h D) instead of M, by one
-      // correction where h D is small; where it is not, the larger mobility only damps less.
-      if (damping) {
-        double size = 0, change = 0;
-        for (int k = 0; k < m->nv; k++) {
-          const double y = h * m->dof_damping[k] * x[k];
-          size += row[k] * x[k];
-          change += y * x[k];
-          row[k] = y;
-        }
-        if (change < 0.3 * size) {
-          std::vector<double>& y = solve_;
-          y.resize(m->nv);
-          mj_solveM(m, d, y.data(), row.data(), 1);
-          for (int k = 0; k < m->nv; k++) x[k] -= y[k];
-        }
-      }
-      double free = p->v_;
-      for (int k = 0; k < m->nv; k++) free += h * x[k] * push[k];
-      p->free_ = free;
-    }
-    // Dampers that act on each other: Gauss-Seidel over their forces.
-    for (int sweep = 0; sweep < (n > 1 ? 60 : 1); sweep++) {
-      double moved = 0, size = 0;
-      for (int i : peers_) {
-        DamperInstance* p = Data(d, i);
-        const int group = m->actuator_group[p->actuator_];
-        if (group >= 0 && group < 31 && (m->opt.disableactuator & (1 << group))) continue;
-        double free = p->free_;
-        for (int j : peers_) {
-          const DamperInstance* o = Data(d, j);
-          if (j != i) free -= h * Dot(d, o->output_, p->inverse_.data()) * o->force_;
-        }
-        const double force = p->SolveStep(free, Dot(d, p->output_, p->inverse_.data()), h);
-        moved = std::max(moved, std::fabs(force - p->force_));
-        size = std::max(size, std::fabs(force));
-        p->force_ = force;
-      }
-      if (!(moved > 1e-7 * size)) break;
-    }
+    for (std::size_t k = 0; k < n; k++) acting_[k]->force_ = forces_[k];
   }
   for (int i : peers_) {
     const DamperInstance* p = Data(d, i);

@@ -10,6 +10,8 @@
 
 #include "core/chain.h"
 #include "core/record.h"
+#include "mujoco/mobility.h"
+#include "mujoco/step.h"
 
 namespace mrdamp {
 
@@ -32,6 +34,8 @@ class DamperInstance {
   double length() const { return x_; }
   double velocity() const { return v_; }
   int actuator() const { return actuator_; }
+  // Not switched off by the actuation flag or its group.
+  bool Acts(const mjModel* m) const;
   // Reads the attributes again where their bytes have changed since.
   void Refresh(const mjModel* m);
 
@@ -40,11 +44,11 @@ class DamperInstance {
   bool Parse(const mjModel* m, std::string* error);
   // Brings the chain from its stored state to the motion in d.
   void CatchUp(const mjModel* m, const mjData* d);
+  // Force without the moving mass after `h` of the step has gone by at the velocity v; 0: the present state.
   double Trial(double v, double h);
-  double SolveStep(double free_velocity, double mobility, double h);
 
   int instance_ = 0, actuator_ = 0, output_ = 0;
-  bool mount_ = false;
+  bool mount_ = false, integrate_ = false;
   Damper damper_;
   std::unique_ptr<NarxNet> net_;
   std::vector<char> attributes_;
@@ -57,9 +61,14 @@ class DamperInstance {
   NarxHistory past_, trial_past_;
   DelayLine line_;
   Observation seen_{};
-  double force_ = 0, weight_ = 0.5, free_ = 0;
+  double force_ = 0;
   std::vector<double> inverse_;  // M^-1 J', nv
-  std::vector<double> push_, row_, solve_;  // nv each, room to work in
+
+  // Of the first damper, which solves for all.
+  Mobility mobility_;
+  std::vector<DamperInstance*> acting_;
+  std::vector<StepDamper> step_;
+  std::vector<double> weight_, forces_;
 };
 
 // The damper that an actuator is, or null.

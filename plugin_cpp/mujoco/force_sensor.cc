@@ -92,7 +92,7 @@ bool ForceSensorInstance::Parse(const mjModel* m, std::string* error) {
   range_ = values[2];
   noise_ = values[3];
   if (values[4] != std::floor(values[4])) {
-    *error = "attribute 'seed' is not a whole number";
+    *error = "attribute 'seed' = '" + std::string(AttributeOf(m, instance_, "seed")) + "' is not a whole number";
     return false;
   }
   seed_ = static_cast<std::uint64_t>(values[4]);
@@ -175,7 +175,7 @@ void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
   for (int k = begin; k < begin + d->moment_rownnz[output]; k++) {
     acceleration += d->actuator_moment[k] * d->qacc[d->moment_colind[k]];
   }
-  const double force = damper->Force(acceleration);
+  const double force = damper->Acts(m) ? damper->Force(acceleration) : 0;
   const SensorParams reading = Reading(damper->damper().p);
   Stored s;
   std::memcpy(static_cast<void*>(&s), d->plugin_state + m->plugin_stateadr[instance_], sizeof s);
@@ -196,8 +196,8 @@ void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
     case kCharge:
       value = s.sensor.Read(reading);
       if (noise_ > 0) value += noise_ * Noise(s.count);
-      if (range_ > 0) value = std::clamp(value, -range_, range_);
       if (resolution_ > 0) value = resolution_ * std::nearbyint(value / resolution_);
+      if (range_ > 0) value = std::clamp(value, -range_, range_);
       if (signal_ == kCharge) value *= sensitivity_;  // Eq. (3): F = Q / k
       break;
     case kTrueForce: value = force; break;

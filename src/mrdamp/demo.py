@@ -26,7 +26,7 @@ from mrdamp.stepping import FrameRun, run_frame
 from mrdamp.structures import dyke1996
 
 #: Effects fitted along with the law: what records of a real damper nearly always need.
-EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
+EXTRAS = ("offset", "driver_lag", "saturation")
 #: The frame is a small-scale one: the ground motion is run at five times its speed (Dyke et al. 1996).
 TIME_COMPRESSION = 5.0
 UNCONTROLLED = "no damper"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -13,16 +13,21 @@ from scipy.stats import qmc
 from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.laws import Scales, Space, space
+from mrdamp.laws import Scales, Space, dependence_for, space
 from mrdamp.model import Model, effects_from
+from mrdamp.record_checks import check_channels, check_clipping, check_size
 from mrdamp.records import Record
 
 Progress = Callable[[str, float], None]
 
 #: Samples that the starts are compared on, and that the last fit is made on; where a set is longer, each record
-#: gives its beginning.
-_SEARCH_SAMPLES = 12_000
-_FIT_SAMPLES = 40_000
+#: gives its liveliest part.
+_SEARCH_SAMPLES = 6_000
+_FIT_SAMPLES = 24_000
+#: Steps of one local fit, in the search and in the last fit.
+_SEARCH_STEPS, _FIT_STEPS = 20, 30
+#: The second best end of the search goes on too where its cost is within this factor of the best one's.
+_CLOSE = 1.15
 #: s, the chain's inner step while fitting; the figures that are reported use the finer default.
 _FIT_SUBSTEP = 1e-3
 
@@ -45,6 +50,9 @@ class Fit:
     held_out: tuple[RecordError, ...]
     starts: int
     evaluations: int
+    #: The search that found it and the point it found, for intervals; not kept in files.
+    space: Space | None = field(default=None, compare=False, repr=False)
+    point: tuple[float, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def train_nrmse(self) -> float:
@@ -74,7 +82,7 @@ def simulate(model: Model, record: Record) -> Array:
         model.attributes,
         record.sample_time,
         record.displacement,
-        _velocity(record),
+        record.velocity(),
         record.channels.get("acceleration_m_s2"),
         record.command,
         narx=model.narx,
@@ -86,28 +94,34 @@ def simulate(model: Model, record: Record) -> Array:
 def error(model: Model, record: Record) -> RecordError:
     """Free-run error on a record; the first 20 ms, where the unknown start state fades, do not count."""
     measured = record.channel("force_N")
-    skip = min(record.n // 4, int(0.02 / record.sample_time))
+    skip = _skipped(record)
     residual = (simulate(model, record) - measured)[skip:]
     rmse = float(np.sqrt(np.mean(residual**2)))
     return RecordError(record.name, rmse, rmse / float(np.std(measured[skip:])))
 
 
-class _Problem:
-    """Residuals of all records for many points at once; each record weighs by its share of the force's variance."""
+class Problem:
+    """Residuals of all records for many points at once; every record weighs the same, as in `pooled`."""
 
     def __init__(self, search: Space, records: Sequence[Record], threads: int) -> None:
         self.space, self.threads, self.evaluations = search, threads, 0
-        self.records = [(r, _velocity(r), r.channel("force_N")) for r in records]
-        # One weight for all: a record with a small force must not pull the others with its noise.
-        total = sum(len(f) * float(np.var(f)) for _, _, f in self.records)
-        self.scale = 1 / np.sqrt(total)
+        self.records = [(r, r.velocity(), r.channel("force_N")) for r in records]
+        # One scale for all: a record with a small force must not pull the others with its noise.
+        total = sum(float(np.var(f)) for _, _, f in self.records)
+        self.weights = [1 / np.sqrt(total * (len(f) - _skipped(r))) for r, _, f in self.records]
+
+    @property
+    def slices(self) -> list[slice]:
+        """Where each record's residuals stand."""
+        ends = np.cumsum([0, *(len(f) - _skipped(r) for r, _, f in self.records)])
+        return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
     def residuals(self, points: Array) -> Array:
         """(points, samples) for points (points, coordinates) of the unit cube."""
         vectors = np.array([core.vector(self.space.law, self.space.attributes(p)) for p in points])
         self.evaluations += len(points)
         parts = []
-        for record, velocity, force in self.records:
+        for (record, velocity, force), weight in zip(self.records, self.weights, strict=True):
             out = core.run_many(
                 self.space.law,
                 vectors,
@@ -119,11 +133,11 @@ class _Problem:
                 threads=self.threads,
                 substep=_FIT_SUBSTEP,
             )
-            parts.append(out[:, 0, :] - force)
-        return np.asarray(np.concatenate(parts, axis=1) * self.scale)
+            parts.append(weight * (out[:, 0, :] - force)[:, _skipped(record) :])
+        return np.asarray(np.concatenate(parts, axis=1))
 
     def jacobian(self, point: Array) -> Array:
-        """Differences within the bounds, all columns in one threaded call."""
+        """Differences within the bounds (samples, coordinates), all columns in one threaded call."""
         step = 1e-4
         shifts = np.where(point + step <= 1, step, -step)
         rows = self.residuals(np.vstack([point, point + np.diag(shifts)]))
@@ -136,6 +150,8 @@ def identify(
     held_out: Sequence[Record] = (),
     *,
     extras: Sequence[str] = ("offset",),
+    dependence: str | None = None,
+    start: Mapping[str, float] | None = None,
     starts: int = 4,
     seed: int = 0,
     threads: int | None = None,
@@ -143,40 +159,49 @@ def identify(
 ) -> Fit:
     """Fits a parametric law to the train records and judges it on the others, in free run.
 
-    extras: effects fitted along (see `mrdamp.laws.EXTRAS`). starts: local fits, from the best of a Latin hypercube
-    and from the law's own start. The same seed gives the same answer for any number of threads. Raises InputError.
+    extras: effects fitted along (see `mrdamp.laws.EXTRAS`). dependence: how coefficients follow the command (see
+    `mrdamp.laws.DEPENDENCES`); None is a straight line where the command varies. start: attributes to begin from
+    in place of the law's own start. starts: local fits, from the best of a Latin hypercube and from the start.
+    The same seed gives the same answer for any number of threads. Raises InputError.
     """
-    for record in (*train, *held_out):
-        if record.force is None:
-            raise InputError(f"{record.label}: no channel force_N; a fit needs it")
+    if not train:
+        raise InputError("there is no record to fit to")
+    check_channels(train)
+    check_channels(held_out)
+    check_clipping(train)
     scales = Scales.of(train)
+    dependence = dependence_for(dependence, scales, train[0].label)
     if all(np.ptp(record.command) < 1e-3 * scales.command for record in train):
         extras = [extra for extra in extras if extra != "driver_lag"]  # nothing would show it
-    search = space(law, scales, extras, max(record.sample_time for record in train))
+    search = space(law, scales, extras, max(record.sample_time for record in train), dependence)
+    check_size(train, len(search.coordinates))
     threads = threads or os.cpu_count() or 1
-    problem = _Problem(search, _shorten(train, _SEARCH_SAMPLES), threads)
+    problem = Problem(search, shorten(train, _SEARCH_SAMPLES), threads)
     n = len(search.coordinates)
+    first = search.start if start is None else search.point(start)
     sampler = qmc.LatinHypercube(n, rng=np.random.default_rng(seed))
-    # Half of the trial points are around the law's own start, half anywhere.
+    # Half of the trial points are around the first one, half anywhere.
     trials = sampler.random(24 * starts)
-    near = np.clip(search.start + 0.3 * (trials[::2] - 0.5), 0, 1)
-    points = np.vstack([search.start, near, trials[1::2]])
+    near = np.clip(first + 0.3 * (trials[::2] - 0.5), 0, 1)
+    points = np.vstack([first, near, trials[1::2]])
     if progress:
         progress("trying starts", 0.0)
     cost = np.concatenate([np.sum(problem.residuals(p) ** 2, axis=1) for p in np.array_split(points, 6)])
-    chosen = [0, *(k for k in np.argsort(cost) if k != 0)][:starts]
+    chosen = [0, *(k for k in np.argsort(cost, kind="stable") if k != 0)][:starts]
     found: list[tuple[float, int, Array]] = []
     for count, k in enumerate(chosen):
         if progress:
             progress(f"start {count + 1} of {starts}", 0.1 + 0.6 * count / starts)
-        found.append(_descend(problem, np.clip(points[k], 1e-6, 1 - 1e-6), 40, count))
-    # The two best go on with all the data, as a short beginning may favour the wrong one.
-    full = _Problem(search, _shorten(train, _FIT_SAMPLES), threads)
+        found.append(descend(problem, points[k], _SEARCH_STEPS, count))
+    # A second one that is close goes on with more data too, as a short part may favour the wrong one.
+    found.sort(key=lambda item: item[:2])
+    last = [item for item in found[:2] if item[0] <= _CLOSE * found[0][0]]
+    full = Problem(search, shorten(train, _FIT_SAMPLES), threads)
     final = []
-    for count, (_, order, point) in enumerate(sorted(found, key=lambda item: item[:2])[:2]):
+    for count, (_, order, point) in enumerate(last):
         if progress:
-            progress(f"final fit {count + 1} of 2", 0.7 + 0.15 * count)
-        final.append(_descend(full, np.clip(point, 1e-6, 1 - 1e-6), 40, order))
+            progress(f"final fit {count + 1} of {len(last)}", 0.7 + 0.15 * count)
+        final.append(descend(full, point, _FIT_STEPS, order))
     best = min(final, key=lambda item: item[:2])[2]
     model = model_of(search, best)
     commands = np.concatenate([record.command for record in train])
@@ -193,7 +218,40 @@ def identify(
         tuple(error(model, record) for record in held_out),
         starts,
         problem.evaluations + full.evaluations,
+        search,
+        tuple(float(p) for p in best),
     )
+
+
+def compare_dependences(
+    law: str,
+    train: Sequence[Record],
+    held_out: Sequence[Record],
+    dependences: Sequence[str] = ("linear", "quadratic", "saturating"),
+    *,
+    extras: Sequence[str] = ("offset",),
+    starts: int = 4,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Fit]:
+    """One fit of a law for each dependence on the command that the records can show, by name.
+
+    Which one is right is judged by `held_out_nrmse`, on records that nothing was fitted to. Raises InputError.
+    """
+    fits: dict[str, Fit] = {}
+    levels = Scales.of(train).levels
+    shown = [d for d in dependences if levels > 2 or (d in ("constant", "linear") and levels > 1)]
+    for count, dependence in enumerate(shown or ["constant"]):
+        if progress:
+            progress(dependence, count / max(len(shown), 1))
+        # Each begins where the one before ended: a straight line is a curve without a bend.
+        before = list(fits.values())[-1].model.attributes if fits else None
+        fits[dependence] = identify(
+            law, train, held_out, extras=extras, dependence=dependence, start=before, starts=starts, seed=seed,
+            threads=threads,
+        )  # fmt: skip
+    return fits
 
 
 def model_of(search: Space, point: Array) -> Model:
@@ -205,11 +263,11 @@ def model_of(search: Space, point: Array) -> Model:
     return Model(search.law, parameters, effects_from(attributes), name=f"{search.law} fit")
 
 
-def _descend(problem: _Problem, start: Array, most: int, order: int) -> tuple[float, int, Array]:
-    """Cost, order and end of one bounded least squares."""
+def descend(problem: Problem, start: Array, most: int, order: int = 0) -> tuple[float, int, Array]:
+    """Cost, order and end of one bounded least squares from a point of the unit cube."""
     solution = least_squares(
         lambda p: problem.residuals(p[None])[0],
-        start,
+        np.clip(start, 1e-6, 1 - 1e-6),
         problem.jacobian,
         bounds=(0, 1),
         ftol=1e-6,
@@ -220,14 +278,31 @@ def _descend(problem: _Problem, start: Array, most: int, order: int) -> tuple[fl
     return float(solution.cost), order, solution.x
 
 
-def _velocity(record: Record) -> Array:
-    return record.velocity()
-
-
-def _shorten(records: Sequence[Record], most: int) -> list[Record]:
-    """The records, or their beginnings where they are too long together."""
+def shorten(records: Sequence[Record], most: int) -> list[Record]:
+    """The records, or of each its liveliest part where they are too long together; no record under 200 samples."""
     total = sum(record.n for record in records)
     if total <= most:
         return list(records)
-    share = most / total
-    return [r.part(r.time[0], r.time[0] + max(share * r.duration, 100 * r.sample_time)) for r in records]
+    out = []
+    for record in records:
+        keep = max(most / total * record.duration, 200 * record.sample_time)
+        velocity = record.velocity()
+        part = _window(record, velocity, keep)
+        out.append(record.part(record.time[part.start], record.time[part.stop - 1]))
+    return out
+
+
+def _window(record: Record, velocity: Array, duration: float) -> slice:
+    """So many seconds of a record where the command and the motion vary most."""
+    count = min(record.n, max(3, round(duration / record.sample_time)))
+    if count >= record.n:
+        return slice(0, record.n)
+    energy = np.concatenate([[0.0], np.cumsum(velocity**2)])
+    inside = energy[count:] - energy[:-count]
+    begin = int(np.argmax(inside >= 0.98 * inside.max()))
+    return slice(begin, begin + count)
+
+
+def _skipped(record: Record) -> int:
+    """Samples of the first 20 ms, where the unknown start state fades."""
+    return min(record.n // 4, int(0.02 / record.sample_time))

@@ -1,14 +1,15 @@
 """Search spaces of the force laws: the free coordinates of a fit, their ranges, and the parameters they stand for.
 
-A fit moves coordinates that are scaled by the records (force, velocity, stroke, command), positive ones as
-logarithms, and without the redundancy of the Bouc-Wen laws: z is scaled to end at 1, so A = beta + gamma is the
-reciprocal of the yield displacement and alpha is a force.
+A fit moves coordinates that are scaled by the records (force, velocity, stroke, command), wide ones as logarithms,
+and without the redundancy of the Bouc-Wen laws: z is scaled to end at 1, so A = beta + gamma is the reciprocal of
+the yield displacement and alpha is a force. A coefficient that follows the command is searched by its values at
+two or three commands that the records hold, so that it stays positive there whatever sign its slope has.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,15 +18,32 @@ from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.records import Record
 
+#: How a coefficient may follow the command u: p_a; p_a + p_b u; p_a + p_b u + p_c u^2; p_a + p_e (1 - exp(-p_r u)).
+#: The rate p_r is one for all coefficients: it is the field that saturates.
+DEPENDENCES = ("constant", "linear", "quadratic", "saturating")
+
+#: Effects that a plain identification may fit along with the law: sensor or preload offset, driver lag, saturation.
+EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
+
+#: Share of the largest command by which commands must differ to count as two.
+_SAME_COMMAND = 0.02
+#: Share of the largest command below which negative commands are taken for noise about zero.
+_SIGNED = 0.3
+
 
 @dataclass(frozen=True)
 class Scales:
-    """What the records span: RMS force (N), velocity (m/s) and stroke amplitude (m), largest command."""
+    """What the records span: RMS force (N), velocity (m/s) and stroke amplitude (m), largest command.
+
+    low: the smallest command; levels: how many different commands there are (counted up to 3).
+    """
 
     force: float
     velocity: float
     stroke: float
     command: float
+    low: float = 0.0
+    levels: int = 3
 
     @classmethod
     def of(cls, records: Sequence[Record]) -> Scales:
@@ -39,7 +57,49 @@ class Scales:
                 raise InputError(
                     f"{records[0].label}: channel {name} is constant; nothing can be identified from it"
                 )
-        return cls(force, velocity, stroke, command)
+        low = min(float(record.command.min()) for record in records)
+        if low < 0 and -low < _SIGNED * command:
+            low = 0.0  # noise and undershoot about zero: no command of its own
+        return cls(force, velocity, stroke, command, low, levels(records))
+
+    def knots(self, dependence: str) -> tuple[float, ...]:
+        """Commands at which a coefficient's values are the coordinates."""
+        high = max(self.command, self.low)
+        if dependence == "constant" or not high > self.low:
+            return (0.0,)
+        return (
+            (self.low, high) if dependence != "quadratic" else (self.low, 0.5 * (self.low + high), high)
+        )
+
+
+def levels(records: Sequence[Record]) -> int:
+    """Number of clearly different commands in the records, counted up to 3."""
+    values = np.unique(np.concatenate([np.unique(record.command) for record in records]))
+    limit, count, last = _SAME_COMMAND * max(float(np.abs(values).max()), 1e-12), 1, float(values[0])
+    for value in values:
+        if value - last > limit:
+            count, last = count + 1, float(value)
+    return min(count, 3)
+
+
+def dependence_for(asked: str | None, scales: Scales, where: str = "the records") -> str:
+    """The dependence that a fit uses: as asked, or linear where the command varies and constant where it does not.
+
+    Raises InputError for an unknown name, and for one that so few different commands cannot show.
+    """
+    if asked is None:
+        return "linear" if scales.levels > 1 else "constant"
+    if asked not in DEPENDENCES:
+        raise InputError(f"dependence '{asked}' is unknown; allowed: {', '.join(DEPENDENCES)}")
+    need = {"constant": 1, "linear": 2, "quadratic": 3, "saturating": 3}[asked]
+    if scales.levels < need:
+        what = (
+            "the command never varies"
+            if scales.levels == 1
+            else f"there are {scales.levels} different commands"
+        )
+        raise InputError(f"{where}: {what}; a {asked} dependence on the command needs {need} different ones")
+    return asked
 
 
 @dataclass(frozen=True)
@@ -53,7 +113,8 @@ class Coordinate:
     log: bool = False
 
     def pack(self, value: float) -> float:
-        """To the unit interval."""
+        """To the unit interval; a value outside the bounds goes to the nearer one."""
+        value = min(max(value, self.low), self.high)
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
@@ -65,7 +126,58 @@ class Coordinate:
         return self.low + share * (self.high - self.low)
 
 
-Expand = Callable[[Mapping[str, float]], dict[str, float]]
+@dataclass(frozen=True)
+class Map:
+    """A coefficient that follows the command: attribute stem, start at the smallest and largest command, bounds."""
+
+    stem: str
+    zero: float
+    full: float
+    low: float
+    high: float
+    log: bool = False
+
+    def coordinates(self, knots: Sequence[float]) -> list[Coordinate]:
+        """Its values at the knots."""
+        starts = np.linspace(self.zero, self.full, len(knots)) if len(knots) > 1 else [self.zero + self.full]
+        if self.log:
+            starts = np.clip(starts, 1.001 * self.low, 0.999 * self.high)
+        return [
+            Coordinate(
+                f"{self.stem.rstrip('_')} at {u:.4g}" if len(knots) > 1 else self.stem.rstrip("_"),
+                float(start),
+                self.low,
+                self.high,
+                self.log,
+            )
+            for u, start in zip(knots, starts, strict=True)
+        ]
+
+    def expand(self, values: Sequence[float], knots: Sequence[float], rate: float | None) -> dict[str, float]:
+        """Attributes of the curve through the values (knots,)."""
+        a, b = f"{self.stem}a", f"{self.stem}b"
+        if len(knots) == 1:
+            return {a: values[0], b: 0.0}
+        if rate is not None:
+            start, end = (1 - math.exp(-rate * u) for u in knots)
+            e = (values[1] - values[0]) / (end - start)
+            return {a: values[0] - e * start, b: 0.0, f"{self.stem}e": e, f"{self.stem}r": rate}
+        slope = (values[1] - values[0]) / (knots[1] - knots[0])
+        if len(knots) == 2:
+            return {a: values[0] - slope * knots[0], b: slope}
+        bend = ((values[2] - values[1]) / (knots[2] - knots[1]) - slope) / (knots[2] - knots[0])
+        # Newton's form, written out in powers of the command.
+        return {
+            a: values[0] - slope * knots[0] + bend * knots[0] * knots[1],
+            b: slope - bend * (knots[0] + knots[1]),
+            f"{self.stem}c": bend,
+        }
+
+    def values(self, attributes: Mapping[str, float], knots: Sequence[float]) -> list[float]:
+        """The coefficient at the knots, from attributes of any dependence."""
+        a, b, c, e = (attributes.get(f"{self.stem}{part}", 0.0) for part in "abce")
+        rate = attributes.get(f"{self.stem}r", 1.0)
+        return [a + b * u + c * u * u + e * (1 - math.exp(-rate * u)) for u in knots]
 
 
 @dataclass(frozen=True)
@@ -73,13 +185,42 @@ class Space:
     """Coordinates of a law (and of effects fitted with it) and how they make attributes."""
 
     law: str
-    coordinates: tuple[Coordinate, ...]
-    expand: Expand
+    maps: tuple[Map, ...]
+    knots: tuple[float, ...]
+    plain: tuple[Coordinate, ...]  # constants of the law and effects, by attribute name
+    rate: Coordinate | None = None  # of a saturating dependence
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """All free numbers, in the order of a point."""
+        followed = [c for m in self.maps for c in m.coordinates(self.knots)]
+        return (*followed, *([self.rate] if self.rate else []), *self.plain)
 
     def attributes(self, point: Array) -> dict[str, float]:
         """Attributes of a point of the unit cube (coordinates,)."""
-        values = {c.name: c.unpack(float(p)) for c, p in zip(self.coordinates, point, strict=True)}
-        return self.expand(values)
+        numbers = [c.unpack(float(p)) for c, p in zip(self.coordinates, point, strict=True)]
+        k, size = 0, len(self.knots)
+        out: dict[str, float] = {}
+        rate = numbers[size * len(self.maps)] if self.rate else None
+        for m in self.maps:
+            out |= m.expand(numbers[k : k + size], self.knots, rate)
+            k += size
+        k += self.rate is not None
+        out |= {c.name: value for c, value in zip(self.plain, numbers[k:], strict=True)}
+        if self.law == "hyperbolic_tangent":
+            out["k0b"] = 0.0
+        return _hysteresis(out) if "yield_displacement" in out else out
+
+    def point(self, attributes: Mapping[str, float]) -> Array:
+        """The point of the unit cube (coordinates,) nearest to a law's attributes: the way back of `attributes`."""
+        known = dict(attributes)
+        if "A" in known:
+            known = _without_redundancy(known)
+        numbers = [value for m in self.maps for value in m.values(known, self.knots)]
+        if self.rate:
+            numbers.append(next((known[f"{m.stem}r"] for m in self.maps if f"{m.stem}r" in known), self.rate.start))
+        numbers += [known.get(c.name, c.start) for c in self.plain]
+        return np.array([c.pack(value) for c, value in zip(self.coordinates, numbers, strict=True)])
 
     @property
     def start(self) -> Array:
@@ -87,108 +228,93 @@ class Space:
         return np.array([c.pack(c.start) for c in self.coordinates])
 
 
-def _linear(name: str, unit: float, s: Scales, zero: float, slope: float) -> list[Coordinate]:
-    """A parameter that follows the command in a straight line; no slope where the command is always zero."""
-    out = [Coordinate(f"{name}a", zero * unit, 0.0, 8 * unit)]
-    if s.command > 0:
-        out.append(Coordinate(f"{name}b", slope * unit / s.command, 0.0, 12 * unit / s.command))
-    return out
-
-
-def _bingham(s: Scales) -> tuple[list[Coordinate], Expand]:
-    c, f = s.force / s.velocity, s.force
-    coordinates = [
-        *_linear("c0", c, s, 0.3, 0.2),
-        *_linear("fy", f, s, 0.3, 0.8),
-        Coordinate("v_ref", 0.1 * s.velocity, 1e-3 * s.velocity, 3 * s.velocity, log=True),
-    ]
-    return coordinates, lambda p: {"c0b": 0.0, "fyb": 0.0, **p}
-
-
-def _bouc_wen(s: Scales) -> tuple[list[Coordinate], Expand]:
-    coordinates = [
-        *_linear("c0", s.force / s.velocity, s, 0.3, 0.2),
-        *_linear("alpha_", s.force, s, 0.3, 0.8),
-        Coordinate("yield_displacement", 0.05 * s.stroke, 1e-4 * s.stroke, 2 * s.stroke, log=True),
-        Coordinate("beta_share", 0.5, 0.02, 1.0),
-        Coordinate("k0", 0.05 * s.force / s.stroke, 0.0, 3 * s.force / s.stroke),
-    ]
-    return coordinates, lambda p: _hysteresis(p) | {"x0": 0.0}
-
-
-def _modified_bouc_wen(s: Scales) -> tuple[list[Coordinate], Expand]:
-    c = s.force / s.velocity
-    coordinates = [
-        *_linear("c0", c, s, 0.3, 0.2),
-        Coordinate("c1a", 5 * c, 0.2 * c, 500 * c, log=True),
-        *([Coordinate("c1b", 5 * c / s.command, 0.0, 500 * c / s.command)] if s.command > 0 else []),
-        *_linear("alpha_", s.force, s, 0.3, 0.8),
-        Coordinate("yield_displacement", 0.02 * s.stroke, 1e-4 * s.stroke, 2 * s.stroke, log=True),
-        Coordinate("beta_share", 0.5, 0.02, 1.0),
-        Coordinate("k0", 0.05 * s.force / s.stroke, 0.0, 3 * s.force / s.stroke),
-        Coordinate("k1", 0.02 * s.force / s.stroke, 0.0, 3 * s.force / s.stroke),
-    ]
-    return coordinates, lambda p: {"c1b": 0.0} | _hysteresis(p) | {"x0": 0.0}
-
-
-def _hyperbolic_tangent(s: Scales) -> tuple[list[Coordinate], Expand]:
-    c, k, f = s.force / s.velocity, s.force / s.stroke, s.force
-    coordinates = [
-        Coordinate("k0a", 0.05 * k, 0.0, 3 * k),
-        Coordinate("k1a", 5 * k, 0.05 * k, 2000 * k, log=True),
-        *([Coordinate("k1b", 5 * k / s.command, 0.0, 2000 * k / s.command)] if s.command > 0 else []),
-        *_linear("c0", c, s, 0.3, 0.2),
-        *_linear("c1", c, s, 0.3, 0.2),
-        Coordinate(
-            "m0",
-            1e-3 * f / (s.velocity**2 / s.stroke),
-            1e-6 * f * s.stroke / s.velocity**2,
-            f * s.stroke / s.velocity**2,
-            log=True,
-        ),
-        *_linear("f0", f, s, 0.3, 0.8),
-        Coordinate("v_ref", 0.1 * s.velocity, 1e-3 * s.velocity, 3 * s.velocity, log=True),
-    ]
-    zero = dict.fromkeys(("k0b", "k1b", "c0b", "c1b", "f0b"), 0.0)
-    return coordinates, lambda p: {**zero, **p}
-
-
 def _hysteresis(p: Mapping[str, float]) -> dict[str, float]:
     slope, share = 1 / p["yield_displacement"], p["beta_share"]
     rest = {key: value for key, value in p.items() if key not in ("yield_displacement", "beta_share")}
-    zero = {"c0b": 0.0, "alpha_b": 0.0}
-    return zero | rest | {"A": slope, "beta": share * slope, "gamma": (1 - share) * slope, "n": 2.0}
+    return rest | {"A": slope, "beta": share * slope, "gamma": (1 - share) * slope, "x0": 0.0}
 
 
-_LAWS = {
-    "bingham": _bingham,
-    "bouc_wen": _bouc_wen,
-    "hyperbolic_tangent": _hyperbolic_tangent,
-    "modified_bouc_wen": _modified_bouc_wen,
-}
-
-#: Effects that a plain identification may fit along with the law: sensor or preload offset, driver lag, saturation.
-EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
+def _without_redundancy(p: dict[str, float]) -> dict[str, float]:
+    """Scales z to end at 1: alpha becomes a force, and A a reciprocal displacement."""
+    both = p["beta"] + p["gamma"]
+    end = (p["A"] / both) ** (1 / p.get("n", 2.0)) if both > 0 and p["A"] > 0 else 1.0
+    scaled = {k: v * end if k in ("alpha_a", "alpha_b", "alpha_c", "alpha_e") else v for k, v in p.items()}
+    share = p["beta"] / both if both > 0 else 0.5
+    return scaled | {"yield_displacement": end / max(p["A"], 1e-12), "beta_share": share}
 
 
-def space(law: str, scales: Scales, extras: Sequence[str] = (), sample_time: float = 1e-3) -> Space:
-    """Search space of a parametric law with some of `EXTRAS`; InputError for an unknown name."""
-    if law not in _LAWS:
-        raise InputError(f"law '{law}' has no search space; allowed: {', '.join(_LAWS)}")
-    coordinates, expand = _LAWS[law](scales)
+def _bouc_wen_parts(s: Scales, yield_start: float) -> tuple[Coordinate, ...]:
+    return (
+        Coordinate("yield_displacement", yield_start * s.stroke, 1e-4 * s.stroke, 2 * s.stroke, log=True),
+        # Below 0 the loop bulges out after a reversal; gamma >= beta everywhere but near 1 keeps z bounded.
+        Coordinate("beta_share", 0.5, -4.0, 1.0),
+        Coordinate("n", 2.0, 1.0, 8.0, log=True),
+        Coordinate("k0", 0.05 * s.force / s.stroke, 0.0, 3 * s.force / s.stroke),
+    )
+
+
+def _law(law: str, s: Scales) -> tuple[tuple[Map, ...], tuple[Coordinate, ...]]:
+    """What follows the command, and what is constant."""
+    c, k, f = s.force / s.velocity, s.force / s.stroke, s.force
+    c0 = Map("c0", 0.3 * c, 0.5 * c, 0.0, 12 * c)
+
+    def force(stem: str) -> Map:
+        return Map(stem, 0.3 * f, 1.1 * f, 0.0, 12 * f)
+
+    v_ref = Coordinate("v_ref", 0.1 * s.velocity, 1e-3 * s.velocity, 3 * s.velocity, log=True)
+    if law == "bingham":
+        return (c0, force("fy")), (v_ref,)
+    if law == "bouc_wen":
+        return (c0, force("alpha_")), _bouc_wen_parts(s, 0.05)
+    if law == "modified_bouc_wen":
+        c1 = Map("c1", 5 * c, 10 * c, 0.2 * c, 1000 * c, log=True)
+        k1 = Coordinate("k1", 0.02 * k, 0.0, 3 * k)
+        return (c0, c1, force("alpha_")), (*_bouc_wen_parts(s, 0.02), k1)
+    if law == "hyperbolic_tangent":
+        mass = f * s.stroke / s.velocity**2
+        c1 = Map("c1", 0.3 * c, 0.5 * c, 0.0, 12 * c)
+        k1 = Map("k1", 5 * k, 10 * k, 0.05 * k, 4000 * k, log=True)
+        k0 = Coordinate("k0a", 0.05 * k, 0.0, 3 * k)
+        m0 = Coordinate("m0", 1e-3 * mass, 1e-6 * mass, mass, log=True)
+        return (k1, c0, c1, force("f0")), (k0, m0, v_ref)
+    raise InputError(f"law '{law}' has no search space; allowed: {', '.join(PARAMETRIC)}")
+
+
+#: The laws that have a search space.
+PARAMETRIC = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
+
+
+def space(
+    law: str,
+    scales: Scales,
+    extras: Sequence[str] = (),
+    sample_time: float = 1e-3,
+    dependence: str | None = None,
+) -> Space:
+    """Search space of a parametric law with some of `EXTRAS`; InputError for an unknown name.
+
+    dependence: one of `DEPENDENCES`; None is linear, or constant where the command never varies.
+    """
+    maps, plain = _law(law, scales)
+    dependence = dependence_for(dependence, scales)
     stiffness = scales.force / scales.stroke
     known = {
-        "offset": [Coordinate("gas_spring_f0", 0.0, -2 * scales.force, 2 * scales.force)],
-        "driver_lag": [Coordinate("driver_lag_tau", 0.005, 1e-4, 0.2, log=True)],
-        "saturation": [
-            Coordinate("saturation_i_s", scales.command, 0.1 * scales.command, 20 * scales.command, log=True)
-        ],
-        "gas_spring": [Coordinate("gas_spring_k", 0.0, -3 * stiffness, 3 * stiffness)],
-        "channel_shift": [Coordinate("channel_shift_d", 0.0, -5 * sample_time, 5 * sample_time)],
+        "offset": Coordinate("gas_spring_f0", 0.0, -2 * scales.force, 2 * scales.force),
+        "driver_lag": Coordinate("driver_lag_tau", 0.005, 1e-4, 0.2, log=True),
+        "saturation": Coordinate(
+            "saturation_i_s", scales.command, 0.1 * scales.command, 20 * scales.command, log=True
+        ),
+        "gas_spring": Coordinate("gas_spring_k", 0.0, -3 * stiffness, 3 * stiffness),
+        "channel_shift": Coordinate("channel_shift_d", 0.0, -5 * sample_time, 5 * sample_time),
     }
     for extra in extras:
         if extra not in known:
             raise InputError(f"'{extra}' cannot be fitted along; allowed: {', '.join(known)}")
-        if scales.command > 0 or extra not in ("driver_lag", "saturation"):
-            coordinates = [*coordinates, *known[extra]]
-    return Space(law, tuple(coordinates), expand)
+        if scales.levels > 1 or extra not in ("driver_lag", "saturation"):
+            plain = (*plain, known[extra])
+    knots = scales.knots(dependence)
+    rate = None
+    if dependence == "saturating" and len(knots) > 1:
+        span = knots[1] - knots[0]
+        rate = Coordinate("field_rate", 1.5 / span, 0.05 / span, 30 / span, log=True)
+    return Space(law, maps, knots, plain, rate)

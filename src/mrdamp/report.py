@@ -139,7 +139,7 @@ class Page:
 def _svg(fig: Figure, name: str) -> Markup:
     """A figure as an SVG element whose ids begin with name and whose colours follow the page's."""
     stream = io.BytesIO()
-    fig.savefig(stream, format="svg", facecolor="none", metadata={"Date": None, "Creator": None})
+    fig.savefig(stream, format="svg", facecolor="none")
     text = stream.getvalue().decode("utf-8")
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|<style.*?</style>", "", text, flags=re.DOTALL)
@@ -193,7 +193,7 @@ def _breaks(html: Markup) -> Markup:
 
 def _unit(text: str) -> str:
     """A column's head with its unit kept in one line with the last word."""
-    return re.sub(r", (\S{1,6})$", ",\u00a0\\1", text)
+    return re.sub(r"(?<=,) (?=\S{1,6}$)| (?=\(\S{1,6}\)$)", "\u00a0", text)
 
 
 def _code(text: str) -> Markup:

@@ -92,6 +92,7 @@ def loops(records: Sequence[LoopData], periods: float = 3.0) -> Figure:
             ticks(ax, 5, 5)
         row_title(left, right, record.name, record.note)
         left.set_ylabel(f"force, {force_name}")
+    fig.align_ylabels()
     axes[-1][0].set_xlabel(f"displacement, {length_name}")
     axes[-1][1].set_xlabel(f"velocity, {speed_name}")
     _measured_and_simulated(fig)
@@ -186,7 +187,7 @@ def error_bars(
     usual = float(np.quantile(values, 0.9, method="lower"))
     limit = min(longest, max([0.01, 2.5 * usual, *marks.values()]))
     place = np.arange(len(names)) + np.where(np.arange(len(names)) >= split, 0.6 * (split > 0), 0.0)
-    fig = figure(0.95 + 0.215 * (float(place[-1]) + 1) + 0.2 * (len(marks) > 1))
+    fig = figure(0.95 + 0.215 * (float(place[-1]) + 1))
     ax = fig.subplots()
     colour = [COLOURS[0] if k < split else REFERENCE for k in range(len(names))]
     shown = np.array([values[k] for k in order])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
     part = thinned(window, 3000)
     colour = colours(names)
     high = 1.05 if storeys <= 4 else 0.8
-    fig = figure(0.6 + 1.25 + high * storeys + 0.2 * (len(names) > 3))
+    fig = figure(0.6 + 1.25 + high * storeys)
     axes = [row[0] for row in axes_grid(fig, storeys + 1, 1, height_ratios=[1.1, *[high] * storeys])]
     top = axes[0]
     for name, run in runs.items():
@@ -76,7 +76,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
         ax.set_title(f"storey {storey + 1}")
         ax.tick_params(labelbottom=row == storeys - 1)
     for ax in axes:
-        ticks(ax, 7, 4)
+        ticks(ax, 7, 4 if storeys <= 4 else 3)
     fig.supylabel(f"drift, {unit}", fontsize=9.5)
     axes[-1].set_xlabel("time, s")
     legend(fig, [Line2D([], [], **_look(k, name, colour)) for k, name in enumerate(names)], names)
@@ -112,8 +112,6 @@ def controllers(criteria: Mapping[str, Criteria], command_unit: str = "A") -> Fi
                 value + 0.025 * largest, y, "no damper" if none else short(value),
                 va="center", fontsize=9, color=MUTED if none else INK,
             )  # fmt: skip
-        if k < 2:
-            ax.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)))
         ax.set_xlim(0, 1.28 * largest)
         ax.set_title(title)
         ax.set_xlabel(label)
@@ -139,7 +137,7 @@ def profile(criteria: Mapping[str, Criteria], ground_peak: float | None = None) 
             raise InputError(f"picture: {name} has {other} storeys and {names[0]} has {storeys}")
     scale, unit = length_unit(*(c.peak_drift for c in criteria.values()))
     colour = colours(names)
-    fig = figure(1.35 + 0.2 * (len(names) > 3) + (0.62 if storeys < 5 else 0.34) * max(storeys, 2))
+    fig = figure(1.35 + (0.62 if storeys < 5 else 0.34) * max(storeys, 2))
     [[left, right]] = axes_grid(fig, 1, 2, sharey=True)
     floors = np.arange(storeys + 1)
     handles = []
@@ -168,12 +166,14 @@ def command_history(
     command: Mapping[str, ArrayLike],
     force: Mapping[str, ArrayLike],
     command_unit: str = "A",
+    order: Sequence[str] | None = None,
     periods: float = 12.0,
 ) -> Figure:
     """The damper's force and the command that made it, for each controller, where the force is largest.
 
     time (n,) s; command: controller -> (n,) in command_unit, held between samples; force: controller ->
-    (n,) N, the same controllers.
+    (n,) N, the same controllers. order: the controllers of the other pictures, so that each has one colour in
+    all of them; None: these, after an uncontrolled frame.
     """
     t = clock("time", time)
     commands = {name: finite(f"{name}: command", values, t.shape) for name, values in command.items()}
@@ -186,7 +186,7 @@ def command_history(
     scale, unit = force_unit(*forces.values())
     most = peak(*commands.values()) or 1.0
     largest = padded(-peak(*forces.values()), peak(*forces.values()))
-    colour = colours(["", *names])
+    colour = colours(["uncontrolled", *names]) | colours(order or [])
     fig = figure(0.45 + 1.85 * len(names))
     grid = axes_grid(fig, 2 * len(names), 1, sharex=True, height_ratios=[2, 1] * len(names))
     axes = [row[0] for row in grid]

@@ -33,9 +33,9 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#3a97d0", "#b08000")
 DASHES: tuple[LineStyleType, ...] = (
     "-",
     (0, (5, 1.5)),
-    (0, (1.5, 1)),
-    (0, (6, 1.5, 1.5, 1.5)),
-    (0, (3, 1)),
+    (0, (2.5, 0.8)),
+    (0, (6, 1.2, 1.5, 1.2)),
+    (0, (1.2, 0.8)),
     (0, (8, 2)),
 )
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -122,11 +122,12 @@ def axes_grid(fig: Figure, rows: int, columns: int, **how: Any) -> list[list[Axe
 
 
 def legend(fig: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """Entries above the axes, in as many columns as the width takes."""
+    """Entries above the axes, in as many columns as the width takes; rows after the first add to the height."""
     short = [elide(label, 300) for label in labels]
     columns = len(short)
     while columns > 1 and _legend_width(short, columns) > 72 * WIDTH - 12:
         columns -= 1
+    fig.set_figheight(fig.get_figheight() + 0.18 * (-(-len(short) // columns) - 1))
     fig.legend(
         handles, short, loc="outside upper center", ncols=columns,
         handlelength=1.8, handletextpad=0.5, columnspacing=1.4, borderpad=0.35, labelspacing=0.3,

@@ -1,0 +1,81 @@
+# Needs Python 3.11, g++ and make; everything else comes into .venv by pip.
+VENV ?= .venv
+PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
+bin := $(VENV)/bin
+pip := $(bin)/python -m pip --disable-pip-version-check install -qq -c constraints.txt
+cpp := $(wildcard CMakeLists.txt plugin_cpp/mrdamp.h plugin_cpp/*/*.cc plugin_cpp/*/*.h plugin_cpp/*/*.def)
+cpp_tests := BIN=$(bin) tools/cpp_tests.sh
+fuzz_seconds ?= 60
+# Pictures without a display where EGL is there; else MuJoCo's own choice.
+ifndef MUJOCO_GL
+  egl := import ctypes; ctypes.CDLL("libEGL.so.1"); print("egl")
+  export MUJOCO_GL := $(shell $(PYTHON) -c '$(egl)' 2>/dev/null)
+endif
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help venv build demo test check-all bench lint cpp-test sanitize tsan fuzz wheel-test clean
+
+help:  ## list the targets
+	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
+
+# --- set-up and build -------------------------------------------------------------------
+venv: $(VENV)/.set-up  ## make .venv (again only when pyproject.toml or constraints.txt changes)
+
+$(VENV)/.set-up: pyproject.toml constraints.txt
+	@command -v g++ >/dev/null || { echo "make: g++ not found; install it (Debian: apt install g++)" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	  echo "make: $(PYTHON) is missing or older than 3.11; name another: make PYTHON=python3.11" >&2; exit 1; }
+	@echo "set-up: $(VENV), $$($(PYTHON) --version)"
+	@$(bin)/python -c 'import pip, sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
+	  $(PYTHON) -m venv --clear $(VENV) || { \
+	  echo "make: $(PYTHON) cannot make a virtual environment (Debian: apt install python3-venv)" >&2; exit 1; }
+	@$(pip) scikit-build-core mujoco-core cmake ninja
+	@touch $@
+
+build: build/.installed  ## install the package into .venv; compile the plugin when C++ has changed
+
+# Editable: Python code runs where it stands. The build folder is kept, so only changed files compile.
+build/.installed: $(VENV)/.set-up $(cpp)
+	@mkdir -p build
+	@echo "build: the package and its plugin"
+	@$(pip) --no-build-isolation -Cbuild-dir=build/plugin -Ccmake.define.MRDAMP_WERROR=ON -e '.[dev]'
+	@touch $@
+
+demo: build  ## the main job on the project's own records; page: out/demo/index.html
+	@$(bin)/mrdamp demo -o out/demo
+
+# --- checks -----------------------------------------------------------------------------
+test: lint cpp-test sanitize  ## C++ tests (plain, sanitized), ruff, mypy, pytest without the slow ones
+	@$(bin)/python -m pytest -n 2 -m "not slow"
+
+check-all: lint cpp-test sanitize tsan fuzz wheel-test  ## test, slow tests, thread sanitizer, fuzzing, wheel
+	@$(bin)/python -m pytest -n 2
+
+lint: build  ## ruff and mypy
+	@$(bin)/ruff check .
+	@$(bin)/mypy
+
+cpp-test: build  ## C++ tests
+	@$(cpp_tests) cpp
+
+sanitize: build  ## C++ tests under the address and undefined-behaviour sanitizers
+	@$(cpp_tests) sanitize -DMRDAMP_SANITIZE=address,undefined
+
+tsan: build  ## C++ tests under the thread sanitizer
+	@$(cpp_tests) tsan -DMRDAMP_SANITIZE=thread
+
+fuzz: build  ## fuzz every target for 60 s in all (fuzz_seconds=...)
+	@BIN=$(bin) tools/fuzz.sh $(fuzz_seconds)
+
+wheel-test: build  ## sdist, wheel from it, installed and tried in a fresh environment elsewhere
+	@BIN=$(bin) tools/wheel_test.sh
+
+# OpenSees' wheel does not find its own libraries without the path.
+bench: build  ## speed, as ratios, beside OpenSeesPy where it can be had
+	@$(pip) openseespy || echo "bench: OpenSeesPy cannot be installed; its rows are left out"
+	@LD_LIBRARY_PATH="$$(echo $(abspath $(VENV))/lib/python3.*/site-packages/openseespylinux/lib)" \
+	  $(bin)/python -m benchmarks
+
+clean:  ## remove what was built; .venv and out/ stay
+	@rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

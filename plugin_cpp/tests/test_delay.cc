@@ -1,0 +1,138 @@
+// command_delay and driver_lag: the store of commands, the lag's closed form, and both in the chain.
+#include <algorithm>
+
+#include "effects/driver.h"
+#include "tests/record_run.h"
+
+using mrdamp::DelayLine;
+using mrdamp::Lag;
+
+namespace {
+
+double Wave(double t) { return std::sin(3 * t) + 0.4 * std::cos(7 * t); }
+
+// Pushes Wave at each h; at the end of each step the store is asked for t - delay.
+struct Error {
+  double hold = 0, lines = 0;
+};
+Error Worst(double delay, double h, double end) {
+  DelayLine line;
+  Error worst;
+  for (int k = 0; k * h < end; k++) {
+    const double t = k * h;
+    line.Push(t, Wave(t), delay);
+    if (t < delay) continue;
+    worst.lines = std::fmax(worst.lines, std::fabs(line.At(t - delay, false) - Wave(t - delay)));
+    worst.hold = std::fmax(worst.hold, std::fabs(line.At(t - delay, true) - Wave(t - delay)));
+  }
+  return worst;
+}
+
+// The store must reach back over the whole delay, however its length and the step fit together. Wave's largest
+// slope is 5.8 1/s: late by one step plus one hundredth of the delay.
+TEST(DelayHoldsAtAnyStep) {
+  for (const double delay : {0.002, 0.02, 0.1, 0.2, 0.4, 1.0}) {
+    for (const double h : {1e-4, 2e-4, 4e-4, 5e-4, 7e-4, 1e-3, 1.7e-3, 2e-3, 5e-3}) {
+      const Error e = Worst(delay, h, 4 * delay + 1);
+      const double late = 5.8 * (h + 0.011 * delay);
+      if (e.lines > late || e.hold > late) std::fprintf(stderr, "delay %g s, step %g s:\n", delay, h);
+      CHECK(e.lines <= late);
+      CHECK(e.hold <= late);
+    }
+  }
+}
+
+TEST(FewCommandsComeBackExactly) {
+  DelayLine line;
+  CHECK(line.At(1, true) == 0);
+  const double delay = 0.1;
+  for (int k = 0; k < 1000; k++) {  // 50 commands a delay; the store has gone round many times
+    const double t = 0.002 * k;
+    line.Push(t, k, delay);
+    if (k < 60) continue;
+    CHECK(line.At(t - 0.0995, true) == k - 50);   // held since the sample before
+    NEAR(line.At(t - 0.0995, false), k - 49.75, 1e-9);
+    CHECK(line.At(t + 1, true) == k);
+    NEAR(line.At(t - 1e-4, false), k - 0.05, 1e-9);
+  }
+}
+
+TEST(BeforeTheStartIsTheFirstCommand) {
+  DelayLine line;
+  line.Push(0, 5, 0.1);
+  line.Push(0.01, 6, 0.1);
+  CHECK(line.At(-1, true) == 5);
+  CHECK(line.At(-1, false) == 5);
+}
+
+TEST(ACommandAtTheSameTimeReplaces) {
+  DelayLine line;
+  line.Push(0, 1, 0.1);
+  line.Push(0.01, 2, 0.1);
+  line.Push(0.01, 3, 0.1);
+  CHECK(line.count == 2);
+  CHECK(line.At(0.02, true) == 3);
+}
+
+// A command that steps at 50 ms through the chain, both ways of reading it.
+TEST(ChainDelaysAStep) {
+  for (const double delay : {0.004, 0.02, 0.1, 0.25}) {
+    for (const double dt : {2e-4, 5e-4, 1e-3, 2e-3}) {
+      const int n = static_cast<int>((0.1 + 2 * delay) / dt);
+      const auto still = [](double) { return 0.0; };
+      const check::Record r = check::Sample(dt, n, still, still, [](double t) { return t < 0.05 - 1e-9 ? 0.0 : 1.0; });
+      for (const bool hold : {true, false}) {
+        const std::vector<double> current = check::Run("bingham", {{"c0a", 1}, {"command_delay_d", delay}}, r, MRDAMP_CURRENT, hold);
+        const auto half = std::find_if(current.begin(), current.end(), [](double i) { return i > 0.5; });
+        const double seen = (half - current.begin()) * dt - 0.05;
+        if (std::fabs(seen - delay) > 1.01 * dt + 0.011 * delay) {
+          std::fprintf(stderr, "delay %g s, step %g s, hold %d: %g s\n", delay, dt, hold, seen);
+        }
+        NEAR(seen, delay, 1.01 * dt + 0.011 * delay);
+      }
+    }
+  }
+}
+
+TEST(LagIsExactForStepsAndRamps) {
+  const double tau = 0.008;
+  NEAR(Lag(0.2, 1, 1, tau, 0.003), 1 - 0.8 * std::exp(-0.003 / tau), 1e-15);
+  // ramp u = 2 + 30 t from i = 0.5: i = u - 30 tau + (0.5 - 2 + 30 tau) exp(-t / tau)
+  const double t = 0.011;
+  NEAR(Lag(0.5, 2, 2 + 30 * t, tau, t), 2 + 30 * t - 30 * tau + (-1.5 + 30 * tau) * std::exp(-t / tau), 1e-14);
+  double i = 0.5;
+  for (int k = 0; k < 11; k++) i = Lag(i, 2 + 30 * 0.001 * k, 2 + 30 * 0.001 * (k + 1), tau, 0.001);
+  NEAR(i, Lag(0.5, 2, 2 + 30 * t, tau, t), 1e-14);
+  CHECK(Lag(0.5, 1, 3, 0, 0.001) == 3);
+}
+
+TEST(ChainLagsAStep) {
+  const double dt = 1e-3, t1 = 0.012, t2 = 0.004;
+  const auto still = [](double) { return 0.0; };
+  const check::Record r = check::Sample(dt, 100, still, still, [](double t) { return t < 0.01 - 1e-9 ? 0.5 : 2.0; });
+  const auto one = check::Run("bingham", {{"c0a", 1}, {"driver_lag_tau", t1}}, r, MRDAMP_CURRENT, true);
+  const auto two = check::Run("bingham", {{"c0a", 1}, {"driver_lag_tau", t1}, {"driver_lag_tau2", t2}}, r, MRDAMP_CURRENT, true);
+  for (int i = 0; i < 100; i++) {
+    const double t = std::fmax(i - 10, 0) * dt;
+    NEAR(one[i], 0.5 + 1.5 * (1 - std::exp(-t / t1)), 1e-12);
+    // the second pole sees straight pieces of the first one's course
+    NEAR(two[i], 0.5 + 1.5 * (1 - (t1 * std::exp(-t / t1) - t2 * std::exp(-t / t2)) / (t1 - t2)), 1e-3);
+  }
+}
+
+TEST(DelayAndLagAddUp) {
+  const double dt = 1e-3, tau = 0.01, delay = 0.02;
+  const auto still = [](double) { return 0.0; };
+  const check::Record r = check::Sample(dt, 120, still, still, [](double t) { return t < 0.01 - 1e-9 ? 0.0 : 1.0; });
+  const auto i = check::Run("bingham", {{"c0a", 1}, {"driver_lag_tau", tau}, {"command_delay_d", delay}}, r, MRDAMP_CURRENT, true);
+  for (int k = 0; k < 120; k++) NEAR(i[k], k <= 30 ? 0 : 1 - std::exp(-(k - 30) * dt / tau), 1e-9);
+}
+
+TEST(CommandIsClampedAheadOfTheDriver) {
+  const auto still = [](double) { return 0.0; };
+  const check::Record r = check::Sample(1e-3, 50, still, still, [](double t) { return 200 * (t - 0.02); });
+  const auto i = check::Run("bingham", {{"c0a", 1}, {"command_min", -1}, {"command_max", 2.5}}, r, MRDAMP_CURRENT);
+  for (int k = 0; k < 50; k++) NEAR(i[k], std::clamp(200 * (k * 1e-3 - 0.02), -1.0, 2.5), 1e-12);
+}
+
+}  // namespace

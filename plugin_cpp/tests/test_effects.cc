@@ -1,0 +1,208 @@
+// Magnetics, fluid, mechanics and mount: each formula by itself, and where it acts in the chain.
+#include "effects/fluid.h"
+#include "effects/magnetics.h"
+#include "effects/mechanics.h"
+#include "effects/mount.h"
+#include "tests/record_run.h"
+
+using check::Record;
+using check::Run;
+using check::Sample;
+using mrdamp::Params;
+
+namespace {
+
+constexpr double kDt = 1e-3;
+
+Record Sine(double amplitude, double omega, double command, int n = 600) {
+  return Sample(
+      kDt, n, [=](double t) { return amplitude * std::sin(omega * t); },
+      [=](double t) { return amplitude * omega * std::cos(omega * t); }, [=](double) { return command; });
+}
+
+TEST(SaturationBendsTheField) {
+  Params p;
+  CHECK(mrdamp::Saturate(p, 3.7) == 3.7);
+  p.saturation_i_s = 1.5;
+  for (const double shape : {0.0, 1.0, 2.0, 6.0}) {
+    p.saturation_shape = shape;
+    NEAR(mrdamp::Saturate(p, 1e-6) / 1e-6, 1, 1e-5);
+    NEAR(mrdamp::Saturate(p, 1e7), 1.5, 1e-5);
+    CHECK(mrdamp::Saturate(p, -0.9) == -mrdamp::Saturate(p, 0.9));
+  }
+  p.saturation_shape = 0;
+  NEAR(mrdamp::Saturate(p, 1.5), 1.5 * std::tanh(1.0), 1e-15);
+  p.saturation_shape = 1;
+  NEAR(mrdamp::Saturate(p, 0.5), 0.5 / (1 + 0.5 / 1.5), 1e-15);  // Froehlich
+}
+
+// h' = (i' / D)(1 - sgn(i') h) by small steps of its own.
+TEST(RemanenceFollowsItsEquation) {
+  Params p;
+  p.remanence_d = 0.2;
+  const double path[] = {0, 0.3, 0.1, 1.4, -0.5, -0.45};
+  double exact = 0, h = 0;
+  for (int k = 1; k < 6; k++) {
+    const double di = (path[k] - path[k - 1]) / 200000, sign = di > 0 ? 1 : -1;
+    for (int j = 0; j < 200000; j++) {
+      const double slope = di / p.remanence_d, half = exact + 0.5 * slope * (1 - sign * exact);
+      exact += slope * (1 - sign * half);
+    }
+    h = mrdamp::Branch(p, h, path[k - 1], path[k]);
+    NEAR(h, exact, 1e-9);
+  }
+}
+
+TEST(RemanenceRaisesTheFieldOnTheWayDown) {
+  const auto still = [](double) { return 0.0; };
+  const Record r = Sample(kDt, 1001, still, still, [](double t) { return 1 - std::cos(2 * M_PI * t); });
+  const auto field = Run("bingham", {{"c0a", 1}, {"remanence_b", 0.2}, {"remanence_d", 0.1}}, r, MRDAMP_FIELD);
+  NEAR(field[250], 1 - 0.2 * (1 - std::exp(-1 / 0.1)), 1e-9);
+  NEAR(field[750], 1 + 0.2 * (1 - 2 * std::exp(-1 / 0.1)), 1e-8);
+}
+
+TEST(HeatIsExactForConstantPower) {
+  Params p;
+  p.heating_capacity = 50, p.heating_loss = 2;
+  NEAR(mrdamp::Heat(p, 3, 40, 10), 20 + (3 - 20) * std::exp(-0.4), 1e-12);
+  p.heating_loss = 0;
+  NEAR(mrdamp::Heat(p, 3, 40, 10), 3 + 8, 1e-12);
+}
+
+TEST(HeatingTakesUpTheDissipatedWork) {
+  const Record r = Sine(0.01, 30, 0);
+  const std::vector<check::Setting> p = {{"c0a", 1000}, {"heating_kappa", 1e-12}, {"heating_capacity", 20}};
+  const auto heat = Run("bingham", p, r, MRDAMP_TEMPERATURE), force = Run("bingham", p, r, MRDAMP_TRUE);
+  double work = 0;
+  for (std::size_t i = 1; i < heat.size(); i++) work += 0.5 * kDt * (force[i] * r.v[i] + force[i - 1] * r.v[i - 1]);
+  NEAR(heat.back() * 20, work, 0.01 * work);
+  CHECK(work > 10);
+}
+
+TEST(HeatThinsViscosityAndYieldEachByItsOwn) {
+  const Record r = Sample(kDt, 5, [](double t) { return 0.2 * t; }, [](double) { return 0.2; }, [](double) { return 0.0; });
+  const std::vector<check::Setting> p = {{"c0a", 1000}, {"fya", 300}, {"heating_kappa", 0.02}, {"heating_kappa_yield", 0.005},
+                                         {"heating_start", 40}, {"heating_capacity", 1e9}};
+  NEAR(Run("bingham", p, r, MRDAMP_TRUE)[4], 200 * std::exp(-0.8) + 300 * std::exp(-0.2), 1e-4);
+}
+
+TEST(AsymmetryStrengthensExtension) {
+  Params p;
+  CHECK(mrdamp::Asymmetry(p, 1) == 1);
+  p.asymmetry_a = 0.15;
+  NEAR(mrdamp::Asymmetry(p, 1), 1.15, 1e-12);
+  NEAR(mrdamp::Asymmetry(p, -1), 0.85, 1e-12);
+  CHECK(mrdamp::Asymmetry(p, 0) == 1);
+}
+
+TEST(TrappedGasTakesTheStartOfAStroke) {
+  Params p;
+  p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.002, p.trapped_gas_direction = 1;
+  mrdamp::Stroke s;
+  CHECK(mrdamp::TrappedGas(p, s, 0) == 1);
+  s.Follow(5e-6);  // not yet a stroke
+  CHECK(s.direction == 0);
+  for (double x = 0; x <= 0.0105; x += 1e-4) s.Follow(x);
+  CHECK(s.direction == 1);
+  NEAR(mrdamp::TrappedGas(p, s, 0.002), 1 - 0.6 * std::exp(-1), 1e-9);
+  const double top = s.extreme;
+  s.Follow(top - 0.9e-5);  // noise turns nothing round
+  CHECK(s.direction == 1);
+  s.Follow(top - 2e-5);
+  CHECK(s.direction == -1 && s.turn == top);
+  CHECK(mrdamp::TrappedGas(p, s, top - 0.001) == 1);  // the other direction loses nothing
+  p.trapped_gas_direction = 0;
+  NEAR(mrdamp::TrappedGas(p, s, top - 0.001), 1 - 0.6 * std::exp(-0.25), 1e-12);
+}
+
+TEST(GasSpringIsAParabola) {
+  Params p;
+  p.gas_spring_k = 2000, p.gas_spring_k2 = 5, p.gas_spring_f0 = 30;
+  NEAR(mrdamp::GasSpring(p, 0.1), 200 * 1.5 + 30, 1e-12);
+  NEAR(mrdamp::GasSpring(p, -0.1), -200 * 0.5 + 30, 1e-12);
+}
+
+TEST(SealFrictionBuildsUpAndSlides) {
+  using mrdamp::SealFriction;
+  const double coulomb = 20, presliding = 2e-5, sigma = coulomb / presliding;
+  CHECK(SealFriction::Follow(1e-6, 0, coulomb, sigma) == 1e-6);
+  // dq/dx = 1 - q sgn(dx) sigma / limit from rest
+  NEAR(sigma * SealFriction::Follow(0, presliding, coulomb, sigma), coulomb * (1 - std::exp(-1)), 1e-9);
+  NEAR(sigma * SealFriction::Follow(0, -1, coulomb, sigma), -coulomb, 1e-9);
+  double q = 0;
+  for (int i = 0; i < 8; i++) q = SealFriction::Follow(q, presliding / 8, coulomb, sigma);
+  NEAR(q, SealFriction::Follow(0, presliding, coulomb, sigma), 1e-18);
+  NEAR(SealFriction::Limit(20, 1.5, 0.01, 0), 30, 1e-12);
+  NEAR(SealFriction::Limit(20, 1.5, 0.01, -0.01), 20 * (1 + 0.5 * std::exp(-1)), 1e-12);
+  NEAR(SealFriction::Limit(20, 1.5, 0.01, 1), 20, 1e-12);
+}
+
+TEST(MechanicsAddToTheForce) {
+  const Record r = Sine(0.01, 20, 0);
+  const auto force = Run("bingham", {{"c0a", 100}, {"gas_spring_k", 3000}, {"gas_spring_f0", 40}, {"seal_friction_coulomb", 25}}, r,
+                         MRDAMP_TRUE);
+  int seen = 0;
+  for (std::size_t i = 1; i < force.size(); i++) {
+    if (std::fabs(r.v[i]) < 0.1) continue;  // away from the turns, where friction is still building up
+    NEAR(force[i], 100 * r.v[i] + 3000 * r.x[i] + 40 + (r.v[i] > 0 ? 25 : -25), 0.05);
+    seen++;
+  }
+  CHECK(seen > 100);
+}
+
+TEST(MovingMassIsSeenByTheLoadCellAlone) {
+  Record r = Sine(0.01, 20, 0);
+  for (const double x : r.x) r.a.push_back(-400 * x);
+  const std::vector<check::Setting> p = {{"c0a", 100}, {"moving_mass_m", 2.5}};
+  const auto read = Run("bingham", p, r, MRDAMP_FORCE), own = Run("bingham", p, r, MRDAMP_TRUE);
+  for (std::size_t i = 0; i < r.x.size(); i++) {
+    NEAR(own[i], 100 * r.v[i], 1e-9);
+    NEAR(read[i], 100 * r.v[i] + 2.5 * r.a[i], 1e-9);
+  }
+}
+
+TEST(MountForceHasADeadZone) {
+  Params p;
+  CHECK(!mrdamp::HasMount(p));
+  p.backlash_gap = 2e-3;
+  CHECK(mrdamp::HasMount(p));
+  CHECK(mrdamp::MountForce(p, 0.9e-3) == 0);
+  NEAR(mrdamp::MountForce(p, 1.5e-3), 0.5e-3 * p.backlash_k, 1e-9);
+  p.mount_compliance_k = 1e5;
+  NEAR(mrdamp::MountForce(p, -1.5e-3), -50, 1e-9);
+}
+
+// A dashpot behind a spring, pulled at a constant velocity: F = c V (1 - exp(-k t / c)); after the start the same
+// around a turn. With backlash half the gap is closed first.
+TEST(MountIsAMaxwellElement) {
+  const double c = 2000, k = 8e4, v = 0.05;
+  const Record r = Sample(kDt, 200, [=](double t) { return v * t; }, [=](double) { return v; }, [](double) { return 0.0; });
+  for (const double gap : {0.0, 1e-3}) {
+    const std::vector<check::Setting> p = {{"c0a", c}, {"mount_compliance_k", k}, {"backlash_gap", gap}};
+    const auto force = Run("bingham", p, r, MRDAMP_REFERENCE), piston = Run("bingham", p, r, MRDAMP_PISTON);
+    for (int i = 0; i < 200; i++) {
+      const double t = i * kDt - 0.5 * gap / v;
+      const double wanted = t > 0 ? c * v * (1 - std::exp(-k * t / c)) : 0;
+      NEAR(force[i], wanted, 0.01 * c * v);
+      if (force[i] > 0) NEAR(r.x[i] - piston[i] - 0.5 * gap, force[i] / k, 1e-9);
+    }
+    NEAR(force[199], c * v, 0.01 * c * v);
+  }
+}
+
+// The same element under a sine: F lags by atan(k / (c w)) with the size c w k / sqrt(k^2 + (c w)^2).
+TEST(MountUnderASine) {
+  const double c = 2000, k = 8e4, omega = 60, x = 0.002;
+  const Record r = Sine(x, omega, 0, 1000);
+  const auto force = Run("bingham", {{"c0a", c}, {"mount_compliance_k", k}}, r, MRDAMP_REFERENCE);
+  const double d = k * k + c * omega * c * omega;
+  std::vector<double> got, wanted;
+  for (int i = 300; i < 1000; i++) {
+    const double t = i * kDt;
+    got.push_back(force[i]);
+    wanted.push_back(x * k * c * omega / d * (c * omega * std::sin(omega * t) + k * std::cos(omega * t)));
+  }
+  CHECK(check::Difference(got, wanted) < 2e-3);
+}
+
+}  // namespace

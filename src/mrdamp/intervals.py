@@ -1,0 +1,215 @@
+"""How well records fix the parameters of a fit: bootstrap intervals, and what cannot be told from them.
+
+The bootstrap resamples whole records (or blocks in time where there are few) with their residuals, as residuals of
+a damper model are correlated over whole periods (Kuensch 1989, doi:10.1214/aos/1176347265). Each resample is fitted
+by one Gauss-Newton step within the bounds, or, on request, by a fit of its own from the optimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import joblib
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.identify import Fit, Problem, shorten, simulate
+from mrdamp.records import Record
+
+_SAMPLES = 24_000
+#: Below so many records, blocks in time are resampled in place of records.
+_FEW_RECORDS = 8
+_BLOCKS = 40
+#: A coordinate whose whole range moves the force by less than this share of its deviation is not seen.
+_SEEN = 0.003
+_TIED = 0.98
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A parameter: value, 95 % interval and unit; `word` says why it is not identifiable, empty where it is."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    word: str = ""
+
+
+@dataclass(frozen=True)
+class ChannelFinding:
+    """What a record's residual says about its channels: force offset (N) and delay of the force (s), left over.
+
+    Both with a standard error that allows for correlated residuals.
+    """
+
+    record: str
+    offset: float
+    offset_error: float
+    delay: float
+    delay_error: float
+
+
+def intervals(
+    fit: Fit,
+    train: Sequence[Record],
+    *,
+    resamples: int = 200,
+    refit: bool = False,
+    block: float | None = None,
+    seed: int = 0,
+    workers: int = 1,
+) -> tuple[Interval, ...]:
+    """95 % intervals of every fitted attribute, from a bootstrap over records or blocks.
+
+    block (s): length of the blocks; None: whole records, or 40 blocks where there are fewer than 8 records.
+    refit: fit each resample rather than one Gauss-Newton step (slower, and right where the model is far from
+    linear). The same seed gives the same answer for any number of workers. Raises InputError.
+    """
+    if fit.space is None:
+        raise InputError("this fit holds no search space (it was read from a file); fit again for intervals")
+    problem = Problem(fit.space, shorten(train, _SAMPLES), 1)
+    point = np.asarray(fit.point)
+    parts = _blocks(problem, block)
+    residual, jacobian = problem.residuals(point[None])[0], problem.jacobian(point)
+    rng = np.random.default_rng(seed)
+    counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
+    if refit:
+        found = joblib.Parallel(n_jobs=workers)(
+            joblib.delayed(_refitted)(fit, shorten(train, _SAMPLES), parts, row, point) for row in counts
+        )
+    else:
+        normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
+        found = joblib.Parallel(n_jobs=workers)(
+            joblib.delayed(_stepped)(normal, row, point) for row in counts
+        )
+    points = np.array(found)
+    words = _words(fit, points, residual, jacobian)
+    return _attributes(fit, points, words)
+
+
+def channel_findings(fit: Fit, records: Sequence[Record]) -> tuple[ChannelFinding, ...]:
+    """Offset and constant delay that each record's residual still holds after the fit, by linear regression.
+
+    delay > 0: the measured force is late against the model, so the displacement channel is early.
+    """
+    out = []
+    for record in records:
+        force = simulate(fit.model, record)
+        residual = record.channel("force_N") - force
+        slope = np.gradient(force, record.sample_time)
+        columns = np.column_stack([np.ones(record.n), -slope])
+        inverse = np.linalg.pinv(columns.T @ columns)
+        found = inverse @ columns.T @ residual
+        left = residual - columns @ found
+        # Blocks of a tenth of the record stand for independent samples.
+        scores = [columns[p].T @ left[p] for p in np.array_split(np.arange(record.n), 10)]
+        covariance = inverse @ sum(np.outer(s, s) for s in scores) @ inverse
+        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        out.append(
+            ChannelFinding(record.name, float(found[0]), float(error[0]), float(found[1]), float(error[1]))
+        )
+    return tuple(out)
+
+
+def _blocks(problem: Problem, block: float | None) -> list[slice]:
+    """Slices of the residuals that are resampled as one."""
+    whole = problem.slices
+    if block is None and len(whole) >= _FEW_RECORDS:
+        return whole
+    out = []
+    for part, (record, _, _) in zip(whole, problem.records, strict=True):
+        size = part.stop - part.start
+        length = (block or sum(r.duration for r, _, _ in problem.records) / _BLOCKS) / record.sample_time
+        ends = np.linspace(part.start, part.stop, max(1, round(size / max(length, 1))) + 1).astype(int)
+        out += [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    if len(out) < 4:
+        raise InputError(f"{len(out)} blocks are too few for intervals; give shorter ones (at least 4 are needed)")
+    return out
+
+
+def _stepped(normal: Sequence[tuple[Array, Array]], counts: Array, point: Array) -> Array:
+    """The point of a resample by one Gauss-Newton step within the unit cube."""
+    matrix = sum((c * a for c, (a, _) in zip(counts, normal, strict=True)), np.zeros((len(point), len(point))))
+    # The step that the whole set would still make is no scatter: it is taken off.
+    vector = sum(((c - 1.0) * b for c, (_, b) in zip(counts, normal, strict=True)), np.zeros(len(point)))
+    values, vectors = np.linalg.eigh(matrix)
+    root = np.sqrt(np.maximum(values, 1e-9 * values.max()))
+    lower, upper = -point - 1e-12, 1 - point + 1e-12
+    solution = lsq_linear((vectors * root).T, -(vectors.T @ vector) / root, bounds=(lower, upper))
+    return np.clip(point + solution.x, 0, 1)
+
+
+def _refitted(fit: Fit, records: Sequence[Record], parts: Sequence[slice], counts: Array, point: Array) -> Array:
+    """The point of a resample by a fit of its own from the optimum."""
+    assert fit.space is not None
+    problem = Problem(fit.space, records, 1)
+    weight = np.concatenate([np.full(p.stop - p.start, np.sqrt(c)) for p, c in zip(parts, counts, strict=True)])
+    solution = least_squares(
+        lambda p: weight * problem.residuals(p[None])[0],
+        np.clip(point, 1e-6, 1 - 1e-6),
+        lambda p: weight[:, None] * problem.jacobian(p),
+        bounds=(0, 1),
+        ftol=1e-5,
+        xtol=1e-5,
+        max_nfev=8,
+    )
+    return np.asarray(solution.x)
+
+
+def _words(fit: Fit, points: Array, residual: Array, jacobian: Array) -> dict[str, str]:
+    """Coordinate -> why these records do not fix it."""
+    assert fit.space is not None
+    coordinates = fit.space.coordinates
+    size = np.linalg.norm(jacobian, axis=0)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian + 1e-12 * np.eye(len(size)) * size.max() ** 2)
+    spread = np.sqrt(np.diag(covariance))
+    tied = covariance / np.outer(spread, spread)
+    out: dict[str, str] = {}
+    for k, coordinate in enumerate(coordinates):
+        low, high = np.percentile(points[:, k], [2.5, 97.5])
+        others = np.abs(tied[k]) * (np.arange(len(size)) != k)
+        partner = int(np.argmax(others))
+        if size[k] < _SEEN:
+            out[coordinate.name] = "these records do not show it"
+        elif len(coordinates) > 1 and others[partner] > _TIED:
+            out[coordinate.name] = f"only together with {coordinates[partner].name}"
+        elif high - low > 0.6:
+            out[coordinate.name] = "its interval is as wide as its range"
+        elif min(fit.point[k], 1 - fit.point[k]) < 1e-4 and not (coordinate.low == 0 and fit.point[k] < 0.5):
+            out[coordinate.name] = "at the end of its range"
+    return out
+
+
+def _attributes(fit: Fit, points: Array, words: dict[str, str]) -> tuple[Interval, ...]:
+    """Intervals of the attributes that the coordinates make."""
+    assert fit.space is not None
+    made = [fit.space.attributes(p) for p in points]
+    value = fit.space.attributes(np.asarray(fit.point))
+    units = {row.name: row.unit for row in core.attributes()}
+    out = []
+    for name, best in value.items():
+        samples = np.array([m[name] for m in made])
+        if not np.ptp(samples) > 0 and name in ("x0", "k0b", "n"):
+            continue  # held, not fitted
+        low, high = np.percentile(samples, [2.5, 97.5])
+        out.append(Interval(name, best, float(low), float(high), units[name], _word(fit, name, words)))
+    return tuple(out)
+
+
+def _word(fit: Fit, attribute: str, words: dict[str, str]) -> str:
+    """The word for an attribute, from those of the coordinates it is made of."""
+    assert fit.space is not None
+    own = {"A": ("yield_displacement",), "beta": ("beta_share",), "gamma": ("beta_share",)}
+    names = own.get(attribute, (attribute,))
+    for m in fit.space.maps:
+        if attribute.startswith(m.stem) and len(attribute) == len(m.stem) + 1:
+            names = tuple(c.name for c in m.coordinates(fit.space.knots))
+            if attribute.endswith("r"):
+                names = ("field_rate",)
+    return "; ".join(dict.fromkeys(f"{words[name]}" for name in names if name in words))

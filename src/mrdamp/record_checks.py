@@ -1,0 +1,70 @@
+"""What makes records unfit for an identification, told in a line each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.records import Record
+
+#: Samples that a fit needs for each free number.
+SAMPLES_PER_COORDINATE = 20
+#: A force is called clipped where its extreme value holds in runs of so many samples, ...
+_RUN = 4
+#: ... for more than this share of the record, and so many times as often as the next value to it.
+_SHARE, _OVER_NEXT = 0.01, 4.0
+
+
+def check_channels(records: Sequence[Record], need: Sequence[str] = ("displacement_m", "force_N")) -> None:
+    """Raises InputError where a record lacks one of the channels or holds a constant one."""
+    for record in records:
+        for name in need:
+            values = record.channels.get(name)
+            if values is None:
+                raise InputError(f"{record.label}: no channel {name}; a fit needs it")
+            if not float(np.ptp(values)) > 0:
+                raise InputError(
+                    f"{record.label}: channel {name} is constant ({values[0]:g}); nothing can be identified from it"
+                )
+
+
+def check_size(records: Sequence[Record], coordinates: int) -> None:
+    """Raises InputError where the records are too short for so many free numbers."""
+    total, need = sum(record.n for record in records), SAMPLES_PER_COORDINATE * coordinates
+    if total < need:
+        raise InputError(
+            f"{records[0].label}: {total} samples in all for {coordinates} free numbers; at least {need} are needed"
+        )
+
+
+def check_clipping(records: Sequence[Record]) -> None:
+    """Raises InputError where a force stands at the end of its sensor's range."""
+    for record in records:
+        found = clipped(record.channel("force_N"))
+        if found is not None:
+            level, share = found
+            raise InputError(
+                f"{record.label}: channel force_N is clipped: {100 * share:.1f} % of the samples stand at {level:g} N;"
+                " repeat the test with a wider range, or leave the record out"
+            )
+
+
+def clipped(force: Array) -> tuple[float, float] | None:
+    """The level (N) that a force (n,) is cut off at and the share of the samples there; None where it is not."""
+    for level, beyond in ((float(force.max()), 1.0), (float(force.min()), -1.0)):
+        at = force == level
+        share = float(at.mean())
+        if share <= _SHARE:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
+        if int((edges[1::2] - edges[::2]).max()) < _RUN:
+            continue
+        # A coarse converter also dwells at a peak, but nearly as long at the step below it.
+        rest = force[~at]
+        next_level = rest.max() if beyond > 0 else rest.min()
+        if at.sum() > _OVER_NEXT * (rest == next_level).sum():
+            return level, share
+    return None

@@ -1,0 +1,197 @@
+"""The C table, `attributes.def`, Python, what MJCF takes, and the plugin's README: one list of attributes."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+
+import mujoco
+import pytest
+
+from mjcf_builders import Damper, Sensor, Values, compiled, document, slider
+from mrdamp import core
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "plugin_cpp" / "README.md").read_text(encoding="utf-8")
+CONTRACT: Mapping[str, str] = {
+    "bingham": "c0a c0b fya fyb v_ref",
+    "bouc_wen": "c0a c0b alpha_a alpha_b gamma beta A n k0 x0",
+    "hyperbolic_tangent": "k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref",
+    "modified_bouc_wen": "c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n",
+    "narx": "",
+}
+EFFECTS = """driver_lag command_delay saturation remanence heating asymmetry shear_thinning trapped_gas gas_spring
+    seal_friction moving_mass mount_compliance backlash sensor_gain sensor_offset sensor_leakage sensor_lag
+    channel_shift""".split()
+WEIGHTS = (
+    "mrdamp-narx 1 sample_time 0.001 inputs 1 v:0 offset 0 scale 1 force 0 1 hidden 0 weight 300 bias 0 end"
+)
+NAMES = [row.name for row in core.attributes()]
+
+
+def section(title: str) -> str:
+    """The text of one section of the README."""
+    return README.split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
+
+
+def first_column(text: str) -> list[str]:
+    """What stands in backquotes in the first column of the tables of a text."""
+    cells = [line.split("|")[1] for line in text.splitlines() if line.startswith("|")]
+    return [name for cell in cells for name in re.findall(r"`([^`]+)`", cell)]
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("attribute_table", ROOT / "tools" / "attribute_table.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_readme_has_the_tables_of_now(tool: ModuleType) -> None:
+    assert tool.replaced(README) == README, "run: python tools/attribute_table.py"
+
+
+def test_tool_notices_a_change(tool: ModuleType) -> None:
+    stale = README.replace("| `driver_lag_tau` |", "| `driver_lag_tao` |")
+    assert stale != README
+    assert tool.replaced(stale) == README
+    with pytest.raises(ValueError, match="markers"):
+        tool.replaced("no tables here")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [(0.0, math.inf, "from 0"), (-math.inf, math.inf, "any"), (-math.inf, 2.0, "to 2"), (1e-9, 0.5, "1e-09 to 0.5")],
+)
+def test_ranges_in_words(tool: ModuleType, low: float, high: float, text: str) -> None:
+    assert tool.span(low, high) == text
+
+
+def test_python_sees_the_rows_of_the_source_file() -> None:
+    source = (ROOT / "plugin_cpp" / "core" / "attributes.def").read_text(encoding="utf-8")
+    rows = re.findall(r'^MRDAMP_ATTRIBUTE\((\w+), (\w+), "([^"]*)", (\S+), (\S+), (\S+), "([^"]*)"\)', source, re.M)
+    assert len(rows) == source.count("\nMRDAMP_ATTRIBUTE(")
+    values = {"kInf": math.inf, "-kInf": -math.inf}
+    expected = []
+    for name, group, unit, default, low, high, meaning in rows:
+        limits = [values[word] if word in values else float(word) for word in (low, high)]
+        neutral = None if default == "kUnset" else float(default)
+        expected.append(core.Attribute(name, group, unit, neutral, limits[0], limits[1], meaning))
+    assert list(core.attributes()) == expected
+
+
+def test_readme_lists_every_attribute_once() -> None:
+    assert sorted(first_column(section("Attributes"))) == sorted(NAMES)
+    assert len(set(NAMES)) == len(NAMES)
+
+
+def test_laws_take_the_parameters_of_the_contract() -> None:
+    assert {law: " ".join(core.law_parameters(law)) for law in core.laws()} == CONTRACT
+
+
+def test_readme_says_so_for_every_law() -> None:
+    rows = [line.split(" | ") for line in section("Laws").splitlines() if line.startswith("| `")]
+    assert [row[0].strip("| `") for row in rows] == list(core.laws())
+    for row in rows:
+        law = row[0].strip("| `")
+        assert row[2].strip("`") == (CONTRACT[law] or "weights")
+
+
+def test_effects_are_those_of_the_catalogue() -> None:
+    groups = {row.group for row in core.attributes()} - {"law", "dependence", "command", "numerics"}
+    assert groups == set(EFFECTS)
+    assert sorted(first_column(section("Effects"))) == sorted(EFFECTS)
+    for row in core.attributes():
+        if row.group in groups:
+            assert row.name.startswith(f"{row.group}_")
+
+
+def test_defaults_are_in_range() -> None:
+    for row in core.attributes():
+        assert row.minimum < row.maximum
+        assert row.default is None or row.minimum <= row.default <= row.maximum
+
+
+def model(law: str, attributes: Values, sensor: Values | None = None) -> mujoco.MjModel:
+    extra = f'<custom><text name="net" data="{WEIGHTS}"/></custom>'
+    text = document(slider(1.0), [Damper(law, attributes)], [Sensor(attributes=sensor or {})], extra=extra)
+    return compiled(text)[0]
+
+
+def plain(law: str) -> dict[str, float | str]:
+    """Values a law can be made of."""
+    if law == "narx":
+        return {"weights": "text:net"}
+    return dict.fromkeys(core.law_parameters(law), 1.0)
+
+
+@pytest.mark.parametrize("law", core.laws())
+def test_mjcf_takes_what_the_table_says(law: str) -> None:
+    """Each attribute alone beside the law's own: taken, or refused by name where it is another law's."""
+    for row in core.attributes():
+        if row.name in core.law_parameters(law):
+            continue
+        value = min(max(0.5 if row.default is None else row.default, row.minimum), row.maximum)
+        attributes = {**plain(law), row.name: value}
+        if row.group in ("law", "dependence") and row.name not in core.law_options(law):
+            with pytest.raises(ValueError, match=f"'{row.name}' = .* is no parameter of law {law}"):
+                model(law, attributes)
+        else:
+            assert model(law, attributes).nplugin == 2
+    for name in core.law_parameters(law):
+        short = {key: value for key, value in plain(law).items() if key != name}
+        with pytest.raises(ValueError, match=f"law {law} needs attribute '{name}'"):
+            model(law, short)
+
+
+@pytest.mark.parametrize("name", ["c0", "tau", "driver_lag", "Law", "sensitivity"])
+def test_mjcf_takes_nothing_else(name: str) -> None:
+    assert name not in NAMES
+    with pytest.raises(ValueError, match=name):
+        model("bingham", {**plain("bingham"), name: 1.0})
+
+
+def test_sensor_takes_what_the_readme_says() -> None:
+    names = [name for name in first_column(section("The force sensor")) if name != "signal"]
+    assert {name for name in names if name.startswith("sensor_")} < set(NAMES)
+    assert len(names) == 10
+    for name in names:
+        assert model("bingham", plain("bingham"), {name: 1.0}).nsensor == 1
+    text = section("The force sensor").split("Signals: ", 1)[1]
+    for name in re.findall(r"`(\w+)`", text.split("The noise", 1)[0]):
+        if name != "channel_shift":
+            assert model("bingham", plain("bingham"), {"signal": name}).nsensor == 1
+    with pytest.raises(ValueError, match="driver_lag_tau"):
+        model("bingham", plain("bingham"), {"driver_lag_tau": 1.0})
+
+
+def test_readme_examples_work(tmp_path: Path) -> None:
+    (xml,) = re.findall(r"```xml\n(.*?)```", README, re.S)
+    example = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(example)
+    data.qvel[0], data.ctrl[0] = 0.1, 1.0
+    mujoco.mj_step(example, data, 20)
+    assert data.sensordata[0] != 0.0
+    (weights,) = re.findall(r"```text\n(.*?)```", README, re.S)
+    net = core.Narx(weights)
+    assert (net.sample_time, net.inputs) == (0.002, 4)
+
+
+def test_readme_counts_the_state() -> None:
+    numbers = [int(line.split("|")[1]) for line in section("State").splitlines() if re.match(r"\| \d", line)]
+    base, chain, line, past = numbers
+    assert model("bingham", plain("bingham")).plugin_statenum.tolist() == [base + chain, 7]
+    assert model("bingham", {**plain("bingham"), "command_delay_d": 0.1}).plugin_statenum[0] == base + chain + line
+    assert model("narx", plain("narx")).plugin_statenum[0] == base + chain + past
+
+
+def test_readme_links_lead_somewhere() -> None:
+    for target in re.findall(r"`((?:src|tests|fuzz|realtime|mujoco|core|laws|effects|capi)/[\w./]*)`", README):
+        assert (ROOT / target).exists() or (ROOT / "plugin_cpp" / target).exists(), target

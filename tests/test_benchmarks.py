@@ -1,0 +1,146 @@
+"""The benchmarks run and measure what they say; no figure of theirs is judged by a clock here."""
+
+from __future__ import annotations
+
+import math
+import socket
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from benchmarks import __main__ as program
+from benchmarks import accuracy, opensees
+from benchmarks.frames import DYKE, Stepper, frame, profiling_clock
+from benchmarks.python_law import PythonDamper
+from benchmarks.result import Figure, Section, machine, markdown, of_ratio
+from benchmarks.timing import Effort, interleave, ratio
+
+END = 1.2  # s, of the accuracy runs
+
+
+@pytest.mark.parametrize("name", program.benchmarks(Effort(), sys.executable))
+def test_every_benchmark_gives_figures(name: str) -> None:
+    sections = program.benchmarks(Effort(rounds=2, steps=40), sys.executable, END)[name]()
+    figures = [figure for section in sections for figure in section.figures]
+    assert figures
+    for figure in figures:
+        if figure.skipped:
+            assert name in ("opensees", "narx")
+        else:
+            assert math.isfinite(figure.value)
+            # What is left out to see what it costs may cost nothing in so few steps.
+            assert figure.value > 0.0 or figure.unit == "us"
+
+
+def test_ratio_is_of_the_rounds_and_the_order_is_turned() -> None:
+    calls: list[str] = []
+    costs = {"a": iter([9.0, 2.0, 4.0, 8.0]), "b": iter([9.0, 1.0, 1.0, 2.0])}
+
+    def task(name: str) -> float:
+        calls.append(name)
+        return next(costs[name])
+
+    measured = interleave({name: lambda name=name: task(name) for name in costs}, 3)  # type: ignore[misc]
+    assert "".join(calls) == "ab" + "ab" + "ba" + "ab"
+    found = ratio(measured["a"], measured["b"])
+    assert (found.value, found.top, found.bottom) == (4.0, 4.0, 1.0)
+
+
+def test_sides_of_the_frame_comparison() -> None:
+    """With the damper there is a plugin that holds the frame back; without it, none."""
+    models = {"with": frame(5e-4), "without": frame(5e-4, damper=False), "bare": frame(5e-4, bare=True)}
+    assert [m.nplugin for m in models.values()] == [2, 0, 2]
+    assert models["without"].nsensor == models["with"].nsensor - 1
+    assert (models["bare"].ngeom, models["bare"].nsensor) == (0, 1)
+    drift = {}
+    for name, model in models.items():
+        stepper = Stepper(model, 4000)
+        stepper()
+        drift[name] = float(np.abs(stepper.data.qpos[1:]).max())
+    assert drift["with"] == drift["bare"]
+    assert drift["with"] < 0.5 * drift["without"]
+
+
+def test_profiling_clock_is_off_and_on_again() -> None:
+    m = frame(5e-4, damper=False)
+
+    def spent() -> float:
+        d = mujoco.MjData(m)
+        mujoco.mj_step(m, d, 200)
+        return float(d.timer[mujoco.mjtTimer.mjTIMER_STEP].duration)
+
+    with profiling_clock(False):
+        assert spent() == 0.0
+    assert spent() > 0.0
+
+
+def test_errors_are_small_where_the_speed_is_stated() -> None:
+    for dt in (5e-4, 1e-3):
+        assert accuracy.law_error(dt, END) < 2e-3
+        assert accuracy.frame_error(dt, END) < 8e-3
+
+
+def test_python_law_is_the_same_law() -> None:
+    """Against SciPy: three inner steps are as good as the plugin, one is useless at this step of the engine."""
+    p = DYKE.attributes()
+    assert accuracy.python_law_error(PythonDamper(p, 3), 5e-4, END) < 2e-3
+    assert accuracy.python_law_error(PythonDamper(p, 1), 1e-4, END) < 2e-3
+    assert accuracy.python_law_error(PythonDamper(p, 0), 1e-3, END) > 0.1
+    assert accuracy.frame_error(1e-4, END, PythonDamper(p, 1)) < 8e-3
+
+
+def test_opensees_frame_is_the_same_frame() -> None:
+    try:
+        error = opensees.force_error(sys.executable, 2e-4, END)
+    except opensees.MissingError as missing:
+        pytest.skip(str(missing))
+    assert error < 0.02
+
+
+def test_opensees_that_is_not_there_is_a_reason(tmp_path: Path) -> None:
+    (section,) = opensees.measure(Effort(1, 10), str(tmp_path / "python"))
+    (figure,) = section.figures
+    assert "No such file" in figure.skipped
+    assert figure.met is None
+
+
+def test_targets() -> None:
+    assert Figure("a", 1.9, target="<= 2").met
+    assert not Figure("a", 2.1, target="<= 2").met
+    assert Figure("a", 4.1, target=">= 4").met
+    assert not Figure("a", 3.9, target=">= 4").met
+    assert Figure("a", 3.9).met is None
+
+
+def test_page_has_every_row_and_no_machine_name() -> None:
+    measured = interleave({"a": lambda: 3.0, "b": lambda: 2.0}, 2)
+    row = of_ratio("this over that", ratio(measured["a"], measured["b"]), "this", "that", "<= 2")
+    page = markdown([Section("Title", "Words.", (row, Figure("other", target=">= 4", skipped="not installed")))], 2)
+    assert "| this over that | 1.50 x | <= 2 | yes |" in page
+    assert "| other | skipped | >= 4 |  | not installed |" in page
+    assert socket.gethostname() not in machine()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["speed"], "'speed' is no benchmark"),
+        (["--rounds", "0"], "--rounds must be"),
+        (["--steps", "x"], "invalid int"),
+    ],
+)
+def test_wrong_arguments(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        program.main(arguments)
+    assert stop.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_one_benchmark_alone_writes_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.md"
+    assert program.main(["narx", "--rounds", "2", "--steps", "40", "-o", str(page)]) == 0
+    assert "one pass" in capsys.readouterr().out
+    assert not page.exists()

@@ -1,0 +1,138 @@
+"""The network as data: derivatives against differences, text, and the free run against the C entry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamp import InputError, core
+from mrdamp.narx.data import lagged
+from mrdamp.narx.network import Network, regressors
+from mrdamp.narx.problems import FreeRun, OneStep
+from mrdamp.narx.prune import compact
+from narx_data import made, motion, small
+
+SHAPES: tuple[tuple[int, ...], ...] = ((), (5,), (4, 3))
+
+
+@pytest.mark.parametrize("hidden", SHAPES, ids=str)
+def test_jacobian_is_that_of_differences(hidden: tuple[int, ...]) -> None:
+    net = small(hidden)
+    values = made(60, 1).regressors(net.inputs)
+    exact = net.jacobian(values)
+    assert exact.shape == (60, len(net.theta))
+    for k in range(len(net.theta)):
+        step = np.zeros(len(net.theta))
+        step[k] = 1e-6
+        difference = (net.with_theta(net.theta + step).forward(values)
+                      - net.with_theta(net.theta - step).forward(values)) / 2e-6  # fmt: skip
+        np.testing.assert_allclose(exact[:, k], difference, rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize("hidden", SHAPES, ids=str)
+@pytest.mark.parametrize("horizon", [7, None], ids=["segments", "whole"])
+def test_free_run_sensitivities_are_those_of_differences(
+    hidden: tuple[int, ...], horizon: int | None
+) -> None:
+    net = small(hidden, seed=3)
+    theta = 0.6 * net.theta
+    problem = FreeRun.of(net, [made(40, 1), made(33, 2)], horizon)
+    force, exact = problem.sensitivities(theta)
+    assert exact.shape == (*force.shape, len(theta))
+    for k in range(len(theta)):
+        step = np.zeros(len(theta))
+        step[k] = 1e-6
+        difference = (problem.sensitivities(theta + step)[0] - problem.sensitivities(theta - step)[0]) / 2e-6
+        np.testing.assert_allclose(exact[:, :, k], difference, rtol=1e-5, atol=1e-7)
+
+
+def test_normal_equations_are_those_of_the_residuals() -> None:
+    """J'J, J'r and r'r by blocks, uncounted samples left out, against the plain products."""
+    net = small((5,))
+    train = [made(90, 1), made(61, 2)]
+    free = FreeRun.of(net, train, 25)
+    assert free.count == sum(25 * ((s.n - 3) // 25) for s in train)
+    assert FreeRun.of(net, train, None, skip=10).count == sum(s.n - 10 for s in train)
+    one = OneStep.of(net, train)
+    assert one.count == sum(s.n - 3 for s in train)
+    force, jacobian = free.sensitivities(net.theta)
+    rows, residual = jacobian[free.counts], (force - free.target)[free.counts]
+    a, g, e = free.normal(net.theta)
+    np.testing.assert_allclose(a, rows.T @ rows, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(g, rows.T @ residual, rtol=1e-10, atol=1e-10)
+    assert e == pytest.approx(float(residual @ residual)) == pytest.approx(free.cost(net.theta))
+    predicted = np.concatenate([net.forward(s.regressors(net.inputs)[3:]) - s.force[3:] for s in train])
+    assert one.cost(net.theta) == pytest.approx(float(np.sum((predicted / net.force_scale) ** 2)))
+
+
+def test_segments_start_from_measured_forces_and_never_leave_their_record() -> None:
+    """One step of a segment is the one-step prediction; the second reads the first one's force."""
+    net, s = small((5,), seed=2), made(50, 4)
+    force, _ = FreeRun.of(net, [s, made(40, 5)], 10).sensitivities(net.theta)
+    values = s.regressors(net.inputs)
+    first = net.forward(values[3:4])[0]
+    assert force[0, 0] * net.force_scale + net.force_offset == pytest.approx(first)
+    values[4, net.inputs.index(("F", 1))] = first
+    assert force[1, 0] * net.force_scale + net.force_offset == pytest.approx(net.forward(values[4:5])[0])
+    assert force.shape[1] == (50 - 3) // 10 + (40 - 3) // 10
+
+
+@pytest.mark.parametrize("hidden", SHAPES, ids=str)
+def test_text_round_trip_and_free_run_are_the_plugins(hidden: tuple[int, ...]) -> None:
+    net = small(hidden, seed=5).with_theta(0.6 * small(hidden, seed=5).theta)
+    again = Network.from_text(net.to_text())
+    assert again.to_text() == net.to_text()
+    assert again.inputs == net.inputs
+    np.testing.assert_array_equal(again.theta, net.theta)
+    x, v, i = motion(400, net.sample_time, 3)
+    mine = net.free_run(x, v, i)
+    assert np.std(mine) > 20.0
+    c = core.run("narx", {}, net.sample_time, x, v, u=i, narx=core.Narx(net.to_text()))["force"]
+    np.testing.assert_allclose(mine, c, rtol=0.0, atol=1e-9 * float(np.std(mine)))
+
+
+def test_lag_space_and_what_lies_before_a_record() -> None:
+    assert lagged("vF", 1) == (("v", 0), ("v", 1), ("F", 1), ("F", 2))
+    assert len(lagged("vF", 4)) == 10  # the paper's 10-9-1
+    assert len(lagged("viF", 4)) == 15
+    channels = {name: np.array([1.0, 2.0, 3.0]) for name in "xviF"}
+    table = regressors(channels, (("x", 1), ("v", 1), ("i", 2), ("F", 1), ("v", 0)))
+    np.testing.assert_array_equal(table, [[1, 0, 1, 0, 1], [1, 1, 1, 1, 2], [2, 2, 1, 2, 3]])
+
+
+def test_compacting_keeps_the_function() -> None:
+    """A unit without inputs is a constant; a unit that nobody reads and an unread input go."""
+    net = small((5, 3), seed=7)
+    theta = net.theta.copy()
+    net = net.with_theta(theta)
+    first, second, out = (weight.copy() for weight, _ in net.layers)
+    first[1] = 0.0  # constant
+    first[:, 2] = 0.0  # an input that is not read
+    second[:, 4] = 0.0  # not read
+    out[0, 2] = 0.0  # nor is this one
+    parts = [part for weight, (_, bias) in zip((first, second, out), net.layers, strict=True)
+             for part in (weight.ravel(), bias)]  # fmt: skip
+    sparse = net.with_theta(np.concatenate(parts))
+    smaller = compact(sparse)
+    assert smaller.hidden == (3, 2)
+    assert smaller.inputs == tuple(entry for k, entry in enumerate(net.inputs) if k != 2)
+    s = made(80, 6)
+    np.testing.assert_allclose(
+        smaller.forward(s.regressors(smaller.inputs)), sparse.forward(s.regressors(net.inputs)), rtol=1e-12
+    )
+
+
+def test_bad_networks_are_told_in_a_line() -> None:
+    net = small((5,))
+    bad = (
+        (lambda: net.with_theta(net.theta[1:]), r"theta has shape \(\d+,\); allowed"),
+        (lambda: small((300,)), "hidden units"),
+        (lambda: small((2, 2, 2)), "hidden units"),
+        (lambda: lagged("vq"), "network input q:0"),
+        (lambda: lagged("vv"), "none twice"),
+        (lambda: Network.from_text("mrdamp-narx 1\n"), "NARX weights"),
+    )
+    for make, message in bad:
+        with pytest.raises(InputError, match=message) as found:
+            make()
+        assert "\n" not in str(found.value)

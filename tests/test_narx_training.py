@@ -1,0 +1,208 @@
+"""Training one step ahead and in free run, the choice of a network, and pruning, on a made-up damper."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from excitation import Array
+from mrdamp import InputError
+from mrdamp.narx import data
+from mrdamp.narx.data import lagged, noise_floor, protocol, series
+from mrdamp.narx.prune import draw_course, prune
+from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
+from mrdamp.narx.train import FitNarx, free_run_error, free_run_force, judge, train_narx
+from mrdamp.records import Record, embedded
+from narx_data import made, motion, recursion
+
+TRAIN = (made(700, 1), made(500, 2))
+VALIDATION = (made(400, 3),)
+TEST = (made(500, 4),)
+
+
+def fit(seed: int = 0) -> FitNarx:
+    return train_narx(
+        TRAIN, VALIDATION, TEST, inputs=lagged("xviF", 1), hidden=(6,), initialisations=2,
+        horizons=(10, 50, None), one_step_iterations=60, iterations=10, seed=seed,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def trained() -> FitNarx:
+    return fit()
+
+
+def test_both_errors_come_near_the_noise(trained: FitNarx) -> None:
+    """2 N of white noise: a one-step prediction reads it in its past forces too, a free run does not."""
+    noise = [noise_floor(s) for s in TEST]
+    assert noise[0] == pytest.approx(2.0, rel=0.2)
+    assert 1.5 < trained.one_step.test[0].rmse < 6.0
+    assert 1.5 < trained.free_run.test[0].rmse < 15.0
+    assert trained.free_run.pooled[2] < 0.03
+    assert trained.one_step.share(trained.one_step.test[0]) == pytest.approx(
+        trained.one_step.test[0].rmse / float(np.sqrt(np.mean(TEST[0].force ** 2)))
+    )
+
+
+def test_free_run_training_betters_the_free_run(trained: FitNarx) -> None:
+    assert trained.stages[0].name == "one step"
+    least = min(stage.free_run for stage in trained.stages[1:])
+    assert least < 0.9 * trained.stages[0].free_run
+    assert free_run_error(trained.network, VALIDATION[0]).nrmse == pytest.approx(least)
+
+
+def test_it_stays_bounded_and_accurate_over_ten_times_the_training_length(trained: FitNarx) -> None:
+    n = 10 * sum(s.n for s in TRAIN)
+    long = made(n, 9, noise=0.0)
+    force = free_run_force(trained.network, long)
+    truth = recursion(*motion(n, 2e-3, 9), 2e-3)
+    late = slice(n // 2, None)
+    assert np.std(force[late] - truth[late]) < 0.06 * np.std(truth)
+    assert np.max(np.abs(force)) < 1.5 * np.max(np.abs(truth))
+
+
+def test_the_model_runs_in_the_plugin(trained: FitNarx) -> None:
+    s = TEST[0]
+    inputs = {"displacement_m": s.x, "velocity_m_s": s.v, "command": s.i}
+    force = trained.model.simulate(s.sample_time, inputs)["force_N"]
+    np.testing.assert_allclose(force, trained.network.free_run(s.x, s.v, s.i), rtol=0.0, atol=1e-7)
+    # At another timestep it is the same damper.
+    x, v, i = motion(1250, 8e-4, 4)
+    fine = trained.model.simulate(8e-4, {"displacement_m": x, "velocity_m_s": v, "command": i})["force_N"]
+    assert np.std(fine[::5][20:] - force[::2][20:250]) < 0.05 * np.std(force)
+
+
+def test_the_same_seed_gives_the_same_weights(trained: FitNarx) -> None:
+    np.testing.assert_array_equal(fit().network.theta, trained.network.theta)
+    assert not np.array_equal(fit(seed=1).network.theta, trained.network.theta)
+
+
+def test_the_test_stretch_is_not_learned_from(trained: FitNarx) -> None:
+    """Lags never cross a boundary: changing the test's forces changes its errors only."""
+    other = replace(TEST[0], force=TEST[0].force[::-1].copy())
+    again = train_narx(
+        TRAIN, VALIDATION, (other,), inputs=lagged("xviF", 1), hidden=(6,), initialisations=2,
+        horizons=(10, 50, None), one_step_iterations=60, iterations=10,
+    )  # fmt: skip
+    np.testing.assert_array_equal(again.network.theta, trained.network.theta)
+    assert again.free_run.test[0].rmse > 10 * trained.free_run.test[0].rmse
+
+
+EFFORT = Effort(initialisations=1, one_step_iterations=15, horizons=(10,), iterations=4, most=600)
+
+
+def choose(**more: Any) -> Choice:
+    return select(
+        TRAIN, VALIDATION, sets=("xv", "vF", "xviF"), lags=(1, 2), units=(2, 4), start=Candidate("", 1, (4,)),
+        effort=EFFORT, **more,
+    )  # fmt: skip
+
+
+def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tmp_path: Path) -> None:
+    cache = tmp_path / "trials.json"
+    said: list[str] = []
+    one = choose(cache=cache, progress=lambda what, _: said.append(what))
+    assert one == choose(workers=2)
+    assert one.candidate.channels == "xviF"
+    assert one.inputs[0].validation_one > 3 * one.inputs[2].validation_one  # no memory of the force
+    assert one.inputs[0].validation_free == pytest.approx(one.inputs[0].validation_one, rel=0.05)
+    assert said[0] == "inputs: 3 to train"
+    said.clear()
+    assert one == choose(cache=cache, progress=lambda what, _: said.append(what))
+    assert said == [f"{what}: 0 to train" for what in ("inputs", "lags", "units")]
+    axes = draw_choice(one).axes
+    assert len(axes) == 3
+    drawn = np.asarray(axes[2].lines[3].get_ydata(), dtype=float)
+    np.testing.assert_allclose(drawn, [100 * t.validation_free for t in one.units])
+    cache.write_text("{}")
+    with pytest.raises(InputError, match="no file of finished trials"):
+        choose(cache=cache)
+
+
+@pytest.fixture(scope="module")
+def large() -> FitNarx:
+    """More units than records with 30 N of noise determine."""
+    train = tuple(replace(s, force=made(s.n, k + 1, noise=30.0).force) for k, s in enumerate(TRAIN))
+    return train_narx(
+        train, VALIDATION, inputs=lagged("xviF", 2), hidden=(8,), initialisations=1, horizons=(20, 100),
+        one_step_iterations=60, iterations=10,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["surgeon", "magnitude", "structure"])
+def test_pruning_finds_a_smaller_network_that_is_as_good(large: FitNarx, method: str) -> None:
+    pruned = prune(
+        large.network,
+        TRAIN,
+        VALIDATION,
+        share=0.15,
+        tolerance=0.5,
+        horizon=50,
+        most=1200,
+        iterations=8,
+        method=method,
+    )
+    whole = pruned.steps[1]
+    assert pruned.smallest.nonzero < 0.85 * whole.weights
+    if method == "structure":
+        assert len(pruned.smallest.inputs) < whole.inputs or pruned.smallest.hidden < whole.units
+        assert (
+            len(pruned.steps[-1].network.inputs) + sum(pruned.steps[-1].units)
+            < whole.inputs + sum(whole.units) - 3
+        )
+    error = free_run_error(pruned.smallest, VALIDATION[0]).nrmse
+    assert error <= 1.5 * pruned.best * (1 + 1e-12)
+    weights = [step.weights for step in pruned.steps[1:]]
+    assert weights == sorted(weights, reverse=True)
+    assert judge(pruned.smallest, TRAIN, VALIDATION, TEST)[1].test[0].nrmse < 0.1
+    lines = draw_course(pruned).axes[0].lines
+    drawn = np.asarray(lines[0].get_xdata(), dtype=float)
+    np.testing.assert_array_equal(drawn, [step.weights for step in pruned.steps])
+
+
+def test_protocol_cuts_one_record_into_stretches_without_a_common_sample() -> None:
+    record = embedded()["sine_5.0Hz_2.5mm_random_current"]
+    parts = protocol(record)
+    assert [s.n for s in parts] == [4000, 2000, 1500]
+    assert record.force is not None
+    np.testing.assert_array_equal(np.concatenate([s.force for s in parts]), record.force[:7500])
+    with pytest.raises(InputError, match=r"samples at 0.002 s; 9000 are needed"):
+        protocol(record, (4000, 3000, 2000))
+
+
+def record(**channels: Array) -> Record:
+    s = TRAIN[0]
+    base = {"displacement_m": s.x, "command": s.i, "force_N": s.force}
+    return Record("test", None, s.sample_time, {**base, **channels})
+
+
+def test_series_at_another_sample_time_keeps_the_motion() -> None:
+    s = series(record(), 4e-3)
+    assert s.sample_time == 4e-3
+    truth = motion(700, 2e-3, 1)[1][::2]
+    assert np.std(s.v[10:-10] - truth[10:-10]) < 0.02 * np.std(truth)
+
+
+def test_bad_records_are_told_in_a_line() -> None:
+    n = TRAIN[0].n
+    with pytest.raises(InputError, match="channel force_N is constant"):
+        series(record(force_N=np.ones(n)))
+    with pytest.raises(InputError, match="displacement_m is constant"):
+        series(record(displacement_m=np.ones(n)))
+    with pytest.raises(InputError, match=r"clipped: .* stand at 300 N"):
+        series(record(force_N=np.minimum(TRAIN[0].force, 300.0)))
+    with pytest.raises(InputError, match=r"clipped: .* stand at -200 N"):
+        series(record(force_N=np.maximum(TRAIN[0].force, -200.0)))
+    inputs = lagged("viF", 2)
+    with pytest.raises(InputError, match="the command never varies"):
+        data.check([replace(TRAIN[0], i=np.ones(n))], inputs, 50)
+    with pytest.raises(InputError, match="for 400 weights"):
+        data.check([TRAIN[0]], inputs, 400)
+    with pytest.raises(InputError, match="20 samples are too few"):
+        data.check([TRAIN[0], TRAIN[1].part(0, 20)], inputs, 50)
+    with pytest.raises(InputError, match="different sample times"):
+        data.check([TRAIN[0], replace(TRAIN[1], sample_time=4e-3)], inputs, 50)

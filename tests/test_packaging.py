@@ -1,0 +1,168 @@
+"""What an installation must bring, tried from outside: editable, from a wheel, or from an sdist alike."""
+
+import importlib.metadata
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+MODEL = """
+<mujoco>
+  <extension><plugin plugin="mrdamp.damper"/><plugin plugin="mrdamp.force_sensor"/></extension>
+  <worldbody><body><joint name="j" type="slide"/><geom size="0.1"/></body></worldbody>
+</mujoco>
+"""
+
+
+def package_folders() -> list[Path]:
+    """Where the package lies: one folder; with an editable install also that of the sources."""
+    spec = importlib.util.find_spec("mrdamp")
+    assert spec is not None
+    assert spec.submodule_search_locations is not None
+    return [Path(folder) for folder in spec.submodule_search_locations]
+
+
+def library() -> Path:
+    paths = [folder / "plugin" / "libmrdamp.so" for folder in package_folders()]
+    return next(path for path in paths if path.exists())
+
+
+def python(code: str, cwd: Path) -> str:
+    """Standard output of a new interpreter in another folder, warnings being errors."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=cwd, env=environment, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return done.stdout.strip()
+
+
+def test_plugin_library_is_a_real_file() -> None:
+    # mj_loadAllPluginLibraries passes over links
+    path = library()
+    assert path.is_file()
+    assert not path.is_symlink()
+    assert not path.parent.is_symlink()
+
+
+def test_plugin_library_finds_the_engine_beside_it_and_nowhere_else() -> None:
+    readelf = shutil.which("readelf")
+    if readelf is None:
+        pytest.skip("readelf (binutils) is not installed")
+    dynamic = subprocess.run([readelf, "-d", library()], capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"\((RPATH|RUNPATH)\).*\[(.*)\]", dynamic) == [("RUNPATH", "$ORIGIN/../../mujoco")]
+    assert "libmujoco.so.4.0.0" in re.findall(r"\(NEEDED\).*\[(.*)\]", dynamic)
+    assert (library().parent / "../../mujoco/libmujoco.so.4.0.0").resolve().is_file()
+
+
+def test_plugin_library_holds_no_path_of_the_build_machine() -> None:
+    content = library().read_bytes()
+    for folder in (REPOSITORY, Path(sys.prefix), Path.home()):
+        assert f"{folder}/".encode() not in content
+
+
+def test_import_loads_one_engine_and_one_plugin(tmp_path: Path) -> None:
+    if not Path("/proc/self/maps").exists():
+        pytest.skip("no /proc/self/maps on this system")
+    maps = python("import mrdamp, pathlib; print(pathlib.Path('/proc/self/maps').read_text())", tmp_path)
+    mapped = {Path(line.split()[-1]) for line in maps.splitlines() if ".so" in line}
+    assert [path.resolve() for path in mapped if path.name.startswith("libmrdamp")] == [library().resolve()]
+    assert len([path for path in mapped if path.name.startswith("libmujoco")]) == 1
+
+
+@pytest.mark.parametrize("first", ["mrdamp", "mujoco, mrdamp", "mrdamp, mujoco", "mrdamp.cli"])
+def test_import_from_anywhere_registers_the_plugins(tmp_path: Path, first: str) -> None:
+    code = f"import {first}, mujoco; print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
+    assert python(code, tmp_path) == "1"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_import_of_mujoco_alone_registers_the_plugins(tmp_path: Path) -> None:
+    # by the entry point; so `python -m mujoco.viewer` and other people's programs open a model with a damper
+    code = f"import mujoco; print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
+    assert python(code, tmp_path) == "1"
+
+
+def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path) -> None:
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text("__version__ = '3.3.0'\n")
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import mrdamp"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode != 0
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("ImportError: ")
+    assert "3.3.0" in last
+    assert "pip install mujoco==4.0.0" in last
+
+
+def test_spawned_worker_imports(tmp_path: Path) -> None:
+    script = tmp_path / "spawn.py"
+    script.write_text(
+        "import multiprocessing\n"
+        "def work(text):\n"
+        "    import mrdamp, mujoco\n"
+        "    return mujoco.MjModel.from_xml_string(text).nq\n"
+        "if __name__ == '__main__':\n"
+        "    with multiprocessing.get_context('spawn').Pool(2) as pool:\n"
+        f"        print(pool.map(work, ['''{MODEL}'''] * 2))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", script], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[1, 1]\n", "")
+
+
+def test_command_tells_its_version(tmp_path: Path) -> None:
+    command = Path(sys.executable).parent / "mrdamp"
+    done = subprocess.run([command, "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split() == ["mrdamp", importlib.metadata.version("mrdamp")]
+
+
+def test_metadata_asks_for_the_one_engine_and_carries_the_licence() -> None:
+    metadata = importlib.metadata.metadata("mrdamp")
+    assert "mujoco==4.0.0" in metadata.get_all("Requires-Dist", [])
+    assert metadata["Requires-Python"] == ">=3.11"
+    assert metadata["License-Expression"] == "Apache-2.0"
+    files = importlib.metadata.files("mrdamp") or []
+    licence = [file for file in files if file.name == "LICENSE"]
+    assert len(licence) == 1
+    assert "Version 2.0, January 2004" in licence[0].read_text()
+
+
+def test_types_models_and_subpackages_are_installed() -> None:
+    for name in ("py.typed", "models_xml"):
+        assert any((folder / name).exists() for folder in package_folders()), name
+    models = [file for folder in package_folders() for file in (folder / "models_xml").glob("**/*.xml")]
+    assert models != []
+
+
+def test_links_to_the_top_folders_are_relative() -> None:
+    for name in ("models_xml",):
+        link = REPOSITORY / "src" / "mrdamp" / name
+        assert link.is_symlink()
+        assert os.readlink(link) == f"../../{name}"
+
+
+def test_every_direct_dependency_is_pinned() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+    lists = [project["project"]["dependencies"], project["build-system"]["requires"],
+             *project["project"]["optional-dependencies"].values()]  # fmt: skip
+    lines = [line for line in (REPOSITORY / "constraints.txt").read_text().splitlines() if line[:1] != "#"]
+    assert all(re.fullmatch(r"[A-Za-z0-9_.-]+==[0-9][0-9a-z.]*", line) for line in lines)
+    pins = {re.sub(r"[-_.]+", "-", line.split("==")[0]).lower(): line.split("==")[1] for line in lines}
+    for requirement in (item for items in lists for item in items):
+        name, _, version = requirement.partition("==")
+        assert name in pins
+        assert version in ("", pins[name])

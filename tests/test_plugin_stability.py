@@ -1,0 +1,259 @@
+"""Light structures: the step neither grows nor rings, and takes no energy from nowhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+import pytest
+
+from dampers import attributes, commands, size
+from excitation import Array
+from mjcf_builders import Damper, Values, compiled, document, oscillator, slider, step_through
+from mrdamp import core, sets
+from networks import Network
+from storage import hysteretic_energy
+from twin_laws import value, z_limit
+
+INTEGRATORS = ("Euler", "implicitfast")
+TIMESTEPS = (1e-4, 1e-3, 2e-3, 5e-3)  # s
+
+
+def viscous(c: float) -> dict[str, float]:
+    return {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 1.0, 3.0, 10.0, 30.0])
+def test_linear_damper_decays_exactly(ratio: float, timestep: float, integrator: str) -> None:
+    """m v' = -c v: v falls by exp(-c h / m) in every step, however large c h / m is."""
+    c = 700.0
+    model, data = oscillator(
+        "bingham", viscous(c), c * timestep / ratio, 0.0, timestep, integrator=integrator
+    )
+    data.qvel[0] = 0.8
+    v = step_through(model, data, 20).v[:, 0]
+    np.testing.assert_allclose(v, 0.8 * np.exp(-ratio * np.arange(20)), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("ratio", [1.0, 10.0, 30.0])
+def test_linear_network_decays_exactly(ratio: float, integrator: str) -> None:
+    """A network that is a dashpot, F = c v, as stiff."""
+    c, timestep = 700.0, 1e-3
+    one, zero = np.ones(1), np.zeros(1)
+    net = Network(5e-4, (("v", 0),), zero, one, 0.0, c, ((np.ones((1, 1)), zero),))
+    text = document(
+        slider(c * timestep / ratio),
+        [Damper("narx", {"weights": "text:net"})],
+        timestep=timestep,
+        integrator=integrator,
+        extra=f'<custom><text name="net" data="{net.text()}"/></custom>',
+    )
+    model, data = compiled(text)
+    data.qvel[0] = 0.8
+    v = step_through(model, data, 20).v[:, 0]
+    np.testing.assert_allclose(v, 0.8 * np.exp(-ratio * np.arange(20)), rtol=1e-6, atol=1e-9)
+
+
+def resistance(id: str, u: float) -> tuple[float, float]:
+    """Force (N) at the speed (m/s) of the set's own tests, after a stroke at that speed."""
+    stroke, frequency = size(id)
+    speed = 2.0 * math.pi * frequency * stroke
+    x = np.linspace(0.0, stroke, 200)
+    force = core.run(sets.load(id).law, attributes(id), stroke / speed / 199, x, np.full(200, speed), u=u)[
+        "force"
+    ]
+    return abs(float(force[-1])), speed
+
+
+def most_stored(law: str, p: Mapping[str, float], u: float, force: float) -> float:
+    """Energy (J) the inner elements can hold where the force within is at most `force`."""
+    if law == "bingham":
+        return 0.0
+    if law == "hyperbolic_tangent":
+        return force**2 / (2.0 * value(p, "k1", u)) + p["m0"] * 1.0**2 / 2.0
+    fall = p.get("hysteresis_floor", 0.0) + (1.0 - p.get("hysteresis_floor", 0.0)) * math.exp(
+        -p.get("hysteresis_rate", 0.0) * u
+    )
+    softer = {**p, "gamma": p["gamma"] * fall, "beta": p["beta"] * fall}
+    z = np.array([z_limit(softer)])
+    return value(p, "alpha_", u) * float(hysteretic_energy(softer, z)[0])
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("ratio", [1.0, 10.0, 30.0])
+@pytest.mark.parametrize("level", [0.0, 1.0])
+@pytest.mark.parametrize("id", sets.names())
+def test_light_mass_is_stopped(id: str, level: float, ratio: float, integrator: str) -> None:
+    """A body so light that c h / m = ratio: it is stopped, and does not swing from step to step."""
+    law, p, timestep = sets.load(id).law, attributes(id), 1e-3
+    low, high = commands(id)
+    u = low + level * (high - low)
+    force, speed = resistance(id, u)
+    mass = force / speed * timestep / ratio
+    model, data = oscillator(law, p, mass, 0.0, timestep, integrator=integrator)
+    data.qvel[0], data.ctrl[0] = speed, u
+    track = step_through(model, data, 10_000)
+    x, v = track.x[:, 0], track.v[:, 0]
+    assert np.all(np.isfinite(v))
+    # the springs beside the hysteresis go on relaxing: their force over the dashpot is the speed left
+    preload = p.get("k1", 0.0) * abs(p.get("x0", 0.0)) if law == "modified_bouc_wen" else 0.0
+    rest = preload / (value(p, "c0", u) + 1e-9) if preload else 1e-4 * speed
+    assert np.max(np.abs(v[5000:])) < max(1.05 * rest, 1e-4 * speed)
+    turns = v[:-1] * v[1:] < 0.0  # four in a row, with nothing lost, are no oscillation of the structure
+    row = turns[:-3] & turns[1:-2] & turns[2:-1] & turns[3:]
+    assert not np.any(row & (np.abs(v[4:]) > 0.8 * np.abs(v[:-4])) & (np.abs(v[4:]) > 1e-6 * speed))
+    # energy: what is not in motion or in the springs is in the hysteresis, which holds little, or gone
+    springs = 0.5 * p.get("k1" if law == "modified_bouc_wen" else "k0", 0.0) * (x - p.get("x0", 0.0)) ** 2
+    energy = 0.5 * mass * v**2 + springs
+    rise = np.max(energy - np.minimum.accumulate(energy))
+    assert rise < 1.02 * most_stored(law, p, u, 1.5 * force) + 0.01 * energy[0]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("timestep", [2e-4, 1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("id", sets.names())
+def test_light_structure_comes_to_rest(id: str, timestep: float, integrator: str) -> None:
+    """A light mass on a spring, plucked: its energy falls for 1e4 steps."""
+    law, p = sets.load(id).law, attributes(id)
+    stroke, frequency = size(id)
+    u = commands(id)[1]
+    force, speed = resistance(id, u)
+    mass = force / speed * timestep / 5.0
+    stiffness = mass * (2.0 * math.pi * frequency) ** 2
+    preload = 0.5 * (0.0 if law != "modified_bouc_wen" else p["k1"] * p["x0"] ** 2)
+    model, data = oscillator(law, p, mass, stiffness, timestep, integrator=integrator)
+    data.qpos[0], data.ctrl[0] = stroke, u
+    track = step_through(model, data, 10_000)
+    x, v = track.x[:, 0], track.v[:, 0]
+    spring = 0.5 * p.get("k1" if law == "modified_bouc_wen" else "k0", 0.0) * (x - p.get("x0", 0.0)) ** 2
+    energy = 0.5 * mass * v**2 + 0.5 * stiffness * x**2 + spring
+    assert np.all(np.isfinite(x))
+    rise = np.max(energy - np.minimum.accumulate(energy))
+    assert rise < 1.02 * most_stored(law, p, u, 1.5 * force) + 0.01 * (energy[0] + preload)
+
+
+def ratio_of_damping(
+    model: mujoco.MjModel, data: mujoco.MjData, first: float, cycles: int, omega: float
+) -> float:
+    """Damping ratio from the peaks of a free oscillation."""
+    data.qpos[0] = first
+    x = step_through(model, data, round(cycles * 2.0 * math.pi / omega / model.opt.timestep)).x[:, 0]
+    at = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] >= x[2:])) + 1
+    bend = x[at + 1] - 2.0 * x[at] + x[at - 1]
+    peaks = x[at] - (x[at + 1] - x[at - 1]) ** 2 / (8.0 * bend)
+    fall = math.log(peaks[0] / peaks[-1]) / (len(peaks) - 1) / (2.0 * math.pi)
+    return fall / math.sqrt(1.0 + fall**2)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("timestep", [2e-4, 1e-3, 2e-3])
+@pytest.mark.parametrize("frequency", [1.0, 5.0])
+def test_one_per_cent_of_damping_stays_one_per_cent(
+    frequency: float, timestep: float, integrator: str
+) -> None:
+    mass, omega = 10.0, 2.0 * math.pi * frequency
+    model, data = oscillator(
+        "bingham", viscous(2 * 0.01 * mass * omega), mass, mass * omega**2, timestep, integrator=integrator
+    )
+    assert ratio_of_damping(model, data, 0.01, 30, omega) == pytest.approx(0.01, rel=0.005)
+
+
+@pytest.mark.parametrize("share", [0.1, 1.0])
+@pytest.mark.parametrize("timestep", [2e-4, 1e-3, 2e-3])
+def test_spring_inside_the_damper_adds_no_damping(timestep: float, share: float) -> None:
+    """The same 1 %, a part of the structure's stiffness being the damper's gas spring, or all of it."""
+    mass, omega = 10.0, 2.0 * math.pi * 5.0
+    stiffness = mass * omega**2
+    model, data = oscillator(
+        "bingham",
+        {**viscous(2 * 0.01 * mass * omega), "gas_spring_k": share * stiffness},
+        mass,
+        (1.0 - share) * stiffness,
+        timestep,
+    )
+    assert ratio_of_damping(model, data, 0.01, 30, omega) == pytest.approx(0.01, rel=0.02)
+
+
+@pytest.mark.parametrize("v_ref", [0.0, 1e-4])
+@pytest.mark.parametrize("c", [0.0, 400.0])
+@pytest.mark.parametrize("mass", [0.01, 0.033, 1.0, 30.0])
+def test_dry_friction_holds_a_load(mass: float, c: float, v_ref: float) -> None:
+    """A load of 0.6 of the yield force: the sliding body stops, and creeps no faster than v_ref allows."""
+    law = {"c0a": c, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": v_ref}
+    model, data = oscillator("bingham", law, mass, 0.0, 1e-3)
+    data.qvel[0] = 0.05
+    data.qfrc_applied[0] = 30.0
+    v = step_through(model, data, 3000).v[:, 0]
+    assert np.max(np.abs(v)) <= 0.05 + 1e-9
+    creep = v_ref * math.atanh(0.6)  # where yield tanh(v / v_ref) is the load
+    late = v[2000:]
+    assert np.max(late) < 1.02 * creep + 1e-6
+    assert np.min(late) > (0.98 * creep if not c else 0.0) - 1e-6
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("timestep", [2e-4, 1e-3])
+def test_coulomb_damper_takes_the_same_from_every_swing(timestep: float, integrator: str) -> None:
+    """Dry friction alone: amplitudes fall by 2 f / k a half cycle, and the end lies within f / k."""
+    stiffness, yielding = 4000.0, 8.0
+    law = {"c0a": 0.0, "c0b": 0.0, "fya": yielding, "fyb": 0.0, "v_ref": 0.0}
+    model, data = oscillator("bingham", law, 10.0, stiffness, timestep, integrator=integrator)
+    data.qpos[0] = 0.0435
+    x = step_through(model, data, round(3.0 / timestep)).x[:, 0]
+    turns: list[float] = []
+    half = math.pi / math.sqrt(stiffness / 10.0)
+    for k in range(8):
+        inside = x[round(k * half / timestep) : round((k + 1) * half / timestep) + 2]
+        turns.append(float(np.max(np.abs(inside))))
+    fall = 2.0 * yielding / stiffness
+    np.testing.assert_allclose(turns, 0.0435 - fall * np.arange(8), atol=0.03 * fall)
+    assert abs(x[-1]) < 1.01 * yielding / stiffness
+    assert np.ptp(x[-round(0.5 / timestep) :]) < 1e-6
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.5, 20.0])
+def test_seal_friction_holds_a_load(mass: float) -> None:
+    """Stick under a load below the friction; slip above the breakaway force, damped."""
+    more = {"seal_friction_coulomb": 40.0, "seal_friction_breakaway": 1.5, "seal_friction_presliding": 1e-4}
+    model, data = oscillator("bingham", {**viscous(20.0), **more}, mass, 0.0, 1e-3)
+    data.qfrc_applied[0] = 30.0
+    held = step_through(model, data, 3000)
+    assert abs(held.x[2000, 0]) < 1e-3
+    assert np.ptp(held.x[2000:, 0]) < 1e-4  # a heavy body goes on trembling in the bristles
+    data.qfrc_applied[0] = 65.0
+    slid = step_through(model, data, 8000)
+    assert slid.v[-1, 0] == pytest.approx((65.0 - 40.0) / 20.0, rel=0.01)
+
+
+SPRUNG: tuple[tuple[str, Values], ...] = (
+    ("compliant mount", {"mount_compliance_k": 2e5}),
+    ("backlash", {"backlash_gap": 5e-4, "backlash_k": 2e5}),
+    ("both with a mass", {"mount_compliance_k": 2e5, "backlash_gap": 2e-4, "moving_mass_m": 0.2}),
+)
+
+
+@pytest.mark.parametrize("mass", [0.05, 1.0, 50.0])
+@pytest.mark.parametrize("more", [row[1] for row in SPRUNG], ids=[row[0] for row in SPRUNG])
+def test_mounts_are_stable_on_light_masses(more: Values, mass: float) -> None:
+    """A stiff mount on a light mass: energy falls, and what still moves does so in the gap."""
+    timestep = 1e-3
+    gap = float(more.get("backlash_gap", 0.0))
+    law = attributes("dyke1996_3kN")
+    model, data = oscillator("modified_bouc_wen", {**law, **more}, mass, 2000.0, timestep)
+    data.qvel[0], data.ctrl[0] = 0.3, 1.0
+    track = step_through(model, data, 10_000)
+    energy = energy_of(track.x[:, 0], track.v[:, 0], mass, 2000.0)
+    force = track.sensors[:, model.sensor("true_force").adr[0]]
+    assert np.all(np.isfinite(energy))
+    most = float(np.max(force**2)) / (2.0 * 2e5)
+    assert np.max(energy - np.minimum.accumulate(energy)) < most + 0.02 * energy[0]
+    assert np.max(np.abs(track.v[5000:])) < 1.05 * math.sqrt(2000.0 / mass) * gap / 2.0 + 0.001
+
+
+def energy_of(x: Array, v: Array, mass: float, stiffness: float) -> Array:
+    return 0.5 * mass * v**2 + 0.5 * stiffness * x**2

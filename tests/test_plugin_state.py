@@ -1,0 +1,345 @@
+"""State and parameters: copies, restores, files, threads, batches, and parameters changed on the way."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import mujoco.batch
+import mujoco.rollout
+import numpy as np
+import pytest
+
+from excitation import Array
+from mjcf_builders import (
+    Damper,
+    Sensor,
+    Track,
+    attribute,
+    chain,
+    compiled,
+    document,
+    set_attribute,
+    slider,
+    step_through,
+    trajectory,
+)
+from networks import random_network
+
+DYKE = {
+    "c0a": 2100.0, "c0b": 350.0, "c1a": 28300.0, "c1b": 295.0, "k0": 4690.0, "k1": 500.0, "x0": 0.0,
+    "alpha_a": 14000.0, "alpha_b": 69500.0, "gamma": 3.63e6, "beta": 3.63e6, "A": 301.0, "n": 2.0,
+}  # fmt: skip
+FOAM = {
+    "k0a": 50.0, "k0b": 2.0, "k1a": 4000.0, "k1b": 100.0, "c0a": 75.0, "c0b": 0.0, "c1a": 0.5, "c1b": 4.0,
+    "m0": 0.008, "f0a": 1.0, "f0b": 5.0, "v_ref": 0.0033,
+}  # fmt: skip
+EFFECTS = {
+    "driver_lag_tau": 0.008, "driver_lag_tau2": 0.003, "remanence_b": 0.1, "heating_kappa": 0.01,
+    "heating_capacity": 3.0, "seal_friction_coulomb": 20.0, "trapped_gas_d": 0.4,
+}  # fmt: skip
+MOUNT = {"mount_compliance_k": 5e4, "backlash_gap": 1e-4, "driver_lag_tau": 0.005}
+STEPS = 400
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+SPECS = [FULL, mujoco.mjtState.mjSTATE_INTEGRATION]
+
+
+def rich(timestep: float = 1e-3) -> str:
+    """All that keeps a past: a network with a delayed command, a mount, heat, bristles, noise, lags."""
+    dampers = [
+        Damper("narx", {"weights": "text:net", "command_delay_d": 0.0123, "driver_lag_tau": 0.01}, "net"),
+        Damper("modified_bouc_wen", {**DYKE, **EFFECTS}, "mr", 'joint="j1"'),
+        Damper(
+            "hyperbolic_tangent",
+            {**FOAM, **MOUNT},
+            "foam",
+            'joint="j2"',
+        ),
+    ]
+    reading = {"noise": 2.0, "seed": 11.0, "sensor_leakage_tau": 0.3, "sensor_lag_tau": 0.004}
+    sensors = [Sensor(f"f_{damper.name}", damper.name, reading) for damper in dampers]
+    sensors += [Sensor(f"i_{damper.name}", damper.name, {"signal": "current"}) for damper in dampers]
+    extra = f"""<custom><text name="net" data="{random_network(2, (6,)).text()}"/></custom>
+<keyframe><key name="bent" qpos="0.01 -0.004 0.003" qvel="0.1 0 0.2" ctrl="0.5 1 1.5"/></keyframe>"""
+    bodies = chain([20.0, 10.0, 2.0], [2e4, 2e4, 1e4], [5.0, 5.0, 1.0])
+    return document(bodies, dampers, sensors, timestep=timestep, extra=extra)
+
+
+def controls(steps: int = STEPS, seed: int = 0) -> Array:
+    """Commands (steps, 3), new ones every 20 steps."""
+    levels = np.random.default_rng(seed).uniform(0.2, 1.6, (steps // 20 + 1, 3))
+    return np.repeat(levels, 20, axis=0)[:steps]
+
+
+def bent() -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model, data = compiled(rich())
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    return model, data
+
+
+def equal(one: Track, two: Track) -> None:
+    """Bit for bit."""
+    for name in ("x", "v", "sensors"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def whole() -> Track:
+    model, data = bent()
+    return step_through(model, data, STEPS, controls())
+
+
+def rest(track: Track, k: int) -> Track:
+    return Track(track.x[k:], track.v[k:], track.sensors[k:])
+
+
+def test_the_model_keeps_a_past(whole: Track) -> None:
+    """What the other tests rest on: without its plugin state the same motion goes on differently."""
+    model, data = bent()
+    step_through(model, data, 150, controls()[:150])
+    data.plugin_state[:] = 0.0
+    after = step_through(model, data, STEPS - 150, controls()[150:])
+    for k in range(model.nsensordata):
+        assert np.max(np.abs(after.sensors[:, k] - whole.sensors[150:, k])) > 1e-3, k
+    assert np.max(np.abs(after.x - whole.x[150:])) > 1e-7
+
+
+@pytest.mark.parametrize("k", [1, 7, 150])
+def test_copy_goes_on_alike(whole: Track, k: int) -> None:
+    model, data = bent()
+    step_through(model, data, k, controls()[:k])
+    twin = copy.copy(data)
+    other = mujoco.MjData(model)
+    mujoco.mj_copyData(other, model, data)
+    step_through(model, data, 50, controls(seed=4))  # the original moves on first
+    for following in (twin, other):
+        equal(step_through(model, following, STEPS - k, controls()[k:]), rest(whole, k))
+
+
+@pytest.mark.parametrize("spec", SPECS, ids=["FULLPHYSICS", "INTEGRATION"])
+@pytest.mark.parametrize("k", [1, 7, 150])
+def test_state_put_back_goes_on_alike(whole: Track, spec: int, k: int) -> None:
+    """Into the same data after it went elsewhere, and into data that never stepped."""
+    model, data = bent()
+    step_through(model, data, k, controls()[:k])
+    state = np.empty(mujoco.mj_stateSize(model, spec))
+    mujoco.mj_getState(model, data, state, spec)
+    step_through(model, data, 60, controls(seed=5))
+    for following in (data, mujoco.MjData(model)):
+        mujoco.mj_setState(model, following, state, spec)
+        equal(step_through(model, following, STEPS - k, controls()[k:]), rest(whole, k))
+
+
+def test_reset_and_keyframe(whole: Track) -> None:
+    model, data = bent()
+    step_through(model, data, 123, controls(seed=3))
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    equal(step_through(model, data, STEPS, controls()), whole)
+    mujoco.mj_resetData(model, data)
+    fresh = step_through(model, mujoco.MjData(model), 100, controls())
+    equal(step_through(model, data, 100, controls()), fresh)
+
+
+def test_looking_does_not_move_the_state(whole: Track) -> None:
+    """mj_forward, mj_inverse, mj_step1 and a linearisation between the steps."""
+    model, data = bent()
+    before = data.plugin_state.copy()
+    looks: tuple[Callable[[], None], ...] = (
+        lambda: mujoco.mj_forward(model, data),
+        lambda: mujoco.mj_step1(model, data),
+        lambda: mujoco.mjd_transitionFD(
+            model, data, 1e-6, True, np.zeros((6, 6)), np.zeros((6, 3)), None, None
+        ),
+    )
+    for look in looks:
+        for _ in range(3):
+            look()
+            np.testing.assert_array_equal(data.plugin_state, before)
+    x, sensors = np.empty((60, 3)), np.empty((60, model.nsensordata))
+    for k in range(60):
+        data.ctrl[:] = controls()[k]
+        x[k] = data.qpos
+        looks[k % 3]()
+        mujoco.mj_step(model, data)
+        sensors[k] = data.sensordata
+    np.testing.assert_array_equal(x, whole.x[:60])
+    np.testing.assert_array_equal(sensors, whole.sensors[:60])
+
+
+def test_two_halves_of_a_step_are_the_step(whole: Track) -> None:
+    model, data = bent()
+    for k in range(100):
+        np.testing.assert_array_equal(data.qpos, whole.x[k])
+        mujoco.mj_step1(model, data)
+        data.ctrl[:] = controls()[k]
+        mujoco.mj_step2(model, data)
+
+
+@pytest.mark.parametrize("kind", ["xml", "mjb", "spec"])
+def test_saved_models_move_alike(whole: Track, kind: str, tmp_path: Path) -> None:
+    path = str(tmp_path / f"model.{kind}")
+    model, _ = compiled(rich())
+    if kind == "xml":
+        mujoco.mj_saveLastXML(path, model)
+        again = mujoco.MjModel.from_xml_path(path)
+    elif kind == "mjb":
+        mujoco.mj_saveModel(model, path)
+        again = mujoco.MjModel.from_binary_path(path)
+    else:
+        again = mujoco.MjModel.from_xml_string(mujoco.MjSpec.from_string(rich()).to_xml())
+    data = mujoco.MjData(again)
+    mujoco.mj_resetDataKeyframe(again, data, 0)
+    equal(step_through(again, data, STEPS, controls()), whole)
+
+
+def test_spawned_worker_moves_alike() -> None:
+    """A new interpreter that imports the package on its own."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        found = pool.apply(trajectory, (rich(), 200))
+    np.testing.assert_array_equal(found, trajectory(rich(), 200))
+
+
+# --- many at a time -----------------------------------------------------------------------------------
+
+
+def starts(model: mujoco.MjModel, count: int) -> tuple[Array, Array]:
+    """States (count, nstate) away from rest, the plugins' past among them, and controls (count, STEPS, 3)."""
+    states = np.empty((count, mujoco.mj_stateSize(model, FULL)))
+    data = mujoco.MjData(model)
+    for k in range(count):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        step_through(model, data, 10 * k, controls(10 * k, seed=20 + k))
+        mujoco.mj_getState(model, data, states[k], FULL)
+    return states, np.array([controls(seed=40 + k) for k in range(count)])
+
+
+def loop(models: list[mujoco.MjModel], states: Array, commands: Array) -> tuple[Array, Array]:
+    """One after the other, each in new data: last states (n, nstate), sensors (n, steps, nsensordata)."""
+    found, sensors = [], []
+    for model, state, command in zip(models, states, commands, strict=True):
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, state, FULL)
+        sensors.append(step_through(model, data, len(command), command).sensors)
+        last = np.empty_like(state)
+        mujoco.mj_getState(model, data, last, FULL)
+        found.append(last)
+    return np.array(found), np.array(sensors)
+
+
+def stronger(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
+    """A copy whose modified Bouc-Wen damper has another c0a, written into its attributes in place."""
+    other = copy.copy(model)
+    set_attribute(other, "mr_data", "c0a", factor * 2100.0)
+    return other
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("varied", [False, True], ids=["one model", "models"])
+def test_rollout_is_the_loop(threads: int, varied: bool) -> None:
+    model, _ = compiled(rich())
+    states, commands = starts(model, 6)
+    models = [stronger(model, 1.0 + k / 2) if varied else model for k in range(6)]
+    found, sensors = mujoco.rollout.rollout(
+        models if varied else model, [mujoco.MjData(model) for _ in range(threads)], states, commands
+    )
+    last, expected = loop(models, states, commands)
+    np.testing.assert_array_equal(found[:, -1], last)
+    np.testing.assert_array_equal(sensors, expected)
+
+
+@pytest.mark.parametrize("way", ["one model", "models", "plugin_attr"])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_batch_is_the_loop(way: str, threads: int) -> None:
+    model, _ = compiled(rich())
+    states, commands = starts(model, 5)
+    models = [stronger(model, 1.0 + k / 2) if way != "one model" else model for k in range(5)]
+    batch = mujoco.batch.Batch(model, nsim=5, nthread=threads)
+    if way == "models":
+        batch.set_models(models)
+    elif way == "plugin_attr":
+        values = batch.expand("plugin_attr")
+        for k in range(5):
+            values[k] = models[k].plugin_attr
+    sensors = np.empty((5, 120, model.nsensordata))
+    bound = batch.bind("sensordata")
+    data = mujoco.MjData(model)
+    for k in range(5):
+        mujoco.mj_setState(model, data, states[k], FULL)
+        mujoco.mj_getState(model, data, batch.state[k], mujoco.mjtState.mjSTATE_INTEGRATION)
+    for k in range(120):
+        batch.ctrl = commands[:, k]
+        batch.step()
+        sensors[:, k] = bound
+    _, expected = loop(models, states, commands[:, :120])
+    np.testing.assert_array_equal(sensors, expected)
+
+
+# --- parameters on the way ----------------------------------------------------------------------------
+
+
+def force_at(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    mujoco.mj_resetData(model, data)
+    data.qvel[0] = 0.1
+    mujoco.mj_forward(model, data)
+    return float(data.sensor("force").data[0])
+
+
+def dashpot() -> str:
+    law = {"c0a": 100.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+    return document(slider(1e9), [Damper("bingham", law)], [Sensor(attributes={"sensor_gain_g": 1.0})])
+
+
+def test_attributes_written_into_the_model_count_at_once() -> None:
+    """Of damper and sensor, in data that already ran."""
+    model, data = compiled(dashpot())
+    assert attribute(model, "mr_data", "c0a") == "100.0"
+    assert force_at(model, data) == pytest.approx(10.0, rel=1e-12)
+    set_attribute(model, "mr_data", "c0a", 700.0)
+    assert force_at(model, data) == pytest.approx(70.0, rel=1e-12)
+    sensor = int(model.sensor_plugin[model.sensor("force").id])
+    raw = bytes(model.plugin_attr.view(np.uint8))
+    at = raw.index(b"1.0\0", int(model.plugin_attradr[sensor]))
+    model.plugin_attr[at : at + 3] = np.frombuffer(b"0.5", dtype=model.plugin_attr.dtype)
+    assert force_at(model, data) == pytest.approx(35.0, rel=1e-12)
+
+
+def test_attributes_changed_while_it_runs() -> None:
+    """The state stays: only the force follows, from the next step on."""
+    model, data = compiled(dashpot())
+    data.qvel[0] = 0.1
+    mujoco.mj_step(model, data)
+    set_attribute(model, "mr_data", "c0a", 300.0)
+    mujoco.mj_step(model, data)
+    assert data.sensor("force").data[0] == pytest.approx(30.0, rel=1e-6)
+
+
+def test_recompiled_spec_has_the_new_parameters() -> None:
+    spec = mujoco.MjSpec.from_string(dashpot())
+    for c in (100.0, 250.0, 30.0):
+        plugin = next(p for p in spec.plugins if p.name == "mr_data")
+        plugin.config = {
+            "law": "bingham",
+            "c0a": repr(c),
+            "c0b": "0",
+            "fya": "0",
+            "fyb": "0",
+            "v_ref": "0.01",
+        }
+        model = spec.compile()
+        assert force_at(model, mujoco.MjData(model)) == pytest.approx(0.1 * c, rel=1e-12)
+
+
+def test_recompiling_keeps_the_state() -> None:
+    """MjSpec.recompile carries state over to the changed model."""
+    spec = mujoco.MjSpec.from_string(rich())
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    step_through(model, data, 100, controls()[:100])
+    x = data.qpos.copy()
+    model, data = spec.recompile(model, data)
+    np.testing.assert_array_equal(data.qpos, x)
+    assert np.all(np.isfinite(step_through(model, data, 100, controls()).sensors))

@@ -1,0 +1,34 @@
+"""The README's code runs as it stands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+
+
+def test_the_damper_in_ones_own_mjcf(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (xml,), python = blocks("xml"), blocks("python")
+    (tmp_path / "damper.xml").write_text(xml)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(python[0], "README.md", "exec"), {})
+    assert capsys.readouterr().out.endswith(" N\n")
+
+
+def test_the_identification(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(blocks("python")[1], "README.md", "exec"), {})
+    assert "alpha_b" in capsys.readouterr().out
+
+
+def test_links_lead_somewhere() -> None:
+    for target in re.findall(r"\]\(([^)h][^)]*)\)", README.read_text(encoding="utf-8")):
+        assert (README.parent / target).exists(), target
