@@ -12,10 +12,13 @@ import pytest
 from excitation import Array
 from mrdamp import InputError
 from mrdamp.narx import data
+from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import lagged, noise_floor, protocol, series
+from mrdamp.narx.doubt import doubt
+from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import draw_course, prune
 from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
-from mrdamp.narx.train import FitNarx, free_run_error, free_run_force, judge, train_narx
+from mrdamp.narx.train import FitNarx, blank, free_run_error, free_run_force, judge, train_narx
 from mrdamp.records import Record, embedded
 from narx_data import made, motion, recursion
 
@@ -206,3 +209,25 @@ def test_bad_records_are_told_in_a_line() -> None:
         data.check([TRAIN[0], TRAIN[1].part(0, 20)], inputs, 50)
     with pytest.raises(InputError, match="different sample times"):
         data.check([TRAIN[0], replace(TRAIN[1], sample_time=4e-3)], inputs, 50)
+
+
+def test_doubt_of_a_linear_network_is_that_of_linear_regression() -> None:
+    """Without feedback and hidden layers the error bars have a closed form."""
+    net = blank([TRAIN[0]], lagged("xv", 0), ())
+    posterior = minimise(OneStep.of(net, [TRAIN[0]]), net.theta)
+    s = replace(TEST[0], x=3.0 * TEST[0].x)
+    found = doubt(net.with_theta(posterior.theta), posterior, s)
+    rows = np.column_stack([net.scaled(s.regressors(net.inputs)), np.ones(s.n)])
+    covariance = np.linalg.inv(2 * posterior.beta * posterior.normal + 2 * posterior.alpha * np.eye(3))
+    expected = np.sqrt(np.einsum("ni,ij,nj->n", rows, covariance, rows)) * net.force_scale
+    np.testing.assert_allclose(found.deviation, expected, rtol=1e-8)
+    middle, half = 0.5 * (TRAIN[0].x.max() + TRAIN[0].x.min()), 0.5 * np.ptp(TRAIN[0].x)
+    assert found.outside["x"] == pytest.approx(np.max(np.abs(s.x - middle)) / half - 1)
+
+
+def test_doubt_shows_where_the_records_do_not_suffice(trained: FitNarx) -> None:
+    near = doubt(trained.network, trained.posterior, TEST[0])
+    far = doubt(trained.network, trained.posterior, replace(TEST[0], i=TEST[0].i + 1.5))
+    assert near.outside["i"] < 0.5
+    assert far.outside["i"] > 2.0
+    assert far.share > 4 * near.share

@@ -75,16 +75,9 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
   return force;
 }
 
-// The longest stretch of path or time the law's own step may take.
-int Pieces(const Damper& d, const State& s, double path, double dt) {
-  double n = dt / d.p.substep;
-  if (d.law == Law::kModifiedBoucWen) {
-    const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, s.c, FieldNow(d, s.c)), 0);
-    const double sum = k.beta + k.gamma;
-    const double rest = sum > 0 ? std::pow(d.p.A / sum, 1 / d.p.n) : kInf;
-    const double reach = rest / std::max(d.p.A, 1e-300);  // m of path on which z is built up
-    n = std::max(n, std::min(2 * std::fabs(path) / reach, 8 * dt / d.p.substep));
-  }
+// Pieces of a step, none longer than asked for.
+int Pieces(const Damper& d, double dt) {
+  const double n = dt / d.p.substep;
   return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
@@ -187,7 +180,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
   if (!(m.dt > 0)) return;
   const Params& p = d.p;
   const double shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
-  const int pieces = Pieces(d, *s, m.x1 - m.x0, m.dt);
+  const int pieces = Pieces(d, m.dt);
   const bool delayed = p.command_delay_d > 0 && s->line, mount = HasMount(p);
   const double dt = m.dt / pieces, begin = s->c.time;
   u0 = d.Clamp(u0);

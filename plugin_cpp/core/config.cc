@@ -59,15 +59,12 @@ bool ParseNumber(const char* text, double* value, std::string* error) {
   if (begin != last && *begin == '+') begin++;
   // Not strtod: it reads numbers as the host program's locale writes them.
   const std::from_chars_result read = std::from_chars(begin, last, *value);
-  if (read.ec == std::errc::result_out_of_range) {
-    *error = Quote(text) + " is out of the range of numbers";
-    return false;
-  }
-  if (begin == last || read.ec != std::errc() || read.ptr != last) {
+  const bool too_large = read.ec == std::errc::result_out_of_range;
+  if (begin == last || read.ptr != last || (read.ec != std::errc() && !too_large)) {
     *error = Quote(text) + " is not a number";
     return false;
   }
-  if (!std::isfinite(*value)) {
+  if (too_large || !std::isfinite(*value)) {
     *error = Quote(text) + " is not a finite number";
     return false;
   }

@@ -8,7 +8,7 @@ namespace mrdamp {
 
 struct Bingham {
   // The sign function is a tanh too steep to tell: at rest a step needs a force that goes with a velocity.
-  static constexpr double kSharpest = 1e-6;  // m/s
+  static constexpr double kSharpest = 1e-9;  // m/s
 
   static LawForce Force(const Params& p, const Coefficients& k, double v) {
     const double width = p.v_ref > kSharpest ? p.v_ref : kSharpest;

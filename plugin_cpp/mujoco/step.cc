@@ -27,7 +27,7 @@ Blend BlendOf(double q, double slope, double chord, double present) {
   const double most = std::max({slope, chord, 1e-300});
   const double bent = std::fabs(slope - chord) / most;
   const double inner = std::max(0.0, most - present) / most;  // share of the slope that is no dashpot
-  const double t = std::clamp((q - 0.2) / 0.6, 0.0, 1.0);
+  const double t = std::clamp((q - 0.5) / 1.0, 0.0, 1.0);
   const double soft = std::max(0.0, std::max(bent, inner) - 1e-3);  // less is the differences' own error
   return {EndWeight(q), t * t * (3 - 2 * t) * std::min(1.0, 5 * soft)};
 }
@@ -51,7 +51,7 @@ double SolveOne(double h, const StepDamper& d, double w) {
   Blend blend{0.5, 0};
   double firm = free;
   const double change = std::fabs(fb - fa);
-  if (change < 0.05 * std::fabs(fa)) {
+  if (change < 0.1 * std::fabs(fa)) {
     blend.weight = EndWeight(change / std::fabs(fa));
   } else if (change > 0) {
     double end = fb;

@@ -1,0 +1,85 @@
+"""The plugin against the same law in Python through `mujoco.set_mjcb_control`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+
+from benchmarks import accuracy
+from benchmarks.frames import DYKE, Stepper, frame
+from benchmarks.python_law import PythonDamper
+from benchmarks.result import Figure, Section, of_ratio
+from benchmarks.timing import Effort, Ratio, interleave, ratio
+
+STEP = 5e-4  # s, of the shipped frame
+
+
+class CallbackStepper:
+    """A frame whose damper is Python; the callback is there only while it is measured."""
+
+    def __init__(self, timestep: float, inner: int, steps: int, scale: float = 1.0) -> None:
+        model = frame(timestep, damper=False)
+        self.stepper = Stepper(model, steps, scale)
+        self.damper = PythonDamper(DYKE.attributes(), inner)
+        dof = int(model.joint("storey1").dofadr[0])
+        self.control = self.damper.control(self.stepper.data, dof, timestep)
+
+    def __call__(self) -> float:
+        """Cost of a step, us."""
+        self.damper.command = 2.25 - self.damper.command
+        mujoco.set_mjcb_control(self.control)
+        try:
+            return self.stepper()
+        finally:
+            mujoco.set_mjcb_control(None)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A way to run the law in Python: the engine's step (s), inner steps of the law (0: one by Euler's rule)."""
+
+    what: str
+    timestep: float
+    inner: int
+    scale: float = 1.0
+    target: str = ""
+
+
+SETTINGS = (
+    # One explicit step diverges under the full ground motion; what it costs is measured where it does not.
+    Setting("one explicit step (diverges; timed at 1 % of the motion)", STEP, 0, scale=0.01),
+    Setting("a step, both at 0.5 ms, three inner steps of the law", STEP, 3, target=">= 3"),
+    Setting("a simulated second at like accuracy, Python at 0.1 ms", 1e-4, 1, target=">= 3"),
+)
+
+
+def measure(effort: Effort, end: float = 3.0) -> list[Section]:
+    """The table; `end`: length of the accuracy runs, s."""
+    tasks = {s.what: CallbackStepper(s.timestep, s.inner, effort.steps, s.scale) for s in SETTINGS}
+    costs = interleave({"plugin": Stepper(frame(STEP), effort.steps), **tasks}, effort.rounds)
+    rows: list[Figure] = []
+    for s in SETTINGS:
+        r = ratio(costs[s.what], costs["plugin"])
+        times = STEP / s.timestep
+        r = Ratio(r.value * times, r.low * times, r.high * times, r.top, r.bottom)
+        note = "" if s.scale < 1 else _errors(s, end)
+        rows.append(of_ratio(s.what, r, "Python step", "plugin step", s.target, note))
+    return [
+        Section(
+            "Plugin against the law in Python",
+            "The same frame with the law as a `mjcb_control` callback: plain floats, the explicit midpoint rule, "
+            f"applied as a joint force. The plugin steps at {STEP * 1e3:g} ms, where its force is within "
+            f"{accuracy.frame_error(STEP, end):.2%} of SciPy's for the whole frame. A callback gives a force at the "
+            "start of a step and is wrong by half a step of velocity, which only a smaller step of the engine mends "
+            "(last row); it is not stable in a light structure either. The target stands at both readings of it.",
+            tuple(rows),
+        )
+    ]
+
+
+def _errors(s: Setting, end: float) -> str:
+    p = DYKE.attributes()
+    whole = accuracy.frame_error(s.timestep, end, PythonDamper(p, s.inner))
+    law = accuracy.python_law_error(PythonDamper(p, s.inner), s.timestep, end)
+    return f"Python's force error: law alone {law:.3%}, frame {whole:.2%}"

@@ -1,0 +1,100 @@
+"""A measured figure, and how it is shown."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.timing import Ratio
+
+_HEAD = ("| | figure | target | reached | |", "|---|---|---|---|---|")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One row. unit: "x" for a ratio, "us" for a time; target: with its sense, "<= 2"; none is for comparison only.
+
+    skipped: why there is no figure.
+    """
+
+    what: str
+    value: float = float("nan")
+    unit: str = "x"
+    target: str = ""
+    detail: str = ""
+    skipped: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is reached; None where there is none, or no figure."""
+        if not self.target or self.skipped:
+            return None
+        sense, limit = self.target.split()[:2]
+        return self.value <= float(limit) if sense == "<=" else self.value >= float(limit)
+
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """What, figure, target, whether it is reached, detail."""
+        number = f"{self.value:.2f}" if abs(self.value) >= 0.1 else f"{self.value:.2g}"
+        shown = "skipped" if self.skipped else f"{number} {self.unit}"
+        reached = {None: "", True: "yes", False: "no"}[self.met]
+        return self.what, shown, self.target, reached, self.skipped or self.detail
+
+
+@dataclass(frozen=True)
+class Section:
+    """A table with what it needs to be understood."""
+
+    title: str
+    text: str
+    figures: tuple[Figure, ...]
+
+
+def of_ratio(what: str, r: Ratio, top: str, bottom: str, target: str = "", note: str = "") -> Figure:
+    """A ratio with its quartiles and both costs named."""
+    detail = f"quartiles {r.low:.2f} to {r.high:.2f}; {top} {r.top:.2f} us, {bottom} {r.bottom:.2f} us"
+    return Figure(what, r.value, "x", target, f"{detail}; {note}" if note else detail)
+
+
+def machine() -> str:
+    """Processor and versions, one line, without the machine's name."""
+    cpu = Path("/proc/cpuinfo")
+    lines = cpu.read_text().splitlines() if cpu.is_file() else []
+    model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("mujoco", "numpy", "scipy"))
+    return f"{model}, {os.cpu_count()} cores, {platform.system()}; Python {platform.python_version()}, {versions}"
+
+
+def text(sections: Sequence[Section]) -> str:
+    """For a terminal."""
+    out = []
+    for section in sections:
+        rows = [("", "figure", "target", "met", ""), *(f.cells() for f in section.figures)]
+        widths = [max(len(row[k]) for row in rows) for k in range(4)]
+        out += [section.title]
+        for row in rows:
+            out.append("  " + "  ".join(row[k].ljust(widths[k]) for k in range(4)) + "  " + row[4])
+        out.append("")
+    return "\n".join(out)
+
+
+def markdown(sections: Sequence[Section], rounds: int) -> str:
+    """docs/benchmarks.md."""
+    out = [
+        "# Speed",
+        "",
+        "Written by `make bench`. Every ratio is measured in one run: both sides in turn, "
+        f"{rounds} rounds, the median of the rounds' ratios, CPU time of the measuring thread. "
+        "A target belongs to the row that it stands in; rows without one are there for comparison.",
+        "",
+        f"Machine: {machine()}.",
+        "",
+    ]
+    for section in sections:
+        out += [f"## {section.title}", "", section.text, "", *_HEAD]
+        out += ["| " + " | ".join(cell.replace("|", "/") for cell in f.cells()) + " |" for f in section.figures]
+        out.append("")
+    return "\n".join(out)

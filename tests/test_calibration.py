@@ -1,0 +1,127 @@
+"""The sensor's calibration: Eqs. (1) to (4) by hand, the embedded tests, a charge that leaks."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from mrdamp.calibration import (
+    CalibrationTest,
+    calibrate,
+    corrected,
+    embedded_tests,
+    low_pass,
+    read_tests,
+    sensing_by_command,
+)
+from mrdamp.errors import InputError
+from mrdamp.records import Record, embedded
+
+
+def sine(frequency: float, amplitude: float, k: float, tau: float, delay: float, dt: float = 0.002) -> CalibrationTest:
+    """Force and the charge of a leaking sensor, integrated by SciPy's lsim; no noise."""
+    t = dt * np.arange(round(max(6 / frequency, 3.0) / dt))
+    force = amplitude * np.sin(2 * np.pi * frequency * t) + 50.0
+    swing = k * amplitude * np.sin(2 * np.pi * frequency * (t - delay))
+    _, charge, _ = signal.lsim(([tau, 0], [tau, 1]), swing, t)
+    return CalibrationTest(f"{frequency:g}", dt, force, charge)
+
+
+def test_eq_1_and_2_for_a_cubic_sensor() -> None:
+    # Q = k F (1 + b F^2), F = A sin: with s = b A^2, <Q^2>/<QF> = k (1 + 3s/2 + 5s^2/8) / (1 + 3s/4).
+    dt, k, size, s = 0.001, -150.0, 1000.0, 0.1
+    force = size * np.sin(2 * np.pi * 1.0 * dt * np.arange(6000))
+    charge = k * force * (1 + s * (force / size) ** 2)
+    found = calibrate([CalibrationTest("cubic", dt, force, charge)], cutoff=None).tests[0]
+    expected = k * (1 + 1.5 * s + 0.625 * s * s) / (1 + 0.75 * s)
+    assert found.sensitivity == pytest.approx(expected, rel=1e-4)
+    assert found.delta_1 == pytest.approx(
+        np.std(force - charge / expected) / np.std(force), rel=1e-3
+    )
+    assert found.phase == pytest.approx(0.0, abs=0.01)
+
+
+def test_leakage_and_delay_are_told_apart() -> None:
+    tests = [sine(f, 1000.0, -158.0, 8.0, 4e-4) for f in (0.2, 1.0, 2.5, 5.0)]
+    found = calibrate(tests)
+    assert found.leakage_tau is not None
+    assert found.delay is not None
+    assert found.leakage_tau[0] == pytest.approx(8.0, rel=0.05)
+    assert found.delay[0] == pytest.approx(4e-4, rel=0.05)
+    assert found.dynamic_sensitivity == pytest.approx(-158.0, rel=2e-3)
+    assert found.tests[0].phase == pytest.approx(np.degrees(np.arctan(1 / (2 * np.pi * 0.2 * 8))), abs=0.3)
+    assert calibrate(tests[:2]).leakage_tau is None
+
+
+def test_leaked_charge_can_be_put_back() -> None:
+    test = sine(0.2, 1000.0, -158.0, 8.0, 0.0)
+    force = corrected(test.charge, test.sample_time, -158.0, 8.0)
+    plain = corrected(test.charge, test.sample_time, -158.0)
+    true = test.force - 50.0
+    assert np.std(force - true) < 0.003 * np.std(true)
+    assert np.std(plain - true) > 0.08 * np.std(true)
+
+
+def test_the_sixteen_embedded_tests() -> None:
+    tests = embedded_tests()
+    found = calibrate(tests)
+    assert len(found.tests) == 16
+    assert sorted({round(t.frequency, 2) for t in found.tests}) == [0.2, 1.0, 2.5, 5.0]
+    assert sorted({round(t.amplitude, -2) for t in found.tests}) == [500, 1000, 1500, 2000]
+    # The generator's numbers (tools/make_calibration.py), which the code under test has never seen.
+    assert found.sensitivity == pytest.approx(-158.0 * (1 + 8e-6 * 1250), rel=0.005)
+    assert max(t.delta_1 for t in found.tests) < 0.04
+    assert found.leakage_tau is not None
+    assert found.delay is not None
+    assert found.leakage_tau[1] < 45.0 < found.leakage_tau[2]
+    assert found.delay[0] == pytest.approx(0.5e-3, abs=0.05e-3)
+
+
+def test_the_low_pass_adds_no_phase_and_stops_hum() -> None:
+    t = 0.001 * np.arange(4000)
+    slow, hum = np.sin(2 * np.pi * 5 * t), np.sin(2 * np.pi * 50 * t)
+    kept = low_pass(slow + hum, 0.001)[500:-500]
+    assert np.abs(kept - slow[500:-500]).max() < 0.01
+    with pytest.raises(InputError, match="cut-off 20 Hz"):
+        low_pass(slow, 0.03)
+
+
+def test_delta_2_per_command() -> None:
+    t = 0.01 * np.arange(400)
+
+    def record(name: str, command: float, error: float) -> Record:
+        cell = 100 * np.sin(t) + 30.0
+        channels = {"displacement_m": t, "command": np.full(400, command), "reference_force_N": cell}
+        return Record(name, None, 0.01, {**channels, "force_N": (1 + error) * cell})
+
+    rows = sensing_by_command([record("a", 1.0, 0.02), record("b", 0.0, 0.05), record("c", 1.0, -0.02)])
+    assert [(r.command, r.records) for r in rows] == [(0.0, 1), (1.0, 2)]
+    assert [r.delta_2 for r in rows] == pytest.approx([0.05, 0.02])
+    found = sensing_by_command(embedded().records)
+    assert found[-1].command is None
+    assert all(0.002 < row.delta_2 < 0.1 for row in found)
+
+
+def test_bad_tests_are_told(tmp_path: Path) -> None:
+    good = sine(1.0, 1000.0, -158.0, 8.0, 0.0)
+    with pytest.raises(InputError, match="charge_pC is constant"):
+        calibrate([CalibrationTest("flat", 0.002, good.force, 0 * good.charge)])
+    with pytest.raises(InputError, match="clipped at"):
+        calibrate([CalibrationTest("cut", 0.002, good.force, np.minimum(good.charge, 1e5))])
+    with pytest.raises(InputError, match="periods; at least 3"):
+        calibrate([CalibrationTest("short", 0.002, good.force[:700], good.charge[:700])])
+    with pytest.raises(InputError, match="no calibration test"):
+        calibrate([])
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,force_N\n" + "0,1\n" * 30)
+    with pytest.raises(InputError, match="no column reference_force_N"):
+        read_tests(path)
+    packed = tmp_path / "b.csv.gz"
+    rows = "".join(f"{0.01 * k + (k == 20) * 0.004:.4f},{k},{k}\n" for k in range(60))
+    packed.write_bytes(gzip.compress(("time_s,reference_force_N,charge_pC\n" + rows).encode()))
+    with pytest.raises(InputError, match="not uniform"):
+        read_tests([packed])
