@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sine_records import bingham_record, grid, straight, viscous
 
 from mrdamp.by_command import constant_groups, identify_by_command
 from mrdamp.errors import InputError
 from mrdamp.pictures.identification import parameter_lines
+from sine_records import bingham_record, grid, straight, viscous
 
 
 def test_the_lines_are_those_of_the_damper() -> None:

@@ -22,7 +22,9 @@ from mrdamp.errors import InputError
 from mrdamp.records import Record, embedded
 
 
-def sine(frequency: float, amplitude: float, k: float, tau: float, delay: float, dt: float = 0.002) -> CalibrationTest:
+def sine(
+    frequency: float, amplitude: float, k: float, tau: float, delay: float, dt: float = 0.002
+) -> CalibrationTest:
     """Force and the charge of a leaking sensor, integrated by SciPy's lsim; no noise."""
     t = dt * np.arange(round(max(6 / frequency, 3.0) / dt))
     force = amplitude * np.sin(2 * np.pi * frequency * t) + 50.0
@@ -39,9 +41,7 @@ def test_eq_1_and_2_for_a_cubic_sensor() -> None:
     found = calibrate([CalibrationTest("cubic", dt, force, charge)], cutoff=None).tests[0]
     expected = k * (1 + 1.5 * s + 0.625 * s * s) / (1 + 0.75 * s)
     assert found.sensitivity == pytest.approx(expected, rel=1e-4)
-    assert found.delta_1 == pytest.approx(
-        np.std(force - charge / expected) / np.std(force), rel=1e-3
-    )
+    assert found.delta_1 == pytest.approx(np.std(force - charge / expected) / np.std(force), rel=1e-3)
     assert found.phase == pytest.approx(0.0, abs=0.01)
 
 

@@ -124,7 +124,7 @@ def test_a_model_that_is_none_is_one_line(
 
 
 def test_every_command_has_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("demo", "identify", "predict", "mjcf", "view", "sets", "plugin-path"):
+    for name in ("demo", "identify", "table1", "calibrate", "predict", "mjcf", "view", "sets", "plugin-path"):
         with pytest.raises(SystemExit) as stop:
             cli.main([name, "--help"])
         assert stop.value.code == 0

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sine_records import grid, straight
 
 from mrdamp.comparison import table_1
 from mrdamp.errors import InputError
 from mrdamp.records import RecordSet
+from sine_records import grid, straight
 
 
 def test_table_1_and_its_picture() -> None:

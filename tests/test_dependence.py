@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sine_records import grid, straight
 
 from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import compare_dependences, identify
 from mrdamp.laws import DEPENDENCES, PARAMETRIC, Scales, space
+from sine_records import grid, straight
 
 
 def bent(u: Array) -> Array:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sine_records import bingham_record, grid, straight, viscous
 
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, identify
 from mrdamp.intervals import channel_findings, intervals
 from mrdamp.records import Record
+from sine_records import bingham_record, grid, straight, viscous
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +35,7 @@ def test_intervals_hold_the_truth_and_shrink_with_the_noise(fitted: tuple[Fit, l
 def test_a_fit_of_each_resample_agrees_with_one_step_and_any_number_of_workers(
     fitted: tuple[Fit, list[Record]],
 ) -> None:
-    one, two = (
-        intervals(*fitted, resamples=24, refit=True, seed=3, block=0.5, workers=n) for n in (1, 2)
-    )
+    one, two = (intervals(*fitted, resamples=24, refit=True, seed=3, block=0.5, workers=n) for n in (1, 2))
     assert one == two
     quick = intervals(*fitted, resamples=24, seed=3, block=0.5)
     for a, b in zip(one, quick, strict=True):

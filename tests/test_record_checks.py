@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sine_records import grid
 
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.record_checks import check_clipping, clipped
 from mrdamp.records import embedded
+from sine_records import grid
 
 
 def test_a_clipped_force_is_told_and_a_whole_one_passes() -> None:

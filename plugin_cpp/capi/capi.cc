@@ -116,6 +116,7 @@ int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, 
                const int* columns, double* out, char* err, int err_size) {
   if (n < 3) return Fail(err, err_size, "a record needs at least 3 samples, got " + std::to_string(n));
   if (!(dt > 0) || !std::isfinite(dt)) return Fail(err, err_size, "the sample time must be above 0");
+  if (nset < 0 || ncol < 0) return Fail(err, err_size, "a number of sets or columns is negative");
   for (int c = 0; c < ncol; c++) {
     if (columns[c] < 0 || columns[c] >= MRDAMP_COLUMNS) return Fail(err, err_size, "unknown column " + std::to_string(columns[c]));
   }
@@ -140,6 +141,7 @@ int mrdamp_run_frame(int law, const mrdamp_narx* net, int nset, const double* pa
                      double dt, int n, const double* ground_acceleration, const double* u,
                      const mrdamp_options* options, double* out, char* err, int err_size) {
   if (n < 2) return Fail(err, err_size, "a record needs at least 2 samples, got " + std::to_string(n));
+  if (nset < 0) return Fail(err, err_size, "the number of sets is negative");
   if (!(dt > 0) || !std::isfinite(dt)) return Fail(err, err_size, "the sample time must be above 0");
   if (!Finite("ground_acceleration_m_s2", ground_acceleration, n, err, err_size)) return 1;
   if (!Finite("command", u, n, err, err_size)) return 1;

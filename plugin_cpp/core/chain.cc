@@ -75,9 +75,9 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
   return force;
 }
 
-// Pieces of a step, none longer than asked for.
+// Pieces of a step, none longer than asked for; behind a mount the piston's own motion asks for shorter ones.
 int Pieces(const Damper& d, double dt) {
-  const double n = dt / d.p.substep;
+  const double n = dt / d.p.substep * (HasMount(d.p) ? 2 : 1);
   return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
@@ -117,46 +117,47 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   }
 }
 
-// The piston behind the mount over a piece of rod motion: two-stage SDIRK for its position, each stage the
-// balance of the damper with the mount's spring.
+// The piston behind the mount over a piece of rod motion: two-stage SDIRK for its position, each stage the balance
+// of the damper with the mount's spring. The law is stepped from stage to stage.
 void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
   constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
   const Params& p = d.p;
-  const State start = *s;
-  NarxHistory past;
-  if (s->past) past = *s->past;
-  const double x0 = start.c.piston, v0 = start.c.piston_velocity, h = kGamma * m.dt;
+  const double x0 = s->c.piston, v0 = s->c.piston_velocity, h = kGamma * m.dt;
   const double stiffness = MountStiffness(p), mass = p.moving_mass_m;
   const double field_mid = field0 + kGamma * (field1 - field0);
-  const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h;
-  const double rod_end = m.x + m.path();
+  NarxHistory past;
 
-  // State after a piece of piston motion that ends at x with velocity v.
-  const auto attempt = [&](double x, double v, double dt, double field) {
-    s->c = start.c;
-    if (s->past) *s->past = past;
-    const double shift = (x - x0) / dt - 0.5 * (v0 + v);
-    PistonPiece(d, s, {x0, v0 + shift, v + shift, dt}, field0, field);
-  };
-  const auto solve = [&](double base, double base_velocity, double rod, double dt, double field, double guess) {
-    const auto residual = [&](double v) {
+  // Leaves in s the state after dt of piston motion from x_from, at whose end the piston stands at base + h v with
+  // the velocity v that balances the mount at `rod`; returns v.
+  const auto stage = [&](double x_from, double dt, double base, double base_velocity, double rod, double from,
+                         double to, double guess) {
+    const ChainState start = s->c;
+    if (s->past) past = *s->past;
+    const auto attempt = [&](double v) {
+      s->c = start;
+      if (s->past) *s->past = past;
       const double x = base + h * v;
-      attempt(x, v, dt, field);
+      PistonPiece(d, s, {x_from, 2 * (x - x_from) / dt - v, v, dt}, from, to);
+      return x;
+    };
+    const auto residual = [&](double v) {
+      const double x = attempt(v);
       double slope, fluid;
-      const double force = PistonForce(d, *s, field, x, v, &slope, &fluid);
+      const double force = PistonForce(d, *s, to, x, v, &slope, &fluid);
       return force + mass * (v - base_velocity) / h - MountForce(p, rod - x);
     };
     double slope, fluid;
-    const double scale = std::fabs(PistonForce(d, start, field0, x0, v0, &slope, &fluid));
-    return SolveIncreasing(residual, guess, slope + stiffness * h + mass / h, 1e-7 * scale + 1e-7);
+    const double scale = std::fabs(PistonForce(d, *s, from, x_from, guess, &slope, &fluid));
+    const double v = SolveIncreasing(residual, guess, slope + stiffness * h + mass / h, 1e-7 * scale + 1e-7);
+    s->c.piston = attempt(v);
+    s->c.piston_velocity = v;
+    return v;
   };
-  const double v1 = solve(x0, v0, rod_mid, h, field_mid, v0);
-  const double base = x0 + (m.dt - h) * v1;
+  const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();
+  const double v1 = stage(x0, h, x0, v0, rod_mid, field0, field_mid, v0);
+  const double x1 = s->c.piston, base = x0 + (m.dt - h) * v1;
   const double base_velocity = v0 + (m.dt - h) * (v1 - v0) / h;
-  const double v2 = solve(base, base_velocity, rod_end, m.dt, field1, v1);
-  attempt(base + h * v2, v2, m.dt, field1);
-  s->c.piston = base + h * v2;
-  s->c.piston_velocity = v2;
+  stage(x1, m.dt - h, base, base_velocity, rod_end, field_mid, field1, v1);
 }
 
 }  // namespace

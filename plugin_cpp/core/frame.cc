@@ -124,7 +124,7 @@ class Structure {
 void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, const double* ag, const double* u,
               double* out) {
   const int n = f.storeys;
-  const int inner = std::max(1, static_cast<int>(std::ceil(dt / (0.25 * d.p.substep) - 1e-9)));
+  const int inner = std::max(1, static_cast<int>(std::ceil(dt / (0.5 * d.p.substep) - 1e-9)));
   const double h = dt / inner;
   const Structure structure(f, h);
   const bool damped = f.damper_to >= 0;

@@ -35,7 +35,7 @@ struct Coefficients {
 // line may cross zero, and a negative viscosity would feed energy in.
 inline double Follow(double a, double slope, double c, double e, double r, double b) {
   double p = a + b * (slope + c * b);
-  if (e != 0) p += e * (1 - std::exp(-r * b));
+  if (e != 0) p += e * (1 - std::exp(-r * std::max(b, 0.0)));  // a saturating part has no say below zero
   return std::max(p, 0.0);
 }
 
@@ -68,7 +68,7 @@ inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v)
       k.gamma = p.gamma;
       k.beta = p.beta;
       if (p.hysteresis_rate != 0) {
-        const double fall = p.hysteresis_floor + (1 - p.hysteresis_floor) * std::exp(-p.hysteresis_rate * b);
+        const double fall = p.hysteresis_floor + (1 - p.hysteresis_floor) * std::exp(-p.hysteresis_rate * std::max(b, 0.0));
         k.gamma *= fall;
         k.beta *= fall;
       }

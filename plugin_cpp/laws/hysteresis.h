@@ -6,6 +6,7 @@
 #ifndef MRDAMP_LAWS_HYSTERESIS_H_
 #define MRDAMP_LAWS_HYSTERESIS_H_
 
+#include <algorithm>
 #include <cmath>
 
 namespace mrdamp {
@@ -52,13 +53,9 @@ inline double Linear(double u, double A, double B, double s, double* left) {
 inline double General(double u, double A, double beta, double gamma, double n, double s) {
   const double sum = beta + gamma;
   const double reach = sum > 0 ? std::pow(A / sum, 1 / n) / A : s;
-  int steps = static_cast<int>(std::ceil(s / (0.1 * reach)));
   // Past a few reaches u rests: what remains of a long path changes nothing.
-  if (steps > 200) {
-    s = 20 * reach;
-    steps = 200;
-  }
-  if (steps < 1) steps = 1;
+  if (s > 20 * reach) s = 20 * reach;
+  const int steps = std::max(1, static_cast<int>(std::ceil(s / (0.1 * reach))));
   const double ds = s / steps;
   for (int i = 0; i < steps; i++) {
     const double k = beta + (u < 0 ? -gamma : gamma);

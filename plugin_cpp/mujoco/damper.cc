@@ -209,7 +209,8 @@ double DamperInstance::Trial(double v, double h) {
     trial_.c = now_.c;
     if (trial_.past) trial_past_ = past_;
     x += h * v;
-    mrdamp::Advance(damper_, &trial_, {x_, v_, x, v, h}, u_, u_);
+    // At v all the way, as the engine moves the position: the law's end then belongs to v.
+    mrdamp::Advance(damper_, &trial_, {x_, v, x, v, h}, u_, u_);
   }
   const Observation o = Observe(damper_, *s, x, v, 0, u_);
   return mount_ ? o.force : o.damper;

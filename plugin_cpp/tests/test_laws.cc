@@ -157,14 +157,14 @@ void Compare(const char* law, const std::vector<Setting>& p, const Rates& rates,
 
 TEST(BoucWenOverARecord) {
   const std::vector<Setting> p = {{"c0a", 900}, {"c0b", 700}, {"alpha_a", 2e4}, {"alpha_b", 8e4}, {"gamma", 9e5}, {"beta", 4e5},
-                                  {"A", 110}, {"n", 2}, {"k0", 3000}, {"x0", 0.001}};
+                                  {"A", 110}, {"n", 2}, {"k0", 2e5}, {"x0", 0.001}};
   const double gamma = 9e5, beta = 4e5, A = 110;
   const auto rates = [&](double t, const State& s) {
     const double v = V(t), z = s[0];
     return State{-gamma * std::fabs(v) * z * std::fabs(z) - beta * v * z * z + A * v};
   };
   const auto force = [](double t, const State& s) {
-    return (900 + 700 * U(t)) * V(t) + (2e4 + 8e4 * U(t)) * s[0] + 3000 * (X(t) - 0.001);
+    return (900 + 700 * U(t)) * V(t) + (2e4 + 8e4 * U(t)) * s[0] + 2e5 * (X(t) - 0.001);
   };
   Compare("bouc_wen", p, rates, force, {0});
 }

@@ -185,6 +185,14 @@ TEST(AFinerStepKeepsTheGrid) {
   }
 }
 
+// Between the grid's samples a lag is read between them.
+TEST(LagsAreInterpolated) {
+  const Handle h("mrdamp-narx 1 sample_time 0.002 inputs 1 v:1 offset 0 scale 1 force 0 1 hidden 0 weight 1 bias 0 end");
+  const double dt = 0.0005;
+  const auto got = check::Run("narx", {}, check::Sample(dt, 400, X, V, U), MRDAMP_TRUE, false, h.net);
+  for (int k = 8; k < 400; k++) NEAR(got[k], V(k * dt - 0.002), 2e-4);
+}
+
 TEST(LagsReachBackAsFarAsTheySay) {
   const Handle h(
       "mrdamp-narx 1 sample_time 0.001 inputs 2 v:32 i:1 offset 0 0 scale 1 1 force 0 1 hidden 0 weight 1 10 bias 0 end");

@@ -98,7 +98,9 @@ def identify_by_command(
     parameters: dict[str, float] = {}
     lines = []
     stems = {m.stem for m in fits[0][1].space.maps} if fits[0][1].space else set()
-    attributes = {name: [fit.model.attributes[name] for _, fit in fits] for name in fits[0][1].model.attributes}
+    attributes = {
+        name: [fit.model.attributes[name] for _, fit in fits] for name in fits[0][1].model.attributes
+    }
     for name, values in attributes.items():
         zero, slope = float(np.mean(values)), 0.0
         if name[:-1] in stems and name.endswith("a"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrdamp import __version__
+from mrdamp.commands import identify as identification
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,20 +66,7 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--out", type=Path, default=Path("out/demo"), help="folder to write (default: %(default)s)"
     )
 
-    identify = add(
-        "identify",
-        _identify,
-        "fit a parametric law to records, judged in free run on records held out",
-        "mrdamp identify records/ --law bouc_wen -o model.json",
-    )
-    identify.add_argument("records", nargs="+", type=Path, help="record files, or one folder")
-    identify.add_argument("--law", default="modified_bouc_wen")
-    identify.add_argument(
-        "--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)"
-    )
-    identify.add_argument("--starts", type=int, default=4)
-    identify.add_argument("--seed", type=int, default=0)
-    identify.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
+    identification.add_to(commands)
 
     predict = add(
         "predict",
@@ -167,30 +155,6 @@ def _demo(a: argparse.Namespace) -> int:
             f"  {name:16s} {1e3 * c.peak_drift.max():7.2f} mm {c.peak_acceleration.max():5.2f} m/s2 {force:>11s} {mean}"
         )
     print(f"page: {result.page}")
-    return 0
-
-
-def _identify(a: argparse.Namespace) -> int:
-    from mrdamp.identify import identify
-    from mrdamp.records import read_records
-
-    records = read_records(a.records[0] if len(a.records) == 1 else a.records)
-    with _progress() as progress:
-        fit = identify(
-            a.law,
-            records.train,
-            records.validation,
-            extras=a.extras,
-            starts=a.starts,
-            seed=a.seed,
-            progress=progress,
-        )
-    fit.model.write(a.out)
-    print(f"{a.law}: free-run error over the force's standard deviation:")
-    print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
-    for error in (*fit.train, *fit.held_out):
-        print(f"  {error.record:40s} {error.rmse:9.1f} N  {error.nrmse:6.3f}")
-    print(f"model: {a.out}")
     return 0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -114,7 +115,7 @@ class Problem:
     def slices(self) -> list[slice]:
         """Where each record's residuals stand."""
         ends = np.cumsum([0, *(len(f) - _skipped(r) for r, _, f in self.records)])
-        return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     def residuals(self, points: Array) -> Array:
         """(points, samples) for points (points, coordinates) of the unit cube."""

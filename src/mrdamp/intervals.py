@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import joblib
 import numpy as np
@@ -127,29 +128,37 @@ def _blocks(problem: Problem, block: float | None) -> list[slice]:
         size = part.stop - part.start
         length = (block or sum(r.duration for r, _, _ in problem.records) / _BLOCKS) / record.sample_time
         ends = np.linspace(part.start, part.stop, max(1, round(size / max(length, 1))) + 1).astype(int)
-        out += [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        out += [slice(int(a), int(b)) for a, b in pairwise(ends)]
     if len(out) < 4:
-        raise InputError(f"{len(out)} blocks are too few for intervals; give shorter ones (at least 4 are needed)")
+        raise InputError(
+            f"{len(out)} blocks are too few for intervals; give shorter ones (at least 4 are needed)"
+        )
     return out
 
 
 def _stepped(normal: Sequence[tuple[Array, Array]], counts: Array, point: Array) -> Array:
     """The point of a resample by one Gauss-Newton step within the unit cube."""
-    matrix = sum((c * a for c, (a, _) in zip(counts, normal, strict=True)), np.zeros((len(point), len(point))))
+    matrix = sum(
+        (c * a for c, (a, _) in zip(counts, normal, strict=True)), np.zeros((len(point), len(point)))
+    )
     # The step that the whole set would still make is no scatter: it is taken off.
     vector = sum(((c - 1.0) * b for c, (_, b) in zip(counts, normal, strict=True)), np.zeros(len(point)))
     values, vectors = np.linalg.eigh(matrix)
     root = np.sqrt(np.maximum(values, 1e-9 * values.max()))
     lower, upper = -point - 1e-12, 1 - point + 1e-12
     solution = lsq_linear((vectors * root).T, -(vectors.T @ vector) / root, bounds=(lower, upper))
-    return np.clip(point + solution.x, 0, 1)
+    return np.asarray(np.clip(point + solution.x, 0, 1))
 
 
-def _refitted(fit: Fit, records: Sequence[Record], parts: Sequence[slice], counts: Array, point: Array) -> Array:
+def _refitted(
+    fit: Fit, records: Sequence[Record], parts: Sequence[slice], counts: Array, point: Array
+) -> Array:
     """The point of a resample by a fit of its own from the optimum."""
     assert fit.space is not None
     problem = Problem(fit.space, records, 1)
-    weight = np.concatenate([np.full(p.stop - p.start, np.sqrt(c)) for p, c in zip(parts, counts, strict=True)])
+    weight = np.concatenate(
+        [np.full(p.stop - p.start, np.sqrt(c)) for p, c in zip(parts, counts, strict=True)]
+    )
     solution = least_squares(
         lambda p: weight * problem.residuals(p[None])[0],
         np.clip(point, 1e-6, 1 - 1e-6),
@@ -205,8 +214,12 @@ def _attributes(fit: Fit, points: Array, words: dict[str, str]) -> tuple[Interva
 def _word(fit: Fit, attribute: str, words: dict[str, str]) -> str:
     """The word for an attribute, from those of the coordinates it is made of."""
     assert fit.space is not None
-    own = {"A": ("yield_displacement",), "beta": ("beta_share",), "gamma": ("beta_share",)}
-    names = own.get(attribute, (attribute,))
+    own: dict[str, tuple[str, ...]] = {
+        "A": ("yield_displacement",),
+        "beta": ("beta_share",),
+        "gamma": ("beta_share",),
+    }
+    names: tuple[str, ...] = own.get(attribute, (attribute,))
     for m in fit.space.maps:
         if attribute.startswith(m.stem) and len(attribute) == len(m.stem) + 1:
             names = tuple(c.name for c in m.coordinates(fit.space.knots))

@@ -67,9 +67,7 @@ class Scales:
         high = max(self.command, self.low)
         if dependence == "constant" or not high > self.low:
             return (0.0,)
-        return (
-            (self.low, high) if dependence != "quadratic" else (self.low, 0.5 * (self.low + high), high)
-        )
+        return (self.low, high) if dependence != "quadratic" else (self.low, 0.5 * (self.low + high), high)
 
 
 def levels(records: Sequence[Record]) -> int:
@@ -218,7 +216,9 @@ class Space:
             known = _without_redundancy(known)
         numbers = [value for m in self.maps for value in m.values(known, self.knots)]
         if self.rate:
-            numbers.append(next((known[f"{m.stem}r"] for m in self.maps if f"{m.stem}r" in known), self.rate.start))
+            numbers.append(
+                next((known[f"{m.stem}r"] for m in self.maps if f"{m.stem}r" in known), self.rate.start)
+            )
         numbers += [known.get(c.name, c.start) for c in self.plain]
         return np.array([c.pack(value) for c, value in zip(self.coordinates, numbers, strict=True)])
 
@@ -271,12 +271,13 @@ def _law(law: str, s: Scales) -> tuple[tuple[Map, ...], tuple[Coordinate, ...]]:
         k1 = Coordinate("k1", 0.02 * k, 0.0, 3 * k)
         return (c0, c1, force("alpha_")), (*_bouc_wen_parts(s, 0.02), k1)
     if law == "hyperbolic_tangent":
-        mass = f * s.stroke / s.velocity**2
-        c1 = Map("c1", 0.3 * c, 0.5 * c, 0.0, 12 * c)
-        k1 = Map("k1", 5 * k, 10 * k, 0.05 * k, 4000 * k, log=True)
+        # A mass whose inertia is a small part of the force: a larger one rings where no record shows it.
+        mass = 0.02 * f * s.stroke / s.velocity**2
+        pre_damping = Map("c1", 0.3 * c, 0.5 * c, 0.0, 12 * c)
+        pre_spring = Map("k1", 5 * k, 10 * k, 0.05 * k, 4000 * k, log=True)
         k0 = Coordinate("k0a", 0.05 * k, 0.0, 3 * k)
-        m0 = Coordinate("m0", 1e-3 * mass, 1e-6 * mass, mass, log=True)
-        return (k1, c0, c1, force("f0")), (k0, m0, v_ref)
+        m0 = Coordinate("m0", 0.03 * mass, 1e-4 * mass, mass, log=True)
+        return (pre_spring, c0, pre_damping, force("f0")), (k0, m0, v_ref)
     raise InputError(f"law '{law}' has no search space; allowed: {', '.join(PARAMETRIC)}")
 
 

@@ -51,7 +51,12 @@ def delta_2(reference: Array, force: Array) -> float:
 
 
 def foam_norms(
-    dt: float, measured: Array, simulated: Array, velocity: Array, acceleration: Array, length_unit: float = 1.0
+    dt: float,
+    measured: Array,
+    simulated: Array,
+    velocity: Array,
+    acceleration: Array,
+    length_unit: float = 1.0,
 ) -> FoamNorms:
     """Eq. (9) of the foam-damper paper, by the trapezoidal rule.
 

@@ -47,7 +47,9 @@ def parameter_lines(
     commands (n,); values: one (n,) per name; lines: (value at command 0, slope) per name.
     """
     if not names or not len(names) == len(units) == len(values) == len(lines):
-        raise InputError("picture: parameter_lines needs as many units, values and lines as names, at least one")
+        raise InputError(
+            "picture: parameter_lines needs as many units, values and lines as names, at least one"
+        )
     commands = finite("commands", commands)
     rows = (len(names) + 1) // 2
     fig = figure(0.6 + 1.35 * rows)
@@ -70,7 +72,10 @@ def parameter_lines(
         ax.set_xlabel(f"command, {command_unit}")
     legend(
         fig,
-        [Line2D([], [], color=INK, marker="o", linestyle="", markersize=4.5), Line2D([], [], color=COLOURS[1])],
+        [
+            Line2D([], [], color=INK, marker="o", linestyle="", markersize=4.5),
+            Line2D([], [], color=COLOURS[1]),
+        ],
         ["fit at one command", "line through them"],
     )
     return fig
@@ -108,7 +113,9 @@ def model_loops(
 
 
 @styled
-def sensitivities(frequency: Array, amplitude: Array, sensitivity: Array, deviation: Array, mean: float) -> Figure:
+def sensitivities(
+    frequency: Array, amplitude: Array, sensitivity: Array, deviation: Array, mean: float
+) -> Figure:
     """Charge-to-force sensitivity (pC/N) and its deviation (share) of each calibration test, by frequency (Hz)."""
     shape = np.shape(frequency)
     arrays = [

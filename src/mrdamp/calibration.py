@@ -1,0 +1,280 @@
+"""The embedded piezoelectric force sensor: charge-to-force sensitivity, phase and leakage, and its error per current.
+
+After Chen, Ni and Or, "Characterization and modeling of a self-sensing MR damper under harmonic loading",
+Eqs. (1) to (4): force-controlled sines on the sensor alone, then the whole damper beside the machine's load cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from scipy import optimize, signal
+
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes
+from mrdamp.norms import delta_1, delta_2
+from mrdamp.record_checks import clipped
+from mrdamp.record_csv import numbers
+from mrdamp.records import Record
+
+COLUMNS = ("time_s", "reference_force_N", "charge_pC")
+CUTOFF = 20.0  # Hz, the paper's elliptic low-pass
+_ORDER, _RIPPLE, _STOP = 5, 0.01, 60.0  # dB; run forward and backward
+_MIN_CYCLES = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationTest:
+    """A sine test of the sensor: force of the machine's cell (n,) N and charge (n,) pC at the sample time (s)."""
+
+    name: str
+    sample_time: float
+    force: Array
+    charge: Array
+
+
+@dataclass(frozen=True)
+class SineResult:
+    """One test: frequency (Hz), force amplitude (N), sensitivity by Eq. (1) (pC/N), delta_1 by Eq. (2).
+
+    phase (degree): of the charge against the force, the sensitivity's sign taken off; positive leads. gain:
+    complex charge over force at the frequency (pC/N).
+    """
+
+    name: str
+    frequency: float
+    amplitude: float
+    sensitivity: float
+    delta_1: float
+    phase: float
+    gain: complex
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """All tests: mean sensitivity (pC/N), pooled delta_1 with it, and the sensor's frequency response.
+
+    leakage_tau (s) with its 95 % interval (upper end infinite where no leakage is shown), delay (s) of the charge
+    against the force, loss_angle (degree) by which it lags at every frequency (hysteresis of the wafer), each
+    with its interval; all None for tests at fewer than three frequencies. dynamic_sensitivity (pC/N): the gain
+    far above the leakage.
+    """
+
+    tests: tuple[SineResult, ...]
+    sensitivity: float
+    delta_1: float
+    dynamic_sensitivity: float | None
+    leakage_tau: tuple[float, float, float] | None
+    delay: tuple[float, float, float] | None
+    loss_angle: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class SensingRow:
+    """delta_2 of Eq. (4) at one constant current (None: the command varies), pooled over so many records."""
+
+    command: float | None
+    delta_2: float
+    records: int
+
+
+def read_test(path: Path | str) -> CalibrationTest:
+    """Reads a .csv or .csv.gz with time_s, reference_force_N and charge_pC. Raises InputError."""
+    path = Path(path)
+    return _parse(str(path), path.name.split(".csv")[0], read_bytes(path))
+
+
+def read_tests(folder: Path | str | Sequence[Path | str]) -> list[CalibrationTest]:
+    """Every test of a folder, or of a list of files, by name. Raises InputError where there is none."""
+    if not isinstance(folder, Path | str):
+        files = [Path(item) for item in folder]
+    elif Path(folder).is_dir():
+        files = sorted(p for p in Path(folder).iterdir() if p.name.lower().endswith((".csv", ".csv.gz")))
+    else:
+        files = [Path(folder)]
+    if not files:
+        raise InputError(f"{folder}: no .csv or .csv.gz in this folder")
+    return [read_test(path) for path in files]
+
+
+def embedded_tests() -> list[CalibrationTest]:
+    """The sixteen tests that come with the package, made by tools/make_calibration.py."""
+    root = resources.files("mrdamp") / "data" / "calibration"
+    items = sorted((item for item in root.iterdir() if item.name.endswith(".csv.gz")), key=lambda i: i.name)
+    return [_parse(f"calibration/{i.name}", i.name.split(".csv")[0], i.read_bytes()) for i in items]
+
+
+def calibrate(tests: Sequence[CalibrationTest], cutoff: float | None = CUTOFF) -> Calibration:
+    """Sensitivity and frequency response of the sensor from sine tests.
+
+    cutoff (Hz): of the elliptic low-pass on both channels, None: none. Raises InputError for a constant or clipped
+    channel, fewer than two periods, a cut-off that the sampling rate does not allow, or no test at all.
+    """
+    if not tests:
+        raise InputError("no calibration test; at least one is needed")
+    measured = [_measure(test, cutoff) for test in tests]
+    results = [result for result, _, _ in measured]
+    mean = float(np.mean([r.sensitivity for r in results]))
+    # Every test counts by its own deviation: each is relative to its force.
+    pooled = float(np.sqrt(np.mean([delta_1(f, q / mean) ** 2 for _, f, q in measured])))
+    response = _response(results)
+    return Calibration(tuple(results), mean, pooled, *response)
+
+
+def corrected(charge: Array, sample_time: float, sensitivity: float, leakage_tau: float = np.inf) -> Array:
+    """Force (n,) N from charge (n,) pC: Eq. (3), with what has leaked away added again where tau (s) is finite.
+
+    Q' = k F' - Q / tau turned round: k F = Q + 1/tau int Q dt. A constant error of the charge grows with time.
+    """
+    lost = np.concatenate([[0.0], np.cumsum((charge[1:] + charge[:-1]) / 2) * sample_time]) / leakage_tau
+    return np.asarray((charge + lost) / sensitivity)
+
+
+def sensing_by_command(records: Sequence[Record]) -> list[SensingRow]:
+    """delta_2 between the damper's own force and the load cell, per constant command and over those that vary.
+
+    The records need force_N and reference_force_N; those without are passed over. Raises InputError if none has.
+    """
+    both = [r for r in records if "reference_force_N" in r.channels and "force_N" in r.channels]
+    if not both:
+        raise InputError("no record has both force_N and reference_force_N; delta_2 compares these")
+    groups: dict[float | None, list[Record]] = {}
+    largest = max(float(np.abs(r.command).max()) for r in both)
+    for record in both:
+        varies = float(np.ptp(record.command)) > 0.02 * max(largest, 1e-12)
+        groups.setdefault(None if varies else round(float(np.median(record.command)), 3), []).append(record)
+    rows = []
+    for command in sorted(groups, key=lambda c: (c is None, c or 0.0)):
+        chosen = groups[command]
+        reference, own = (
+            np.concatenate([r.channel(n) for r in chosen]) for n in ("reference_force_N", "force_N")
+        )
+        rows.append(SensingRow(command, delta_2(reference, own), len(chosen)))
+    return rows
+
+
+def low_pass(x: Array, sample_time: float, cutoff: float = CUTOFF) -> Array:
+    """Elliptic low-pass run forward and backward, so that it adds no phase. Raises InputError."""
+    if not 0 < cutoff < 0.45 / sample_time:
+        raise InputError(
+            f"cut-off {cutoff:g} Hz; allowed at this sampling rate: 0 to {0.45 / sample_time:g} Hz"
+        )
+    sos = signal.ellip(_ORDER, _RIPPLE, _STOP, cutoff, fs=1 / sample_time, output="sos")
+    return np.asarray(signal.sosfiltfilt(sos, x, padlen=min(len(x) - 1, int(2 / (cutoff * sample_time)))))
+
+
+def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, Array, Array]:
+    """The result, and the filtered force and charge over whole periods, their means taken off."""
+    for name, x in (("reference_force_N", test.force), ("charge_pC", test.charge)):
+        if not float(np.ptp(x)) > 0:
+            raise InputError(f"{test.name}: channel {name} is constant; no sensitivity can be found from it")
+        found = clipped(x)
+        if found is not None:
+            raise InputError(
+                f"{test.name}: channel {name} is clipped at {found[0]:g} ({100 * found[1]:.1f} %)"
+            )
+    dt, force, charge = test.sample_time, test.force, test.charge
+    if cutoff is not None:
+        force, charge = low_pass(force, dt, cutoff), low_pass(charge, dt, cutoff)
+    frequency = _frequency(force, dt)
+    cycles = len(force) * dt * frequency
+    if cycles < _MIN_CYCLES + 1:
+        raise InputError(f"{test.name}: {cycles:.1f} periods; at least {_MIN_CYCLES + 1:g} are needed")
+    # The first period is the run-up; whole periods, or the mean would depend on where the test ends.
+    first = round(1 / (frequency * dt))
+    count = round(int((len(force) - first) * dt * frequency) / (frequency * dt))
+    part = slice(first, first + count)
+    t = dt * np.arange(len(force))[part]
+    gains = []
+    for x in (force[part], charge[part]):
+        angle = 2 * np.pi * frequency * t
+        columns = np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(t), t])
+        c = np.linalg.lstsq(columns, x, rcond=None)[0]
+        gains.append(complex(c[0], -c[1]))
+    f, q = (x[part] - x[part].mean() for x in (force, charge))
+    product = float(q @ f)
+    if not abs(product) > 0:
+        raise InputError(f"{test.name}: charge and force have nothing in common; check the channels")
+    k = float(q @ q) / product
+    gain = gains[1] / gains[0]
+    phase = float(np.degrees(np.angle(gain * np.sign(k))))
+    return (
+        SineResult(test.name, frequency, abs(gains[0]), k, delta_1(f, q / k), phase, gain),
+        f,
+        q,
+    )
+
+
+def _frequency(x: Array, dt: float) -> float:
+    """Frequency (Hz) of a sine by its spectrum's peak, refined by least squares."""
+    y = x - x.mean()
+    n = 8 * len(y)
+    guess = float(np.argmax(np.abs(np.fft.rfft(y * np.hanning(len(y)), n))[1:]) + 1) / (n * dt)
+    # The first period is the run-up, whose amplitude is another.
+    y = y[min(round(1 / (guess * dt)), len(y) // 2) :]
+    t = dt * np.arange(len(y))
+
+    def left(f: float) -> float:
+        columns = np.column_stack([np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t), np.ones_like(t)])
+        return float(np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2))
+
+    width = 0.5 / (len(y) * dt)
+    return float(
+        optimize.minimize_scalar(left, bounds=(max(guess - width, 1e-9), guess + width), method="bounded").x
+    )
+
+
+_Estimate = tuple[float, float, float]
+
+
+def _response(
+    results: Sequence[SineResult],
+) -> tuple[float | None, _Estimate | None, _Estimate | None, _Estimate | None]:
+    """Gain, leakage, delay and loss angle: phase = atan(1 / (w tau)) - w d - theta by least squares."""
+    w = np.array([2 * np.pi * r.frequency for r in results])
+    ordered = np.sort(w)
+    if len(w) < 4 or np.count_nonzero(np.diff(ordered) > 0.1 * ordered[1:]) < 2:
+        return None, None, None, None
+    phase = np.radians([r.phase for r in results])
+
+    def residual(p: Array) -> Array:
+        return np.asarray(np.arctan2(p[0], w) - w * p[1] - p[2] - phase)
+
+    start = np.array([max(float(np.tan(phase[np.argmin(w)])) * float(w.min()), 1e-4), 0.0, 0.0])
+    solution = optimize.least_squares(residual, start, x_scale=(1e-2, 1e-4, 1e-3))
+    spread = 2 * solution.cost / max(len(w) - 3, 1)
+    wide = 1.96 * np.sqrt(np.diag(np.linalg.inv(solution.jac.T @ solution.jac)) * spread)
+    rate, delay, loss = (float(v) for v in solution.x)
+    low, high = float(rate - wide[0]), float(rate + wide[0])
+    tau = tuple(1 / r if r > 0 else np.inf for r in (rate, high, low))
+    sizes = [
+        np.sign(r.sensitivity) * abs(r.gain) * np.hypot(1, max(rate, 0) / wi)
+        for r, wi in zip(results, w, strict=True)
+    ]
+    return (
+        float(np.mean(sizes)),
+        (tau[0], tau[1], tau[2]),
+        (delay, delay - float(wide[1]), delay + float(wide[1])),
+        (float(np.degrees(loss)), float(np.degrees(loss - wide[2])), float(np.degrees(loss + wide[2]))),
+    )
+
+
+def _parse(file: str, name: str, data: bytes) -> CalibrationTest:
+    lines = [line for line in decode(file, data).split("\n") if line.strip()]
+    header = [cell.strip() for cell in lines[0].split(",")]
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise InputError(f"{file}: no column {missing[0]}; a calibration test has {', '.join(COLUMNS)}")
+    if len(lines) < 21:
+        raise InputError(f"{file}: {len(lines) - 1} samples; at least 20 are needed")
+    table = numbers(file, header, lines[1:], [header.index(column) for column in COLUMNS])
+    steps = np.diff(table[:, 0])
+    dt = float(table[-1, 0] - table[0, 0]) / (len(table) - 1)
+    if not dt > 0 or float(np.abs(steps - dt).max()) > 0.05 * dt:
+        raise InputError(f"{file}: time_s is not uniform; allowed: equal steps upward")
+    return CalibrationTest(name, dt, table[:, 1].copy(), table[:, 2].copy())

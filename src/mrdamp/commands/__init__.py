@@ -1,0 +1,1 @@
+"""Commands of `mrdamp`, a module each with `add_to(commands)`."""

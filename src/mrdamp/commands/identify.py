@@ -1,0 +1,335 @@
+"""The commands `mrdamp identify`, `table1` and `calibrate`.
+
+`add_to(commands)` registers them on the subparsers of `mrdamp.cli`; each sets `run`, a function of the parsed
+arguments that returns an exit code and raises InputError for bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mrdamp.identify import Fit, RecordError
+    from mrdamp.records import RecordSet
+
+Run = Callable[[argparse.Namespace], int]
+_UNITS = "A", "V"
+
+
+def add_to(commands: Any) -> None:
+    """Adds identify, table1 and calibrate to the subparsers of an argparse parser."""
+    add_identify(commands)
+    add_table1(commands)
+    add_calibrate(commands)
+
+
+def add_identify(commands: Any) -> None:
+    """Adds `identify`."""
+    p = _command(
+        commands,
+        "identify",
+        run_identify,
+        "fit a parametric law to records, judged in free run on records held out",
+        "mrdamp identify records/ --law bouc_wen --intervals -o model.json",
+    )
+    p.add_argument(
+        "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
+    )
+    p.add_argument("--law", default="modified_bouc_wen", help="(default: %(default)s)")
+    p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
+    p.add_argument(
+        "--dependence",
+        help="how coefficients follow the command: constant, linear (default), quadratic, saturating, or compare",
+    )
+    p.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
+    p.add_argument(
+        "--intervals", action="store_true", help="95 %% intervals by bootstrap, and what is not identifiable"
+    )
+    p.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
+    p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
+    p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
+    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("--workers", type=int, default=1, help="processes for --refit; the answer is the same")
+    p.add_argument("--picture", type=Path, help="picture of --by-command to write (.svg, .png or .pdf)")
+    p.add_argument("--command-unit", default="A", choices=_UNITS)
+    p.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
+
+
+def add_table1(commands: Any) -> None:
+    """Adds `table1`."""
+    p = _command(
+        commands,
+        "table1",
+        run_table1,
+        "Bingham, Bouc-Wen and hyperbolic tangent on one record set: the foam-damper paper's Table 1",
+        "mrdamp table1 records/ --picture loops.svg",
+    )
+    p.add_argument(
+        "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
+    )
+    p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
+    p.add_argument("--dependence", help="how coefficients follow the command (default: linear)")
+    p.add_argument("--network", type=Path, help="model file of a network, as the table's last row")
+    p.add_argument("--starts", type=int, default=4)
+    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("--picture", type=Path, help="loops of all models over each other (.svg, .png or .pdf)")
+    p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
+
+
+def add_calibrate(commands: Any) -> None:
+    """Adds `calibrate`."""
+    p = _command(
+        commands,
+        "calibrate",
+        run_calibrate,
+        "the piezoelectric force sensor: sensitivity, phase and leakage from charge, and its error per current",
+        "mrdamp calibrate tests/ --records records/",
+    )
+    p.add_argument(
+        "tests", nargs="*", type=Path, help="CSV files or a folder (default: the 16 embedded tests)"
+    )
+    p.add_argument(
+        "--records", type=Path, help="damper records with force_N and reference_force_N (default: embedded)"
+    )
+    p.add_argument(
+        "--cutoff", type=float, default=20.0, help="Hz, low-pass; 0 is none (default: %(default)s)"
+    )
+    p.add_argument("--picture", type=Path, help="sensitivities by frequency (.svg, .png or .pdf)")
+
+
+def run_identify(a: argparse.Namespace) -> int:
+    """Fits, prints the errors, intervals and findings, and writes the model."""
+    from mrdamp.identify import compare_dependences, identify
+
+    records = _records(a.records)
+    if a.starts < 1 or a.resamples < 20:
+        raise InputError("--starts must be at least 1 and --resamples at least 20")
+    if a.by_command:
+        return _by_command(a, records)
+    common: dict[str, Any] = {"extras": a.extras, "starts": a.starts, "seed": a.seed, "progress": _tell}
+    if a.dependence == "compare":
+        fits = compare_dependences(a.law, records.train, records.validation, **common)
+        print(f"{a.law}: free-run error over the force's standard deviation, by dependence on the command:")
+        for name, fit in fits.items():
+            free = len(fit.space.coordinates) if fit.space else 0
+            print(
+                f"  {name:12s} {free:3d} free numbers  fitted {fit.train_nrmse:.3f}  held out {fit.held_out_nrmse:.3f}"
+            )
+        chosen = min(fits, key=lambda name: fits[name].held_out_nrmse)
+        print(f"  taken: {chosen}")
+        fit = fits[chosen]
+    else:
+        fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
+    fit.model.write(a.out)
+    print(f"{a.law}: free-run error over the force's standard deviation:")
+    print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
+    _errors(fit.train, "fitted")
+    _errors(fit.held_out, "held out")
+    _found(fit, records)
+    if a.intervals:
+        _intervals(a, fit, records)
+    print(f"model: {a.out}")
+    return 0
+
+
+def run_table1(a: argparse.Namespace) -> int:
+    """Prints the table and writes the picture."""
+    from mrdamp.comparison import table_1
+    from mrdamp.identify import simulate
+    from mrdamp.model import Model
+
+    records = _records(a.records)
+    others = {}
+    if a.network:
+        network = Model.read(a.network)
+        others["network"] = {r.name: simulate(network, r) for r in records.validation}
+    table = table_1(
+        records,
+        others=others,
+        extras=a.extras,
+        dependence=a.dependence,
+        starts=a.starts,
+        seed=a.seed,
+        progress=_tell,
+    )
+    print(
+        f"{records.name}: free run on {len(records.validation)} held-out records; E_x and E_v in the paper's cm"
+    )
+    print(
+        f"{'model':20s} {'E_t':>8s} {'E_x':>8s} {'E_v':>8s} {'NRMSE':>8s}   {'paper E_t':>9s} {'E_x':>8s} {'E_v':>8s}"
+    )
+    for row in table.rows:
+        n, p = row.norms, row.paper
+        paper = f"{p.e_t:9.4f} {p.e_x:8.4f} {p.e_v:8.4f}" if p else ""
+        print(f"{row.model:20s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {row.nrmse:8.4f}   {paper}")
+    if a.picture:
+        _save(table.picture(a.record), a.picture)
+    return 0
+
+
+def run_calibrate(a: argparse.Namespace) -> int:
+    """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
+    import numpy as np
+
+    from mrdamp import calibration
+    from mrdamp.pictures.identification import sensitivities
+    from mrdamp.records import embedded, read_records
+
+    if a.tests:
+        tests = calibration.read_tests(a.tests[0] if len(a.tests) == 1 else a.tests)
+    else:
+        tests = calibration.embedded_tests()
+    found = calibration.calibrate(tests, a.cutoff or None)
+    print(f"{'frequency':>12s} {'amplitude':>10s} {'k, Eq. (1)':>14s} {'delta_1':>8s} {'phase':>8s}")
+    for t in found.tests:
+        print(
+            f"{t.frequency:9.2f} Hz {t.amplitude:8.0f} N {t.sensitivity:9.2f} pC/N"
+            f" {100 * t.delta_1:6.2f} % {t.phase:6.2f} deg"
+        )
+    print(f"mean sensitivity {found.sensitivity:.2f} pC/N, delta_1 with it {100 * found.delta_1:.2f} %"
+          " (the paper's sensor: -158.248 pC/N, 2.35 %)")  # fmt: skip
+    if found.leakage_tau and found.delay and found.loss_angle:
+        tau, low, high = found.leakage_tau
+        said = (
+            f"{tau:.1f} s, 95 % {low:.1f} to {high:.1f} s"
+            if np.isfinite(high)
+            else f"not shown; above {low:.1f} s"
+        )
+        print(f"charge leakage: time constant {said}")
+        print(
+            "delay of the charge: {:.3f} ms, 95 % {:.3f} to {:.3f} ms".format(*(1e3 * d for d in found.delay))
+        )
+        print("lag at every frequency: {:.3f} degree, 95 % {:.3f} to {:.3f}".format(*found.loss_angle))
+    else:
+        print("phase, leakage and delay cannot be told apart: tests at three frequencies are needed")
+    rows = calibration.sensing_by_command((read_records(a.records) if a.records else embedded()).records)
+    print("own force against the load cell, delta_2 of Eq. (4) (the paper: 3.89 % at 0 A to 2.30 % at .5 A):")
+    for row in rows:
+        name = "varying" if row.command is None else f"{row.command:g}"
+        print(f"  command {name:>8s}  {100 * row.delta_2:6.2f} %  {row.records} records")
+    if a.picture:
+        data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
+        nominal = np.round(data[1], -2)
+        _save(sensitivities(data[0], nominal, data[2], data[3], found.sensitivity), a.picture)
+    return 0
+
+
+def _by_command(a: argparse.Namespace, records: RecordSet) -> int:
+    import numpy as np
+
+    from mrdamp.by_command import identify_by_command
+    from mrdamp.core import attributes
+    from mrdamp.pictures.identification import parameter_lines
+
+    found = identify_by_command(
+        a.law,
+        records.train,
+        records.validation,
+        extras=a.extras,
+        starts=a.starts,
+        seed=a.seed,
+        progress=_tell,
+    )
+    found.model.write(a.out)
+    print(f"{a.law}: one fit per constant command:")
+    for command, fit in found.fits:
+        print(f"  command {command:8.4g}  {len(fit.train):2d} records  error {fit.train_nrmse:.3f}")
+    print(f"{'parameter':>20s} {'at command 0':>14s} {'slope':>12s} {'scatter':>12s}")
+    for line in found.lines:
+        print(f"{line.parameter:>20s} {line.zero:14.5g} {line.slope:12.5g} {line.scatter:12.3g}")
+    print(f"law of the lines: held-out error {found.held_out_nrmse:.3f}")
+    _errors(found.held_out, "held out")
+    if a.picture:
+        units = {row.name: row.unit for row in attributes()}
+        shown = [line for line in found.lines if np.ptp(line.values) > 0]
+        fig = parameter_lines(
+            [line.parameter for line in shown],
+            [units[line.parameter] for line in shown],
+            np.array(shown[0].commands),
+            [np.array(line.values) for line in shown],
+            [(line.zero, line.slope) for line in shown],
+            a.command_unit,
+        )
+        _save(fig, a.picture)
+    print(f"model: {a.out}")
+    return 0
+
+
+def _found(fit: Fit, records: RecordSet) -> None:
+    """Offsets and delays that the fit found, and what the residuals still hold of them."""
+    from mrdamp.intervals import channel_findings
+
+    attributes = fit.model.attributes
+    for name, unit, scale, what in (
+        ("gas_spring_f0", "N", 1.0, "force offset or preload"),
+        ("channel_shift_d", "ms", 1e3, "displacement late (+) or early (-) against the force"),
+        ("driver_lag_tau", "ms", 1e3, "lag of the driver"),
+    ):
+        if name in attributes:
+            print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
+    for c in channel_findings(fit, records.train):
+        left = []
+        if abs(c.offset) > 3 * c.offset_error:
+            left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
+        if abs(c.delay) > 3 * c.delay_error:
+            left.append(f"force late by {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
+        if left:
+            print(f"  left in {c.record}: {', '.join(left)}")
+
+
+def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> None:
+    from mrdamp.intervals import intervals
+
+    rows = intervals(fit, records.train, resamples=a.resamples, refit=a.refit, seed=a.seed, workers=a.workers)
+    print(f"{'parameter':>20s} {'value':>12s} {'95 % from':>12s} {'to':>12s}  unit")
+    for row in rows:
+        word = f"  not identifiable: {row.word}" if row.word else ""
+        print(f"{row.name:>20s} {row.value:12.5g} {row.low:12.5g} {row.high:12.5g}  {row.unit}{word}")
+
+
+def _errors(errors: Sequence[RecordError], half: str) -> None:
+    for error in errors:
+        print(f"  {error.record:40s} {half:8s} {error.rmse:9.1f} N  {error.nrmse:6.3f}")
+
+
+def _records(paths: Sequence[Path]) -> RecordSet:
+    from mrdamp.records import embedded, read_records
+
+    if not paths:
+        return embedded()
+    return read_records(paths[0] if len(paths) == 1 else list(paths))
+
+
+def _save(fig: Figure, path: Path) -> None:
+    if path.suffix not in (".svg", ".png", ".pdf"):
+        raise InputError(f"{path}: a picture is written as .svg, .png or .pdf")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        fig.savefig(path, dpi=150)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error}") from None
+    print(f"picture: {path}")
+
+
+def _tell(what: str, share: float) -> None:
+    print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
+
+
+def _command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
+    p: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=text,
+        description=text,
+        epilog=f"example: {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.set_defaults(run=run)
+    return p

@@ -1,0 +1,158 @@
+"""From records to what a network is trained on: channels at its sample time, stretches, regressors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.narx.network import Input, check_inputs, regressors
+from mrdamp.record_checks import check_channels, check_clipping
+from mrdamp.records import Record
+from mrdamp.sampling import resampled
+
+#: Samples for training, validation and test, at 500 Hz: Chen, Ni and Or (2015), Section 4.
+PROTOCOL = (4000, 2000, 1500)
+PROTOCOL_TIME = 2e-3  # s
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One stretch of one record at the network's sample time (s): x (m), v (m/s), i (command), F (N), (n,) each."""
+
+    name: str
+    sample_time: float
+    x: Array
+    v: Array
+    i: Array
+    force: Array
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.x)
+
+    def part(self, start: int, stop: int, name: str | None = None) -> Series:
+        """The samples start to stop - 1."""
+        cut = slice(start, stop)
+        return Series(
+            name or self.name, self.sample_time, self.x[cut], self.v[cut], self.i[cut], self.force[cut]
+        )
+
+    def regressors(self, inputs: Sequence[Input]) -> Array:
+        """(n, inputs) in physical units; the first rows, up to the largest lag, hold the plugin's start."""
+        return regressors({"x": self.x, "v": self.v, "i": self.i, "F": self.force}, inputs)
+
+
+def lagged(channels: str = "viF", lags: int = 4) -> tuple[Input, ...]:
+    """Inputs of a lag space: x, v, i at lags 0 to `lags`, F at 1 to `lags` + 1 (Eq. 11 of Chen, Ni and Or).
+
+    Raises:
+        InputError: a channel other than x, v, i, F.
+    """
+    inputs = tuple((channel, lag + (channel == "F")) for channel in channels for lag in range(lags + 1))
+    check_inputs(inputs)
+    return inputs
+
+
+def series(
+    record: Record,
+    sample_time: float | None = None,
+    *,
+    cutoff_hz: float | None = None,
+    filtered: bool = True,
+    channel: str = "force_N",
+) -> Series:
+    """A record's channels at the network's sample time.
+
+    The velocity is formed at the record's own rate, where differences are accurate, and resampled with the rest.
+
+    Args:
+        record: of a damper.
+        sample_time: s; None: the record's own.
+        cutoff_hz: low-pass of the displacement before it is differentiated.
+        filtered: low-pass the channels where the rate falls. Without it the network sees the samples that the
+            plugin hands it when it runs at the record's rate, noise and all.
+        channel: the force to learn.
+
+    Raises:
+        InputError: the channel is missing, the displacement or the force is constant, or the force is clipped.
+    """
+    force = record.channel(channel)
+    check_channels([record], ("displacement_m", channel))
+    check_clipping([record.with_channels({"force_N": force})])
+    old, new = record.sample_time, sample_time or record.sample_time
+
+    def at_new(values: Array, smooth: bool) -> Array:
+        same = abs(new / old - 1.0) < 1e-6
+        return values if same else resampled(values, old, new, filtered=smooth)
+
+    return Series(
+        record.name, new, at_new(record.displacement, filtered), at_new(record.velocity(cutoff_hz), filtered),
+        at_new(record.command, False), at_new(force, filtered),
+    )  # fmt: skip
+
+
+def protocol(record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_time: float = PROTOCOL_TIME,
+             *, cutoff_hz: float | None = None) -> tuple[Series, Series, Series]:  # fmt: skip
+    """Training, validation and test stretch of one record, in time order, without a common sample.
+
+    Raises:
+        InputError: the record has fewer samples than the three together, or its command never varies.
+    """
+    whole = series(record, sample_time, cutoff_hz=cutoff_hz)
+    ends = np.cumsum((0, *counts))
+    if whole.n < ends[-1]:
+        raise InputError(f"{record.label}: {whole.n} samples at {sample_time:g} s; {ends[-1]} are needed")
+    names = ("train", "validation", "test")
+    train, validation, test = (
+        whole.part(int(ends[k]), int(ends[k + 1]), f"{whole.name}:{names[k]}") for k in range(3)
+    )
+    return train, validation, test
+
+
+def check(train: Sequence[Series], inputs: Sequence[Input], weights: int) -> None:
+    """Raises InputError where these stretches cannot train such a network: too few samples, a constant input."""
+    if not train:
+        raise InputError("no record to train on")
+    samples = sum(s.n for s in train)
+    lag = max(lag for _, lag in inputs)
+    shortest = min(train, key=lambda s: s.n)
+    if shortest.n < 10 * (lag + 1):
+        raise InputError(
+            f"{shortest.name}: {shortest.n} samples are too few for lags up to {lag}; use {10 * (lag + 1)}"
+        )
+    if samples < 2 * weights:
+        raise InputError(f"{samples} samples for {weights} weights; at least {2 * weights} are needed")
+    for channel in {channel for channel, _ in inputs} - {"F"}:
+        values = np.concatenate([getattr(s, channel) for s in train])
+        if not np.ptp(values) > 0.0:
+            what = "the command never varies" if channel == "i" else f"channel {channel} is constant"
+            raise InputError(
+                f"{train[0].name}: {what} in the training records; leave {channel} out of the inputs"
+            )
+    if len({round(s.sample_time, 9) for s in train}) > 1:
+        raise InputError("the training records have different sample times; give one to resample to")
+
+
+def scaling(train: Sequence[Series], inputs: Sequence[Input]) -> tuple[Array, Array, float, float]:
+    """offset (inputs,), scale (inputs,), force offset and scale that take the training data to [-1, 1]."""
+    spans: dict[str, tuple[float, float]] = {}
+    for channel, name in (("x", "x"), ("v", "v"), ("i", "i"), ("F", "force")):
+        low = min(float(getattr(s, name).min()) for s in train)
+        high = max(float(getattr(s, name).max()) for s in train)
+        spans[channel] = (0.5 * (low + high), 0.5 * (high - low) or 1.0)
+    offset = np.array([spans[channel][0] for channel, _ in inputs])
+    half = np.array([spans[channel][1] for channel, _ in inputs])
+    return offset, 1.0 / half, *spans["F"]
+
+
+def noise_floor(s: Series) -> float:
+    """Standard deviation (N) of the white part of a force, from its fourth differences.
+
+    An upper bound: corners of the force count as noise. A one-step prediction cannot fall below it.
+    """
+    return float(np.sqrt(np.mean(np.diff(s.force, 4) ** 2) / 70.0))

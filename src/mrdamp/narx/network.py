@@ -1,0 +1,200 @@
+"""A NARX network as data: inputs, scaling and weights; its passes, its free run and the plugin's text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.narx import layers as nn
+
+Input = tuple[str, int]
+
+CHANNELS = ("x", "v", "i", "F")
+MAX_LAG, MAX_UNITS = 32, 256
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """F(t) = force_scale * net((input - offset) * scale) + force_offset, tanh layers and a linear output.
+
+    Chen, Ni and Or (2015), Eqs. (5), (9), (11).
+
+    Attributes:
+        sample_time: s.
+        inputs: (channel, lag in samples); channels x (m), v (m/s), i (command), F (N, lag at least 1).
+        offset, scale: (inputs,), in the unit of the input and its reciprocal.
+        force_offset, force_scale: N.
+        hidden: units per hidden layer, none to two layers.
+        theta: (M,) weights, in the order of `mrdamp.narx.layers`.
+
+    Raises:
+        InputError: an input, a number of layers or units, or an array that does not fit.
+    """
+
+    sample_time: float
+    inputs: tuple[Input, ...]
+    offset: Array
+    scale: Array
+    force_offset: float
+    force_scale: float
+    hidden: tuple[int, ...]
+    theta: Array
+
+    def __post_init__(self) -> None:
+        check_inputs(self.inputs)
+        check_hidden(self.hidden)
+        n = len(self.inputs)
+        for name, size in (("offset", n), ("scale", n), ("theta", nn.count(n, self.hidden))):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.shape != (size,) or not np.isfinite(array).all():
+                raise InputError(f"network: {name} has shape {array.shape}; allowed: ({size},), finite")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @cached_property
+    def layers(self) -> list[tuple[Array, Array]]:
+        """(weight, bias) per layer."""
+        return nn.unpack(self.theta, len(self.inputs), self.hidden)
+
+    @property
+    def max_lag(self) -> int:
+        """Samples."""
+        return max(lag for _, lag in self.inputs)
+
+    @property
+    def feedback(self) -> tuple[int, ...]:
+        """Positions of the force among the inputs."""
+        return tuple(k for k, (channel, _) in enumerate(self.inputs) if channel == "F")
+
+    @property
+    def topology(self) -> str:
+        """As the papers write it, such as 15-20-1."""
+        return "-".join(str(k) for k in (len(self.inputs), *self.hidden, 1))
+
+    @property
+    def nonzero(self) -> int:
+        """Number of weights and biases that are not zero."""
+        return int(np.count_nonzero(self.theta))
+
+    def with_theta(self, theta: Array) -> Network:
+        """The same network with other weights (M,)."""
+        return replace(self, theta=theta)
+
+    def scaled(self, values: Array) -> Array:
+        """Inputs (N, inputs) in physical units, scaled."""
+        return np.asarray((values - self.offset) * self.scale)
+
+    def forward(self, values: Array) -> Array:
+        """Force (N,) in newton of N inputs (N, inputs) in physical units."""
+        return nn.output(self.layers, self.scaled(values)) * self.force_scale + self.force_offset
+
+    def jacobian(self, values: Array) -> Array:
+        """d force / d theta (N, M), newton, exact."""
+        return nn.derivatives(self.layers, self.scaled(values))[1] * self.force_scale
+
+    def free_run(self, x: Array, v: Array, i: Array) -> Array:
+        """Force (n,) over its own past; before the record x and i as at its start, no v and no force.
+
+        Args:
+            x, v, i: (n,) m, m/s and command, at the network's sample time.
+        """
+        feedback = list(self.feedback)
+        values = regressors({"x": x, "v": v, "i": i, "F": np.zeros(len(x))}, self.inputs)
+        a = self.scaled(values)
+        first, bias = self.layers[0]
+        gain, shift = self.scale[feedback], self.offset[feedback]
+        a[:, feedback] = 0.0
+        known = a @ first.T + bias
+        back = first[:, feedback]
+        lags = np.array([self.inputs[k][1] for k in feedback], dtype=int)
+        force = np.zeros(len(x) + MAX_LAG)
+        for k in range(len(x)):
+            inner = known[k] + back @ ((force[k + MAX_LAG - lags] - shift) * gain)
+            for weight, offset in self.layers[1:]:
+                inner = weight @ np.tanh(inner) + offset
+            force[k + MAX_LAG] = inner[0] * self.force_scale + self.force_offset
+        return force[MAX_LAG:]
+
+    def to_text(self) -> str:
+        """The plugin's weights file, every digit kept."""
+        lines = [
+            "mrdamp-narx 1",
+            f"sample_time {float(self.sample_time)!r}",
+            f"inputs {len(self.inputs)} " + " ".join(f"{channel}:{lag}" for channel, lag in self.inputs),
+            "offset " + _numbers(self.offset),
+            "scale " + _numbers(self.scale),
+            f"force {float(self.force_offset)!r} {float(self.force_scale)!r}",
+            " ".join(["hidden", str(len(self.hidden)), *map(str, self.hidden)]),
+        ]
+        for weight, bias in self.layers:
+            lines += ["weight " + _numbers(weight.ravel()), "bias " + _numbers(bias)]
+        return "\n".join([*lines, "end", ""])
+
+    @classmethod
+    def from_text(cls, text: str) -> Network:
+        """Reads a weights file; InputError as from the plugin's own reader."""
+        core.Narx(text)  # checks it word by word
+        words = iter(text.split())
+        found: dict[str, list[str]] = {}
+        theta: list[float] = []
+        _take(words, 2)
+        found["sample_time"] = _take(words, 2)[1:]
+        n = int(_take(words, 2)[1])
+        inputs = tuple((word.split(":")[0], int(word.split(":")[1])) for word in _take(words, n))
+        found["offset"], found["scale"] = _take(words, n + 1)[1:], _take(words, n + 1)[1:]
+        found["force"] = _take(words, 3)[1:]
+        hidden = tuple(int(word) for word in _take(words, int(_take(words, 2)[1])))
+        for rows, cols in nn.shapes(n, hidden):
+            theta += map(float, _take(words, rows * cols + 1)[1:])
+            theta += map(float, _take(words, rows + 1)[1:])
+        number = {key: np.array([float(word) for word in value]) for key, value in found.items()}
+        return cls(
+            float(number["sample_time"][0]), inputs, number["offset"], number["scale"],
+            float(number["force"][0]), float(number["force"][1]), hidden, np.array(theta),
+        )  # fmt: skip
+
+
+def regressors(channels: dict[str, Array], inputs: Sequence[Input]) -> Array:
+    """(n, inputs) in physical units: every input's channel, shifted by its lag.
+
+    In front of the first sample: x and i as there, no v, no force, as the plugin starts.
+    """
+    columns = []
+    for channel, lag in inputs:
+        y = channels[channel]
+        before = y[0] if channel in "xi" else 0.0
+        columns.append(np.concatenate([np.full(min(lag, len(y)), before), y[: max(len(y) - lag, 0)]]))
+    return np.stack(columns, axis=1)
+
+
+def check_inputs(inputs: Sequence[Input]) -> None:
+    """Raises InputError for an unknown channel, a lag out of range, an input twice or none at all."""
+    if not inputs or len(set(inputs)) != len(inputs):
+        raise InputError(f"network inputs: {list(inputs)}; allowed: at least one, none twice")
+    for channel, lag in inputs:
+        if channel not in CHANNELS or not (channel == "F") <= lag <= MAX_LAG:
+            raise InputError(
+                f"network input {channel}:{lag}; allowed: x, v, i with lag 0 to {MAX_LAG}, F with lag 1 to {MAX_LAG}"
+            )
+
+
+def check_hidden(hidden: Sequence[int]) -> None:
+    """Raises InputError for more than two hidden layers, or a layer without units or with too many."""
+    if len(hidden) > 2 or any(not 1 <= units <= MAX_UNITS for units in hidden):
+        raise InputError(
+            f"hidden units {list(hidden)}; allowed: none to two layers of 1 to {MAX_UNITS} units"
+        )
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _take(words: Iterator[str], n: int) -> list[str]:
+    return [next(words) for _ in range(n)]

@@ -1,0 +1,292 @@
+"""Choice of inputs, lags and hidden units on validation records: Chen, Ni and Or (2015), Figs. 6 to 8.
+
+Three searches after each other: input sets at given lags and units, then the lag space, then the units.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.identify import pooled
+from mrdamp.narx.bayes import minimise
+from mrdamp.narx.data import Series, lagged
+from mrdamp.narx.layers import nguyen_widrow
+from mrdamp.narx.problems import OneStep
+from mrdamp.narx.train import blank, free_run_error, one_step_error, refine
+from mrdamp.pictures import style
+
+Progress = Callable[[str, float], None]
+
+SETS = ("xv", "xF", "vF", "xvF")  # Fig. 6
+SETS_CURRENT = ("xvi", "xiF", "viF", "xviF")  # the same under varying current
+STEPS = ("inputs", "lags", "units")
+_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One network to try: channels such as "viF", lag space, units per hidden layer."""
+
+    channels: str
+    lags: int
+    hidden: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a candidate reached: RMS error over the standard deviation of the force, one step ahead and in free
+    run, on training and validation; gamma and the number of weights."""
+
+    candidate: Candidate
+    train_one: float
+    validation_one: float
+    train_free: float
+    validation_free: float
+    gamma: float
+    weights: int
+
+    def score(self, by: str) -> float:
+        """The validation error that is chosen by; a run away counts as infinite."""
+        value = self.validation_free if by == "free_run" else self.validation_one
+        return value if np.isfinite(value) else float("inf")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The chosen candidate, and the trials of the three searches in their order."""
+
+    candidate: Candidate
+    by: str
+    inputs: tuple[Trial, ...]
+    lags: tuple[Trial, ...]
+    units: tuple[Trial, ...]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How thoroughly a candidate is trained: random starts, steps one step ahead, free-run horizons and steps."""
+
+    initialisations: int = 2
+    one_step_iterations: int = 60
+    horizons: tuple[int, ...] = (20, 100)
+    iterations: int = 10
+    most: int = 4000
+
+
+def try_candidate(
+    candidate: Candidate, train: Sequence[Series], validation: Sequence[Series], effort: Effort, seed: int
+) -> Trial:
+    """Trains one candidate and judges it; on one thread, so that the numbers do not depend on the workers."""
+    with threadpool_limits(limits=1):
+        net = blank(train, lagged(candidate.channels, candidate.lags), candidate.hidden)
+        problem = OneStep.of(net, train, effort.most)
+        posterior = max(
+            (
+                minimise(
+                    problem,
+                    nguyen_widrow(len(net.inputs), net.hidden, np.random.default_rng((seed, number))),
+                    iterations=effort.one_step_iterations,
+                )
+                for number in range(effort.initialisations)
+            ),
+            key=lambda p: p.log_evidence,
+        )
+        one = net.with_theta(posterior.theta)
+        # Without past forces a free run is the same as a prediction one step ahead.
+        for horizon in effort.horizons if net.feedback else ():
+            posterior = refine(net, train, posterior, horizon, most=effort.most, iterations=effort.iterations)
+        free = net.with_theta(posterior.theta)
+        train_one, validation_one = (pooled([one_step_error(one, s) for s in p]) for p in (train, validation))
+        train_free, validation_free = (
+            pooled([free_run_error(free, s) for s in p]) for p in (train, validation)
+        )
+    return Trial(
+        candidate,
+        train_one,
+        validation_one,
+        train_free,
+        validation_free,
+        posterior.gamma,
+        len(posterior.theta),
+    )
+
+
+def select(
+    train: Sequence[Series],
+    validation: Sequence[Series],
+    *,
+    sets: Sequence[str] | None = None,
+    lags: Sequence[int] = range(1, 9),
+    units: Sequence[int] = range(1, 26),
+    start: Candidate | None = None,
+    by: str = "free_run",
+    effort: Effort | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    cache: Path | str | None = None,
+    progress: Progress | None = None,
+) -> Choice:
+    """Chooses inputs, then lags, then hidden units, each by the validation error with the others held.
+
+    Args:
+        train, validation: stretches at one sample time.
+        sets: channels to try; None: with the current where the command varies.
+        lags, units: to try. start: lags and units while the inputs are chosen; None: 4 and 10, as in the paper.
+        by: "free_run", or "one_step" as in the paper.
+        effort: how thoroughly each is trained.
+        seed: the same seed gives the same choice, for any number of workers.
+        workers: processes.
+        cache: JSON file of finished trials; a search that was broken off goes on from it.
+        progress: called with what is done and a share from 0 to 1.
+
+    Raises:
+        InputError: no validation stretches, `by` unknown, or a cache that cannot be read.
+    """
+    if by not in ("free_run", "one_step"):
+        raise InputError(f"choice by '{by}'; allowed: free_run, one_step")
+    if not train or not validation:
+        raise InputError("choosing a network needs training and validation records")
+    effort, first = effort or Effort(), start or Candidate("", 4, (10,))
+    if sets is None:
+        varies = np.ptp(np.concatenate([s.i for s in train])) > 0.0
+        sets = SETS_CURRENT if varies else SETS
+    store = _Cache(None if cache is None else Path(cache), _key(train, validation, effort, seed))
+    total = len(sets) + len(lags) + len(units)
+    done = 0
+
+    def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
+        nonlocal done
+        missing = [c for c in candidates if store.get(c) is None]
+        jobs = (delayed(try_candidate)(c, train, validation, effort, seed) for c in missing)
+        done += len(candidates) - len(missing)
+        if progress:
+            progress(f"{what}: {len(missing)} to train", done / total)
+        for trial in Parallel(n_jobs=workers, return_as="generator")(jobs):
+            store.put(trial)
+            done += 1
+            if progress:
+                progress(f"{what}: {_name(what, trial.candidate)}", done / total)
+        return tuple(store[c] for c in candidates)
+
+    by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])
+    channels = min(by_inputs, key=lambda t: t.score(by)).candidate.channels
+    by_lags = search("lags", [Candidate(channels, lag, first.hidden) for lag in lags])
+    lag = min(by_lags, key=lambda t: t.score(by)).candidate.lags
+    by_units = search("units", [Candidate(channels, lag, (n, *first.hidden[1:])) for n in units])
+    best = min(by_units, key=lambda t: t.score(by)).candidate
+    return Choice(best, by, by_inputs, by_lags, by_units)
+
+
+@style.styled
+def draw_choice(choice: Choice) -> Figure:
+    """The three courses (Figs. 6 to 8): training and validation error, one step ahead and in free run."""
+    fig = style.figure(5.6)
+    rows = style.axes_grid(fig, 3, 1)
+    titles = ("Inputs", "Lags", "Hidden units")
+    for k, (axes, what, trials) in enumerate(
+        zip((row[0] for row in rows), STEPS, (choice.inputs, choice.lags, choice.units), strict=True)
+    ):
+        for j, (label, name) in enumerate(_LINES):
+            values = [100.0 * min(getattr(t, name), 10.0) for t in trials]
+            axes.plot(range(len(trials)), values, color=style.COLOURS[j // 2], ls=style.DASHES[j % 2],
+                      marker=style.MARKERS[j], ms=3.5, label=label)  # fmt: skip
+        labels = [_name(what, t.candidate) for t in trials]
+        every = max(1, -(-len(labels) // 13))
+        axes.set_xticks(range(0, len(labels), every), labels[::every])
+        percent(axes)
+        axes.set_ylabel("error, % of std")
+        scores = [t.score(choice.by) for t in trials]
+        axes.axvline(int(np.argmin(scores)), color=style.REFERENCE, lw=0.8, zorder=0)
+        style.row_title(axes, axes, titles[k], f"chosen: {labels[int(np.argmin(scores))]}")
+    handles, texts = rows[0][0].get_legend_handles_labels()
+    style.legend(fig, handles, texts)
+    return fig
+
+
+def percent(axes: Axes) -> None:
+    """A logarithmic axis of percent with plain numbers."""
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    subs = (1.0, 2.0, 5.0) if high > 10.0 * low else (1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
+
+
+_LINES = (
+    ("one step, training", "train_one"),
+    ("one step, validation", "validation_one"),
+    ("free run, training", "train_free"),
+    ("free run, validation", "validation_free"),
+)
+
+
+def _name(what: str, c: Candidate) -> str:
+    return {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
+
+
+def _key(train: Sequence[Series], validation: Sequence[Series], effort: Effort, seed: int) -> str:
+    """Fingerprint of everything besides the candidate that a trial depends on."""
+    digest = hashlib.sha256(json.dumps([_FORMAT, asdict(effort), seed]).encode())
+    for part in (train, validation):
+        for s in part:
+            digest.update(repr((s.name, s.sample_time, s.n)).encode())
+            for values in (s.x, s.v, s.i, s.force):
+                digest.update(np.ascontiguousarray(values).tobytes())
+        digest.update(b"|")
+    return digest.hexdigest()[:16]
+
+
+class _Cache:
+    """Finished trials by candidate, in memory and in a JSON file that is rewritten whole after each."""
+
+    def __init__(self, path: Path | None, key: str) -> None:
+        self.path, self.key = path, key
+        self.all: dict[str, dict[str, Any]] = {}
+        if path is not None and path.exists():
+            try:
+                data = json.loads(decode(str(path), read_bytes(path)))
+                self.all = {k: dict(v) for k, v in data["trials"].items()}
+            except (ValueError, KeyError, TypeError, AttributeError) as error:
+                raise InputError(
+                    f"{path}: no file of finished trials ({error}); delete it to begin anew"
+                ) from None
+
+    def _id(self, c: Candidate) -> str:
+        return f"{self.key} {c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
+
+    def get(self, c: Candidate) -> Trial | None:
+        found = self.all.get(self._id(c))
+        return None if found is None else _trial(c, found)
+
+    def __getitem__(self, c: Candidate) -> Trial:
+        return _trial(c, self.all[self._id(c)])
+
+    def put(self, trial: Trial) -> None:
+        numbers = {key: value for key, value in asdict(trial).items() if key != "candidate"}
+        self.all[self._id(trial.candidate)] = numbers
+        if self.path is not None:
+            write_atomic(self.path, json.dumps({"format": _FORMAT, "trials": self.all}, indent=1) + "\n")
+
+
+def _trial(c: Candidate, numbers: Mapping[str, Any]) -> Trial:
+    try:
+        return Trial(c, **numbers)
+    except TypeError as error:
+        raise InputError(
+            f"a finished trial cannot be read ({error}); delete the file to begin anew"
+        ) from None

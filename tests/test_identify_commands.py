@@ -1,0 +1,104 @@
+"""The commands identify, table1 and calibrate, as a user calls them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from mrdamp.commands.identify import add_to
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from sine_records import grid, straight
+
+
+def run(*arguments: str | Path) -> int:
+    parser = argparse.ArgumentParser()
+    add_to(parser.add_subparsers())
+    parsed = parser.parse_args([str(a) for a in arguments])
+    code: int = parsed.run(parsed)
+    return code
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("set")
+    for half, commands, seed in (("train", (0.0, 0.6, 1.2), 0), ("validation", (0.3, 0.9), 50)):
+        (root / half).mkdir()
+        for record in grid(straight, commands, seed):
+            record.save(root / half / f"{record.name}.csv.gz")
+    return root
+
+
+def test_identify_with_intervals(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "model.json"
+    assert run("identify", folder, "--law", "bingham", "--starts", "1", "--intervals", "-o", out) == 0
+    text = capsys.readouterr().out
+    assert Model.read(out).parameters["fyb"] == pytest.approx(300.0, rel=0.03)
+    offset = next(line for line in text.splitlines() if "force offset or preload" in line)
+    assert float(offset.split()[-2]) == pytest.approx(12.0, abs=0.5)
+    rows = {line.split()[0]: line.split() for line in text.splitlines() if line.startswith("       ")}
+    assert float(rows["fyb"][2]) < 300.0 < float(rows["fyb"][3])
+
+
+def test_dependences_are_compared(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "model.json"
+    assert (
+        run("identify", folder, "--law", "bingham", "--starts", "1", "--dependence", "compare", "-o", out)
+        == 0
+    )
+    text = capsys.readouterr().out
+    for name in ("linear", "quadratic", "saturating"):
+        assert f"  {name}" in text
+    assert "taken: " in text
+
+
+def test_by_command_draws_its_lines(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "lines.png"
+    call: list[str | Path] = [
+        "identify",
+        folder,
+        "--law",
+        "bingham",
+        "--starts",
+        "1",
+        "--by-command",
+        "--picture",
+        picture,
+    ]
+    assert run(*call, "-o", tmp_path / "m.json") == 0
+    assert picture.stat().st_size > 5000
+    line = next(row for row in capsys.readouterr().out.splitlines() if row.split()[:1] == ["fya"])
+    assert float(line.split()[2]) == pytest.approx(300.0, rel=0.05)
+
+
+def test_table1(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    network, picture = tmp_path / "n.json", tmp_path / "t.svg"
+    run("identify", folder, "--law", "bingham", "--starts", "1", "-o", network)
+    capsys.readouterr()
+    assert run("table1", folder, "--starts", "1", "--network", network, "--picture", picture) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    errors = {row[0]: float(row[4]) for row in rows if row and row[0] in ("bingham", "network", "bouc_wen")}
+    assert errors["bingham"] == pytest.approx(errors["network"], rel=1e-3)
+    assert errors["bingham"] < 0.03
+    assert "<svg" in picture.read_text()
+
+
+def test_calibrate_on_the_embedded_tests(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "c.png"
+    assert run("calibrate", "--picture", picture) == 0
+    text = capsys.readouterr().out
+    assert text.count("pC/N") >= 17
+    assert "mean sensitivity -159.4" in text
+    assert "charge leakage: time constant 4" in text
+    assert picture.stat().st_size > 5000
+
+
+def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--starts"):
+        run("identify", folder, "--starts", "0", "-o", tmp_path / "m.json")
+    with pytest.raises(InputError, match="no such folder or file"):
+        run("table1", tmp_path / "none")
+    with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):
+        run("calibrate", "--picture", tmp_path / "c.bmp")
