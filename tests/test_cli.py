@@ -123,6 +123,15 @@ def test_a_model_that_is_none_is_one_line(
     assert "ghost.xml" in line(capsys)
 
 
+def test_view_without_a_display_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert cli.main(["view", "frame3"]) == 2
+    assert "DISPLAY" in line(capsys)
+
+
 def test_every_command_has_help_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("demo", "identify", "table1", "calibrate", "predict", "mjcf", "view", "sets", "plugin-path"):
         with pytest.raises(SystemExit) as stop:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -194,6 +195,8 @@ def _view(a: argparse.Namespace) -> int:
 
 
 def _launch(model: object) -> int:
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError("the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one")
     import mujoco
     import mujoco.viewer
 
