@@ -20,7 +20,7 @@ from matplotlib.transforms import Affine2D, Bbox
 from mrdamp import pictures
 from mrdamp.criteria import Criteria, evaluate
 from mrdamp.errors import InputError
-from mrdamp.pictures import LoopData, series, style
+from mrdamp.pictures import LoopData, style
 from mrdamp.structures import ShearFrame
 
 LONG = "a_record_with_a_name_that_goes_on_and_on_for_no_reason_at_all_2.5Hz_10.0mm"
@@ -391,30 +391,3 @@ def test_colours_stand_out_from_the_page() -> None:
         assert 1.05 / (_luminance(light) + 0.05) >= least, light
         assert (_luminance(dark) + 0.05) / (_luminance("#14181d") + 0.05) >= least, dark
     assert len(set(style.COLOURS)) == len(style.DASHES) == len(style.MARKERS) == 6
-
-
-# --- what is taken from a series -------------------------------------------------------------
-def test_mean_period_of_a_noisy_sine() -> None:
-    noise = 0.05 * np.random.default_rng(1).standard_normal(len(TIME))
-    assert series.mean_period(TIME, np.sin(2 * np.pi * 2.5 * TIME) + noise + 3) == pytest.approx(0.4, rel=0.1)
-    assert series.mean_period(TIME, np.zeros_like(TIME)) == pytest.approx(TIME[-1])
-
-
-def test_outline_keeps_every_peak() -> None:
-    values = np.random.default_rng(2).standard_normal(10_007)
-    time, kept = series.outline(np.arange(10_007.0), values, 100)
-    assert len(kept) <= 204
-    assert (np.diff(time) > 0).all()
-    np.testing.assert_array_equal(values[time.astype(int)], kept)
-    assert (kept.min(), kept.max()) == (values.min(), values.max())
-    same = series.outline(TIME, TIME, len(TIME))
-    np.testing.assert_array_equal(same[1], TIME)
-
-
-def test_elide_keeps_both_ends() -> None:
-    short = style.elide(LONG, 120, 9)
-    assert style.text_width(short, 9) <= 120
-    assert short.startswith("a_rec")
-    assert short.endswith("0mm")
-    assert "…" in short
-    assert style.elide("two\nlines", 300) == "two lines"

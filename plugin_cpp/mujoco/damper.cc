@@ -8,6 +8,7 @@
 
 #include "core/config.h"
 #include "effects/mount.h"
+#include "mujoco/plugin.h"
 
 namespace mrdamp {
 
@@ -35,14 +36,6 @@ int StateSize(const mjModel* m, int instance) {
   return kSnapshot + kChainSize + (HasLine(m, instance) ? kLineSize : 0) + (HasPast(m, instance) ? kPastSize : 0);
 }
 
-int AttributeEnd(const mjModel* m, int instance) {
-  return instance + 1 < m->nplugin ? m->plugin_attradr[instance + 1] : static_cast<int>(m->npluginattr);
-}
-
-DamperInstance* Data(const mjData* d, int instance) {
-  return reinterpret_cast<DamperInstance*>(d->plugin_data[instance]);
-}
-
 bool IsDamper(const mjModel* m, int instance) {
   const mjpPlugin* plugin = mjp_getPluginAtSlot(m->plugin[instance]);
   return plugin && !std::strcmp(plugin->name, kDamperName);
@@ -67,12 +60,11 @@ std::string Describe(const mjModel* m, int object_type, const char* kind, int id
 
 const DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator) {
   const int instance = m->actuator_plugin[actuator];
-  return instance >= 0 && IsDamper(m, instance) ? Data(d, instance) : nullptr;
+  return instance >= 0 && IsDamper(m, instance) ? Data<DamperInstance>(d, instance) : nullptr;
 }
 
 bool DamperInstance::Parse(const mjModel* m, std::string* error) {
-  const int begin = m->plugin_attradr[instance_], end = AttributeEnd(m, instance_);
-  attributes_.assign(m->plugin_attr + begin, m->plugin_attr + end);
+  KeepAttributes(m, instance_, &attributes_);
   const Lookup config = [&](const char* name) { return AttributeOf(m, instance_, name); };
   const Lookup text = [&](const char* name) -> const char* {
     const int id = mj_name2id(m, mjOBJ_TEXT, name);
@@ -146,9 +138,7 @@ std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int insta
 }
 
 void DamperInstance::Refresh(const mjModel* m) {
-  const char* begin = m->plugin_attr + m->plugin_attradr[instance_];
-  const std::size_t size = AttributeEnd(m, instance_) - m->plugin_attradr[instance_];
-  if (size == attributes_.size() && !std::memcmp(begin, attributes_.data(), size)) return;
+  if (!AttributesChanged(m, instance_, attributes_)) return;
   char line[400];
   {
     std::string error;
@@ -227,7 +217,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
   bool mass = false;
   acting_.clear();
   for (int i : peers_) {
-    DamperInstance* p = Data(d, i);
+    DamperInstance* p = Data<DamperInstance>(d, i);
     p->Refresh(m);
     p->CatchUp(m, d);
     p->force_ = 0;
@@ -265,7 +255,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     for (std::size_t k = 0; k < n; k++) acting_[k]->force_ = forces_[k];
   }
   for (int i : peers_) {
-    const DamperInstance* p = Data(d, i);
+    const DamperInstance* p = Data<DamperInstance>(d, i);
     d->actuator_force[p->output_] = -p->force_;
   }
 }
@@ -299,31 +289,11 @@ void DamperInstance::Register() {
   plugin.nattribute = static_cast<int>(attributes.size());
   plugin.attributes = attributes.data();
   plugin.nstate = StateSize;
-  plugin.init = [](const mjModel* m, mjData* d, int instance) {
-    char line[400];
-    {
-      std::string error;
-      if (std::unique_ptr<DamperInstance> made = DamperInstance::Make(m, instance, &error)) {
-        d->plugin_data[instance] = reinterpret_cast<uintptr_t>(made.release());
-        return 0;
-      }
-      std::snprintf(line, sizeof line, "%s", error.c_str());
-    }
-    mju_warning("%s", line);
-    return -1;
-  };
-  plugin.destroy = [](mjData* d, int instance) {
-    delete Data(d, instance);
-    d->plugin_data[instance] = 0;
-  };
-  plugin.reset = [](const mjModel* m, mjtNum* state, void*, int instance) {
-    std::fill_n(state, m->plugin_statenum[instance], 0.0);
-  };
+  SetLife<DamperInstance>(&plugin);
   plugin.compute = [](const mjModel* m, mjData* d, int instance, int) {
-    DamperInstance* damper = Data(d, instance);
+    DamperInstance* damper = Data<DamperInstance>(d, instance);
     if (damper->peers_.front() == instance) damper->Compute(m, d);
   };
-  plugin.advance = [](const mjModel* m, mjData* d, int instance) { Data(d, instance)->Advance(m, d); };
   mjp_registerPlugin(&plugin);
 }
 

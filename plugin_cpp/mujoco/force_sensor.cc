@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "core/config.h"
+#include "mujoco/plugin.h"
 
 namespace mrdamp {
 
@@ -25,14 +26,6 @@ const char* const kSignalNames[] = {"force",    "charge",          "true_force",
                                     "stroke_velocity", "current", "field",      "temperature"};
 static_assert(std::size(kSignalNames) == 8);
 
-ForceSensorInstance* Data(const mjData* d, int instance) {
-  return reinterpret_cast<ForceSensorInstance*>(d->plugin_data[instance]);
-}
-
-int AttributeEnd(const mjModel* m, int instance) {
-  return instance + 1 < m->nplugin ? m->plugin_attradr[instance + 1] : static_cast<int>(m->npluginattr);
-}
-
 // A 64-bit mix with good avalanche (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195).
 std::uint64_t Mix(std::uint64_t z) {
   z += 0x9e3779b97f4a7c15ull;
@@ -46,8 +39,7 @@ double Unit(std::uint64_t bits) { return (static_cast<double>(bits >> 11) + 0.5)
 }  // namespace
 
 bool ForceSensorInstance::Parse(const mjModel* m, std::string* error) {
-  const int begin = m->plugin_attradr[instance_], end = AttributeEnd(m, instance_);
-  attributes_.assign(m->plugin_attr + begin, m->plugin_attr + end);
+  KeepAttributes(m, instance_, &attributes_);
   const char* signal = AttributeOf(m, instance_, "signal");
   signal_ = kForce;
   if (signal && *signal) {
@@ -135,9 +127,7 @@ std::unique_ptr<ForceSensorInstance> ForceSensorInstance::Make(const mjModel* m,
 }
 
 void ForceSensorInstance::Refresh(const mjModel* m) {
-  const char* begin = m->plugin_attr + m->plugin_attradr[instance_];
-  const std::size_t size = AttributeEnd(m, instance_) - m->plugin_attradr[instance_];
-  if (size == attributes_.size() && !std::memcmp(begin, attributes_.data(), size)) return;
+  if (!AttributesChanged(m, instance_, attributes_)) return;
   char line[400];
   {
     std::string error;
@@ -236,28 +226,8 @@ void ForceSensorInstance::Register() {
   plugin.attributes = attributes.data();
   plugin.nstate = [](const mjModel*, int) { return static_cast<int>(sizeof(Stored) / sizeof(double)); };
   plugin.nsensordata = [](const mjModel*, int, int) { return 1; };
-  plugin.init = [](const mjModel* m, mjData* d, int instance) {
-    char line[400];
-    {
-      std::string error;
-      if (std::unique_ptr<ForceSensorInstance> made = Make(m, instance, &error)) {
-        d->plugin_data[instance] = reinterpret_cast<uintptr_t>(made.release());
-        return 0;
-      }
-      std::snprintf(line, sizeof line, "%s", error.c_str());
-    }
-    mju_warning("%s", line);
-    return -1;
-  };
-  plugin.destroy = [](mjData* d, int instance) {
-    delete Data(d, instance);
-    d->plugin_data[instance] = 0;
-  };
-  plugin.reset = [](const mjModel* m, mjtNum* state, void*, int instance) {
-    std::fill_n(state, m->plugin_statenum[instance], 0.0);
-  };
-  plugin.compute = [](const mjModel* m, mjData* d, int instance, int) { Data(d, instance)->Compute(m, d); };
-  plugin.advance = [](const mjModel* m, mjData* d, int instance) { Data(d, instance)->Advance(m, d); };
+  SetLife<ForceSensorInstance>(&plugin);
+  plugin.compute = [](const mjModel* m, mjData* d, int instance, int) { Data<ForceSensorInstance>(d, instance)->Compute(m, d); };
   mjp_registerPlugin(&plugin);
 }
 

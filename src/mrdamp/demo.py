@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp import pictures
+from mrdamp import identify as identification
+from mrdamp import laws, pictures
 from mrdamp.control import clipped_optimal, passive_off, passive_on
 from mrdamp.control.base import Controller
 from mrdamp.criteria import Criteria, evaluate
 from mrdamp.files import write_atomic
 from mrdamp.identify import Fit, RecordError, identify, simulate
+from mrdamp.library import library_path
 from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, embedded_motion, read_motion
@@ -110,7 +112,10 @@ def _runs(model: Model, ground: GroundMotion, tell: Progress) -> dict[str, Frame
 
 def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress) -> Fit:
     """The fit, or the one that an earlier run of the same job left in `out`."""
-    digest = hashlib.sha256(f"{law} {seed} {EXTRAS} 1".encode())
+    digest = hashlib.sha256(f"{law} {seed} {EXTRAS}".encode())
+    # Another version of the fit or of the chain is another job.
+    for source in (identification.__file__, laws.__file__, library_path()):
+        digest.update(Path(source).read_bytes())
     for record in records.records:
         for name, values in record.channels.items():
             digest.update(name.encode())
