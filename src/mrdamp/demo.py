@@ -152,7 +152,7 @@ def _loop(model: Model, record: Record, note: str, unit: str) -> LoopData:
         name=record.name,
         time=record.time,
         displacement=record.displacement,
-        velocity=record.velocity(),
+        velocity=record.velocity(cutoff_hz=min(60.0, 0.2 / record.sample_time)),  # for the eye alone
         command=record.command,
         measured=record.channel("force_N"),
         simulated=simulate(model, record),
@@ -188,7 +188,11 @@ def _page(
         f"{criteria[best].peak_drift.max() / base.peak_drift.max():.0%} of the frame without a damper."
     )
     page = Page(f"mrdamp: {records.name}", summary, footer="Made by `mrdamp demo`.")
-    loops = [_loop(fit.model, record, "held out", unit) for record in _shown(fit, records)]
+    of = {e.record: e.nrmse for e in fit.held_out}
+    loops = [
+        _loop(fit.model, record, f"held out, error {of[record.name]:.3f}", unit)
+        for record in _shown(fit, records)
+    ]
     page.figure(
         "The damper, measured and simulated",
         pictures.loops(loops),
@@ -216,7 +220,7 @@ def _page(
     page.table(
         "Parameters",
         ("attribute", "value"),
-        [(k, float(f"{v:.6g}")) for k, v in attributes.items()],
+        [(k, f"{v:.6g}") for k, v in attributes.items()],
         "As in `model.json` and in the MJCF files beside this page.",
     )
     compare = [
