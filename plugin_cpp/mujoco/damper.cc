@@ -71,7 +71,6 @@ bool DamperInstance::Parse(const mjModel* m, std::string* error) {
     return id < 0 ? nullptr : m->text_data + m->text_adr[id];
   };
   if (!ParseDamper(config, text, &damper_, &net_, error)) return false;
-  if (damper_.law == Law::kNarx && !HasPast(m, instance_)) return false;
   damper_.hold = true;
   mount_ = HasMount(damper_.p);
   return true;
