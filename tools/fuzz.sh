@@ -9,13 +9,15 @@ log=build/fuzz.log
 mkdir -p build
 compiler=$(command -v clang++ || command -v g++)
 "$bin/cmake" -S . -B build/fuzz -G Ninja -DCMAKE_MAKE_PROGRAM="$bin/ninja" -DCMAKE_CXX_COMPILER="$compiler" \
-  -DMRDAMP_PLUGIN=OFF -DMRDAMP_FUZZ=ON -DMRDAMP_SANITIZE=address,undefined >"$log" 2>&1 &&
+  -DMRDAMP_PLUGIN=OFF -DMRDAMP_FUZZ=ON -DMRDAMP_SANITIZE=address,undefined,float-cast-overflow >"$log" 2>&1 &&
   "$bin/cmake" --build build/fuzz >>"$log" 2>&1 || {
   cat "$log"
   exit 1
 }
 set -- plugin_cpp/fuzz/*.cc
 share=$((seconds / $#))
+# Without it undefined behaviour ends the run and leaves no input behind.
+export UBSAN_OPTIONS=abort_on_error=1
 for source in "$@"; do
   target=$(basename "$source" .cc)
   corpus=plugin_cpp/fuzz/corpus/$target

@@ -2,6 +2,7 @@
 #ifndef MRDAMP_CORE_RECORD_H_
 #define MRDAMP_CORE_RECORD_H_
 
+#include <algorithm>
 #include <atomic>
 #include <thread>
 #include <vector>
@@ -55,7 +56,7 @@ void RunRecord(const Damper& d, const RecordView& r, int ncol, const int* column
 // task(0 .. n - 1) on up to `threads` threads; the tasks must not touch each other.
 template <class Task>
 void ParallelFor(int n, int threads, Task&& task) {
-  if (threads > n) threads = n;
+  threads = std::min({threads, n, 256});
   if (threads <= 1) {
     for (int i = 0; i < n; i++) task(i);
     return;

@@ -49,13 +49,14 @@ inline double Linear(double u, double A, double B, double s, double* left) {
   return next;
 }
 
-// Any n: Rosenbrock-exponential steps no longer than a quarter of the path on which u is built up.
+// Any n: Rosenbrock-exponential steps no longer than a tenth of the path on which u is built up.
 inline double General(double u, double A, double beta, double gamma, double n, double s) {
   const double sum = beta + gamma;
   const double reach = sum > 0 ? std::pow(A / sum, 1 / n) / A : s;
   // Past a few reaches u rests: what remains of a long path changes nothing.
   if (s > 20 * reach) s = 20 * reach;
-  const int steps = std::max(1, static_cast<int>(std::ceil(s / (0.1 * reach))));
+  const double wanted = std::ceil(s / (0.1 * reach));  // not a number where A has no reach
+  const int steps = wanted >= 1 ? static_cast<int>(std::fmin(wanted, 200)) : 1;
   const double ds = s / steps;
   for (int i = 0; i < steps; i++) {
     const double k = beta + (u < 0 ? -gamma : gamma);
