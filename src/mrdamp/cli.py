@@ -11,19 +11,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrdamp import __version__
+from mrdamp.commands import Run, add_command
 from mrdamp.commands import identify as identification
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
     from mrdamp.model import Model
 
-_Run = Callable[[argparse.Namespace], int]
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; bad input gives one line and exit code 2, an interrupt 130."""
     arguments = _parser().parse_args(argv)
-    run: _Run = arguments.run
+    run: Run = arguments.run
     try:
         return run(arguments)
     except InputError as error:
@@ -42,16 +41,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"mrdamp {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def add(name: str, run: _Run, text: str, example: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(
-            name,
-            help=text,
-            description=text,
-            epilog=f"example: {example}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        command.set_defaults(run=run)
-        return command
+    def add(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
+        return add_command(commands, name, run, text, example)
 
     demo = add(
         "demo",
@@ -195,8 +186,12 @@ def _view(a: argparse.Namespace) -> int:
 
 
 def _launch(model: object) -> int:
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise InputError("the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one")
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise InputError(
+            "the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one"
+        )
     import mujoco
     import mujoco.viewer
 

@@ -1,1 +1,22 @@
 """Commands of `mrdamp`, a module each with `add_to(commands)`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+Run = Callable[[argparse.Namespace], int]
+
+
+def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
+    """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed."""
+    p: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=text,
+        description=text,
+        epilog=f"example: {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.set_defaults(run=run)
+    return p

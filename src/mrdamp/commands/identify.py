@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrdamp.commands import add_command
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.records import RecordSet
 
-Run = Callable[[argparse.Namespace], int]
 _UNITS = "A", "V"
 
 
@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
 
 def add_identify(commands: Any) -> None:
     """Adds `identify`."""
-    p = _command(
+    p = add_command(
         commands,
         "identify",
         run_identify,
@@ -65,7 +65,7 @@ def add_identify(commands: Any) -> None:
 
 def add_table1(commands: Any) -> None:
     """Adds `table1`."""
-    p = _command(
+    p = add_command(
         commands,
         "table1",
         run_table1,
@@ -86,7 +86,7 @@ def add_table1(commands: Any) -> None:
 
 def add_calibrate(commands: Any) -> None:
     """Adds `calibrate`."""
-    p = _command(
+    p = add_command(
         commands,
         "calibrate",
         run_calibrate,
@@ -321,15 +321,3 @@ def _save(fig: Figure, path: Path) -> None:
 
 def _tell(what: str, share: float) -> None:
     print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
-
-
-def _command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
-    p: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=text,
-        description=text,
-        epilog=f"example: {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    p.set_defaults(run=run)
-    return p
