@@ -39,7 +39,7 @@ build: build/.installed  ## install the package into .venv; compile the plugin w
 build/.installed: $(VENV)/.set-up $(cpp)
 	@mkdir -p build
 	@echo "build: the package and its plugin"
-	@$(pip) --no-build-isolation -Cbuild-dir=build/plugin -Ccmake.define.MRDAMP_WERROR=ON -e '.[dev]'
+	@$(pip) --no-build-isolation -Cbuild-dir=build/plugin -Ccmake.define.MRDAMP_WERROR=ON -e '.[dev,train]'
 	@touch $@
 
 demo: build  ## the main job on the project's own records; page: out/demo/index.html

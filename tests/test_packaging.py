@@ -149,7 +149,7 @@ def test_types_models_and_subpackages_are_installed() -> None:
 
 
 def test_links_to_the_top_folders_are_relative() -> None:
-    for name in ("models_xml",):
+    for name in ("models_xml", "envs", "train"):
         link = REPOSITORY / "src" / "mrdamp" / name
         assert link.is_symlink()
         assert os.readlink(link) == f"../../{name}"
