@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; bad input gives one line and exit code 2, an interrupt 130."""
-    arguments = _parser().parse_args(argv)
+    arguments = build_parser().parse_args(argv)
     run: Run = arguments.run
     try:
         return run(arguments)
@@ -33,7 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """The whole command line, as completion and the reference see it too."""
     parser = argparse.ArgumentParser(
         prog="mrdamp",
         description="Magnetorheological dampers for MuJoCo, from measured record to controlled structure.",
