@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 1 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 2 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -91,11 +91,14 @@ typedef struct {
   const double* damping;   /* N s/m */
   const double* friction;  /* N, dry friction per storey; NULL: none */
   int damper_from, damper_to; /* floors it stands between, 0 the ground; damper_to < 0: no damper */
-  /* per floor accelerometer, NULL: ideal: gain, offset (m/s2), leakage (s, high-pass; 0 none), lag (s) */
+  /* per floor accelerometer, NULL: ideal: gain, offset (m/s2), leakage (s, high-pass; 0 none), lag (s), its second
+   * pole (s) */
   const double* acc_gain;
   const double* acc_offset;
   const double* acc_leakage;
   const double* acc_lag;
+  const double* acc_lag2;
+  const double* friction_width; /* m/s, velocity over which dry friction turns; NULL, 0: it builds up over 10 um */
 } mrdamp_frame;
 
 /* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements

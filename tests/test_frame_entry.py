@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -96,6 +98,11 @@ def test_dry_friction_in_a_storey_agrees_with_scipy() -> None:
     )
     for name in ("displacement_1", "displacement_2", "displacement_3"):
         assert off(got[name], want[name]) < 0.02, name  # the steep tanh is not quite dry
+    # With the width of that tanh it is the same equation.
+    wide = replace(frame, friction_width=np.array([0.0, 2e-4, 0.0]))
+    got = core.run_frame("bouc_wen", BOUC_WEN | {"driver_lag_tau": 0.015}, wide, DT, motion(TIME), command(TIME))
+    for name in ("displacement_1", "displacement_2", "displacement_3", "force"):
+        assert off(got[name], want[name]) < 3e-3, name
     # It matters: the same frame without it is far off.
     plain = core.run_frame(
         "bouc_wen", BOUC_WEN | {"driver_lag_tau": 0.015}, frame_of(3, (0, 1)), DT, motion(TIME), command(TIME)
@@ -119,6 +126,15 @@ def test_floor_sensors_read_through_gain_offset_and_lag() -> None:
 
     want = solve_ivp(rhs, (0, TIME[-1]), [true[0]], t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-9).y[0]
     assert off(b["acceleration_2"], want) < 1e-4
+    two = core.run_frame(
+        "bouc_wen", BOUC_WEN, replace(sensed, acc_lag2=np.array([0.0, 0.006])), DT, motion(TIME), 1.0
+    )["acceleration_2"]
+
+    def second(t: float, y: Array) -> Array:
+        return np.asarray((np.interp(t, TIME, want) - y) / 0.006)
+
+    want2 = solve_ivp(second, (0, TIME[-1]), [want[0]], t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-9).y[0]
+    assert off(two, want2) < 2e-4 < off(two, want)
     np.testing.assert_array_equal(a["displacement_2"], b["displacement_2"])
 
 

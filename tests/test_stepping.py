@@ -79,11 +79,12 @@ FRAME_EFFECTS = {
         Effect("joint_friction", {"coulomb": 80.0}, 2),
         Effect("floor_mass", {"dm": 15.0}, 3),
         Effect("storey_damping", {"e": 2.0}, 1),
+        Effect("joint_friction", {"coulomb": 60.0, "width": 0.003}, 3),
     ),
     "driver and sensors": (
         Effect("driver_lag", {"tau": 0.01}),
         Effect("sensor_gain", {"g": 1.3}, 3),
-        Effect("sensor_lag", {"tau": 0.005}, 1),
+        Effect("sensor_lag", {"tau": 0.005, "tau2": 0.003}, 1),
         Effect("sensor_leakage", {"tau": 0.5}, 2),
         Effect("sensor_offset", {"f": 0.1}, 2),
         Effect("channel_shift", {"d": 0.002}),

@@ -26,7 +26,8 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
     double least;
     bool open;
   } rows[] = {{"mass_kg", f.mass, 0, true},        {"stiffness_n_m", f.stiffness, 0, true},
-              {"damping_n_s_m", f.damping, 0, false}, {"friction", f.friction, 0, false}};
+              {"damping_n_s_m", f.damping, 0, false}, {"friction", f.friction, 0, false},
+              {"friction_width", f.friction_width, 0, false}};
   for (const auto& row : rows) {
     for (int i = 0; row.value && i < n; i++) {
       const double v = row.value[i];
@@ -119,6 +120,15 @@ class Structure {
   Matrix a_, hold_, ramp_;
 };
 
+// Dry friction of a storey at the end of a step of drift dx that ends at velocity v; follows the bristle q.
+double Dry(const mrdamp_frame& f, int storey, double v, double dx, double* q) {
+  const double limit = f.friction[storey], width = f.friction_width ? f.friction_width[storey] : 0;
+  if (width > 0) return limit * std::tanh(v / width);
+  const double sigma = limit / kPresliding;
+  *q = SealFriction::Follow(*q, dx, limit, sigma);
+  return sigma * *q;
+}
+
 }  // namespace
 
 void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, const double* ag, const double* u,
@@ -147,6 +157,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
     if (f.acc_offset) floor_params[i].offset = f.acc_offset[i];
     if (f.acc_leakage) floor_params[i].leakage = f.acc_leakage[i];
     if (f.acc_lag) floor_params[i].lag = f.acc_lag[i];
+    if (f.acc_lag2) floor_params[i].lag2 = f.acc_lag2[i];
   }
   if (damped) {
     Start(d, &state.s, 0, 0, u[0]);
@@ -218,9 +229,8 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
               Advance(d, &trial.s, {x0, v0, x, v, h}, u0, u1);
               return Observe(d, trial.s, x, v, (v - v0) / h, u1).force;
             }
-            const int storey = e.input - 2;
-            const double limit = f.friction[storey], sigma = limit / kPresliding;
-            return sigma * SealFriction::Follow(bristle[storey], x - x0, limit, sigma);
+            double q = bristle[e.input - 2];
+            return Dry(f, e.input - 2, v, x - x0, &q);
           };
           double force = e.next;
           const auto residual = [&](double v) {
@@ -262,10 +272,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
           acceleration_along = (v1 - v0) / h;
           e.force = e.next;
         } else {
-          const int storey = e.input - 2;
-          const double limit = f.friction[storey], sigma = limit / kPresliding;
-          bristle[storey] = SealFriction::Follow(bristle[storey], x1 - x0, limit, sigma);
-          e.force = sigma * bristle[storey];
+          e.force = Dry(f, e.input - 2, v1, x1 - x0, &bristle[e.input - 2]);
         }
       }
       q.swap(next);

@@ -293,6 +293,9 @@ void DamperInstance::Register() {
     DamperInstance* damper = Data<DamperInstance>(d, instance);
     if (damper->peers_.front() == instance) damper->Compute(m, d);
   };
+  plugin.visualize = [](const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {
+    Data<DamperInstance>(d, instance)->Visualize(m, d, scene);
+  };
   mjp_registerPlugin(&plugin);
 }
 

@@ -26,6 +26,8 @@ class DamperInstance {
 
   void Compute(const mjModel* m, mjData* d);
   void Advance(const mjModel* m, mjData* d);
+  // Adds the force as an arrow, coloured by the current, to a scene.
+  void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
   // What the force sensor reads; `a` is the acceleration along the actuator.
   double Force(double a) const { return seen_.force + (mount_ ? 0 : damper_.p.moving_mass_m * a); }

@@ -32,7 +32,7 @@ Record Motion(int n = 400, double dt = 1e-3) {
 }
 
 TEST(NumbersOfTheInterface) {
-  CHECK(mrdamp_abi() == 1);
+  CHECK(mrdamp_abi() == 2);
   CHECK(mrdamp_law_count() == 5);
   for (int law = 0; law < 5; law++) CHECK(mrdamp_law_find(mrdamp_law_name(law)) == law);
   CHECK(mrdamp_law_find("") == -1 && mrdamp_law_find("dahl") == -1);
@@ -143,7 +143,8 @@ TEST(AFrameIsChecked) {
   const std::vector<double> ground(10, 0.5), u(10, 0.0), params = Parameters({{"c0a", 100}});
   std::vector<double> out(11 * 10);
   const auto refused = [&](int storeys, int from, int to, int n = 10, double dt = 1e-3) {
-    const mrdamp_frame f{storeys, mass, stiffness, damping, friction, from, to, nullptr, nullptr, nullptr, nullptr};
+    const mrdamp_frame f{storeys, mass, stiffness, damping, friction, from, to,
+                         nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr};
     char err[300] = "";
     mrdamp_run_frame(0, nullptr, 1, params.data(), &f, dt, n, ground.data(), u.data(), nullptr, out.data(), err, sizeof err);
     return std::string(err);
@@ -210,7 +211,8 @@ TEST(FramesOnThreadsDoNotChangeABit) {
   std::vector<double> params, ground(n), u(n, 1.0);
   std::size_t size = 0;
   for (int k = 0; k < sets; k++) {
-    frames.push_back({1 + k % 3, mass, stiffness, damping, k % 2 ? friction : nullptr, 0, 1, nullptr, nullptr, nullptr, nullptr});
+    frames.push_back({1 + k % 3, mass, stiffness, damping, k % 2 ? friction : nullptr, 0, 1, nullptr, nullptr, nullptr, nullptr,
+                      nullptr, nullptr});
     const std::vector<double> one = Parameters(And(kSpencer, {{"c0a", 1000.0 + 100 * k}}));
     params.insert(params.end(), one.begin(), one.end());
     size += static_cast<std::size_t>(2 * (1 + k % 3) + 7) * n;

@@ -7,7 +7,7 @@ constexpr double kDt = 1e-3;
 constexpr double kMass = 98.3, kStiffness = 5.16e5, kDamping = 125;  // Dyke et al. 1996, first storey
 
 struct Frame {
-  std::vector<double> mass, stiffness, damping, friction = {}, gain = {}, offset = {};
+  std::vector<double> mass, stiffness, damping, friction = {}, gain = {}, offset = {}, lag = {}, lag2 = {}, width = {};
   int from = -1, to = -1;
 };
 
@@ -27,7 +27,7 @@ Motion Shake(Frame f, const std::vector<check::Setting>& settings, const std::ve
   const int storeys = static_cast<int>(f.mass.size()), n = static_cast<int>(ground.size());
   const std::vector<double> params = check::Parameters(settings), u(n, command);
   const mrdamp_frame frame{storeys, f.mass.data(), f.stiffness.data(), f.damping.data(), Or(f.friction), f.from, f.to,
-                           Or(f.gain), Or(f.offset), nullptr, nullptr};
+                           Or(f.gain), Or(f.offset), nullptr, Or(f.lag), Or(f.lag2), Or(f.width)};
   Motion m{storeys, n, std::vector<double>(static_cast<std::size_t>(2 * storeys + 7) * n)};
   char err[300] = "";
   const int failed = mrdamp_run_frame(mrdamp_law_find("bingham"), nullptr, 1, params.data(), &frame, dt, n, ground.data(),
@@ -141,6 +141,18 @@ TEST(DryFrictionInAStorey) {
   NEAR(back, -4 * 100 / kStiffness, 0.02 * push / kStiffness);
 }
 
+// Friction that turns over a width is F tanh(v / width): the damper's own law in the place of the storey.
+TEST(WideFrictionIsATanh) {
+  Frame own{{98.3, 98.3}, {5.16e5, 6.84e5}, {125, 50}, {40, 0}}, damper{{98.3, 98.3}, {5.16e5, 6.84e5}, {125, 50}};
+  own.width = {0.003, 0};
+  damper.from = 0, damper.to = 1;
+  const Motion a = Shake(damper, {{"fya", 40}, {"v_ref", 0.003}}, Ground(1500)), b = Shake(own, {}, Ground(1500));
+  std::printf("     %.1e\n", Apart(a, b));
+  CHECK(Apart(a, b) < 1e-6);
+  own.width = {};
+  CHECK(Apart(a, Shake(own, {}, Ground(1500))) > 1e-3);
+}
+
 // Seal friction of a damper and friction of its storey are the same thing in the same place.
 TEST(DryDamperIsDryStorey) {
   Frame own{{98.3, 98.3}, {5.16e5, 6.84e5}, {125, 50}, {40, 0}};
@@ -171,6 +183,17 @@ TEST(FloorSensors) {
     CHECK(read.acceleration(1, k) == plain.acceleration(1, k));
     NEAR(read.acceleration(2, k), 0.8 * plain.acceleration(2, k) + 0.05, 1e-12);
   }
+  // Poles in a row commute.
+  Frame one{{98.3, 98.3}, {5.16e5, 6.84e5}, {125, 50}}, other = one;
+  one.lag = {0.02, 0}, one.lag2 = {0.005, 0};
+  other.lag = {0.005, 0}, other.lag2 = {0.02, 0};
+  const Motion a = Shake(one, {}, Ground(1500)), b = Shake(other, {}, Ground(1500));
+  double apart = 0, size = 0;
+  for (int k = 0; k < 1500; k++) {
+    apart = std::fmax(apart, std::fabs(a.acceleration(1, k) - b.acceleration(1, k)));
+    size = std::fmax(size, std::fabs(a.acceleration(1, k)));
+  }
+  CHECK(apart < 0.02 * size && size > 0.1);
 }
 
 }  // namespace

@@ -135,7 +135,8 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
         joint.set("stiffness", repr(float(frame.stiffness[j - 1])))
         joint.set("damping", repr(float(frame.damping[j - 1])))
         if frame.friction is not None and frame.friction[j - 1] > 0:
-            _put_friction(root, j, float(frame.friction[j - 1]))
+            width = 0.0 if frame.friction_width is None else float(frame.friction_width[j - 1])
+            _put_friction(root, j, float(frame.friction[j - 1]), width)
         for tag in ("geom", "site"):
             for item in body.findall(tag):
                 if item.get("name"):
@@ -148,13 +149,15 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
     _sensors(root, model)
 
 
-def _put_friction(root: ET.Element, storey: int, coulomb: float) -> None:
-    """Dry friction in a storey: a damper with nothing but seal friction, as the engine's own is soft."""
+def _put_friction(root: ET.Element, storey: int, coulomb: float, width: float) -> None:
+    """Dry friction in a storey: a damper with nothing else in it, as the engine's own friction is soft."""
     name = f"friction_{storey}"
     damper = _find(root, "extension/plugin[@plugin='mrdamp.damper']")
     instance = ET.SubElement(damper, "instance", name=name)
     law = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), "0")
     friction = {"seal_friction_coulomb": repr(coulomb), "seal_friction_presliding": "1e-5"}
+    if width > 0:
+        friction = {"fya": repr(coulomb), "v_ref": repr(width)}
     for key, value in ({"law": "bingham"} | law | friction).items():
         ET.SubElement(instance, "config", key=key, value=value)
     ET.SubElement(

@@ -27,7 +27,10 @@ RIGS = ("damper", "frame")
 STRUCTURE_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "storey_stiffness": {"e": "relative change of the storey's stiffness"},
     "storey_damping": {"e": "relative change of the storey's damping"},
-    "joint_friction": {"coulomb": "N, dry friction in the storey"},
+    "joint_friction": {
+        "coulomb": "N, dry friction in the storey",
+        "width": "m/s, velocity over which it turns; 0: over 10 um of drift",
+    },
     "floor_mass": {"dm": "kg, mass added to the floor"},
 }
 #: Effects of a floor's accelerometer in a frame, where their place is the floor.
@@ -35,7 +38,7 @@ FLOOR_SENSOR_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "sensor_gain": {"g": "acc_gain"},
     "sensor_offset": {"f": "acc_offset"},
     "sensor_leakage": {"tau": "acc_leakage"},
-    "sensor_lag": {"tau": "acc_lag"},
+    "sensor_lag": {"tau": "acc_lag", "tau2": "acc_lag2"},
 }
 
 
@@ -115,7 +118,7 @@ class Model:
             raise InputError(f"{self.name}: rig damper has no structure")
         s = self.structure
         mass, stiffness, damping = s.mass.copy(), s.stiffness.copy(), s.damping.copy()
-        friction = np.zeros(s.storeys)
+        friction, width = np.zeros(s.storeys), np.zeros(s.storeys)
         sensors = {"acc_gain": np.ones(s.storeys)}
         for effect in self.effects:
             if effect.place is None:
@@ -127,6 +130,7 @@ class Model:
                 damping[k] *= 1 + p.get("e", 0.0)
             elif effect.name == "joint_friction":
                 friction[k] += p.get("coulomb", 0.0)
+                width[k] = p.get("width", 0.0)
             elif effect.name == "floor_mass":
                 mass[k] += p.get("dm", 0.0)
             else:
@@ -134,7 +138,13 @@ class Model:
                     values = sensors.setdefault(column, np.zeros(s.storeys))
                     values[k] = p.get(key, values[k])
         return core.FrameInput(
-            mass, stiffness, damping, s.damper_between, friction if friction.any() else None, **sensors
+            mass,
+            stiffness,
+            damping,
+            s.damper_between,
+            friction if friction.any() else None,
+            friction_width=width if width.any() else None,
+            **sensors,
         )
 
     def with_effects(self, effects: Sequence[Effect]) -> Model:

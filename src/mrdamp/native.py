@@ -13,7 +13,7 @@ from mrdamp.library import library_path
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 1
+_ABI = 2
 ERROR_SIZE = 400
 
 
@@ -34,6 +34,8 @@ class Frame(ctypes.Structure):
         ("acc_offset", double_p),
         ("acc_leakage", double_p),
         ("acc_lag", double_p),
+        ("acc_lag2", double_p),
+        ("friction_width", double_p),
     )
 
 

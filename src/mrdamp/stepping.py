@@ -104,12 +104,14 @@ def run_frame(
     *,
     period: float = 1e-3,
     timestep: float = 2.5e-4,
+    ideal_force: bool = False,
     progress: Progress | None = None,
 ) -> FrameRun:
     """The model's frame in MuJoCo under a ground motion; controller None takes the damper out.
 
     period (s): of control and of the samples returned, the controller's own where there is one. timestep (s): the
-    largest step of the engine. The ground moves within a control period, the command is held over it.
+    largest step of the engine. The ground moves within a control period, the command is held over it. ideal_force:
+    an ideal actuator stands in the damper's place and the command is its force, N.
     """
     if model.structure is None:
         raise InputError(f"{model.name}: rig damper has no frame to run")
@@ -118,9 +120,13 @@ def run_frame(
         controller.reset()
     storeys, inner = model.structure.storeys, _steps(period, timestep)
     step = period / inner
-    m, d = _load(mjcf(model, damper=controller is not None, timestep=step))
+    damped = controller is not None and not ideal_force
+    m, d = _load(mjcf(model, damper=damped, timestep=step))
     ground = m.actuator("ground").id
-    damper = m.actuator("damper").id if controller is not None else -1
+    damper = m.actuator("damper").id if damped else -1
+    joints = [int(m.joint(f"storey{j}").dofadr[0]) for j in range(1, storeys + 1)]
+    # What a metre of each storey's drift adds to the stroke.
+    lever = model.structure.stroke(np.triu(np.ones((storeys, storeys))))
     address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
     accelerations = [address[f"acceleration_{j}"] for j in range(1, storeys + 1)]
     drifts = [address[f"drift_{j}"] for j in range(1, storeys + 1)]
@@ -139,15 +145,25 @@ def run_frame(
         run.drift[k] = d.sensordata[drifts]
         run.acceleration[k] = d.sensordata[accelerations]
         if controller is not None:
-            run.force[k] = d.sensordata[address["damper_force"]]
-            run.stroke[k] = d.sensordata[address["stroke"]]
-            run.current[k] = d.sensordata[address["current"]]
+            if damped:
+                run.force[k] = d.sensordata[address["damper_force"]]
+                run.stroke[k] = d.sensordata[address["stroke"]]
+                run.current[k] = d.sensordata[address["current"]]
+                velocity = d.sensordata[address["stroke_velocity"]]
+            else:
+                run.force[k] = run.command[k - 1] if k else 0.0
+                run.stroke[k] = lever @ run.drift[k]
+                velocity = lever @ d.qvel[joints]
             displacement = np.cumsum(run.drift[k])
             y = {f"acceleration_{j + 1}": float(run.acceleration[k, j]) for j in range(storeys)}
             y |= {f"displacement_{j + 1}": float(displacement[j]) for j in range(storeys)}
             y["stroke"], y["force"] = float(run.stroke[k]), float(run.force[k])
-            y["stroke_velocity"] = float(d.sensordata[address["stroke_velocity"]])
-            run.command[k] = d.ctrl[damper] = controller.command(float(run.time[k]), y)
+            y["stroke_velocity"] = float(velocity)
+            run.command[k] = controller.command(float(run.time[k]), y)
+            if damped:
+                d.ctrl[damper] = run.command[k]
+            else:
+                d.qfrc_applied[joints] = -run.command[k] * lever
         for i in range(inner):
             d.ctrl[ground] = push[k * inner + i]
             mujoco.mj_step(m, d)
@@ -202,8 +218,9 @@ def _through_floor_sensors(model: Model, out: dict[str, Array], dt: float) -> No
             a = a * frame.acc_gain[j]
         if frame.acc_leakage is not None and frame.acc_leakage[j] > 0:
             a = _first_order(a, dt, frame.acc_leakage[j], high=True)
-        if frame.acc_lag is not None and frame.acc_lag[j] > 0:
-            a = _first_order(a, dt, frame.acc_lag[j], high=False)
+        for lag in (frame.acc_lag, frame.acc_lag2):
+            if lag is not None and lag[j] > 0:
+                a = _first_order(a, dt, lag[j], high=False)
         if frame.acc_offset is not None:
             a = a + frame.acc_offset[j]
         out[f"acceleration_{j + 1}"] = a
