@@ -1,0 +1,61 @@
+"""Independent tasks over processes, through joblib: this machine's, or a Ray cluster's.
+
+The backend is joblib's own (loky) unless the environment variable MRDAMP_BACKEND says `ray` (extra `cluster`).
+Results come in the order of the tasks and do not depend on the backend or on the number of processes, as long as a
+task's seed is its own; every task computes with one thread of BLAS, so that they do not crowd each other.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import joblib
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from mrdamp.errors import InputError
+
+Result = TypeVar("Result")
+BACKENDS = ("loky", "ray")
+
+
+def mapped(function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], jobs: int = 1) -> Iterator[Result]:
+    """function(*task) for every task, yielded in the tasks' order as they come.
+
+    jobs: processes; 1 computes here, -1 takes every core. Raises InputError for a backend that is unknown or not
+    installed.
+    """
+    listed = list(tasks)
+    if jobs == 1 or len(listed) < 2:
+        for task in listed:
+            yield _alone(function, *task)
+        return
+    with _backend() as backend:
+        # Ray's backend hands out nothing before all is done.
+        how = "list" if backend == "ray" else "generator"
+        calls = (joblib.delayed(_alone)(function, *task) for task in listed)
+        yield from joblib.Parallel(n_jobs=jobs, return_as=how)(calls)
+
+
+def _alone(function: Callable[..., Result], *task: Any) -> Result:
+    with threadpool_limits(1):
+        return function(*task)
+
+
+@contextmanager
+def _backend() -> Iterator[str]:
+    name = os.environ.get("MRDAMP_BACKEND", "loky")
+    if name == "loky":
+        yield name
+        return
+    if name != "ray":
+        raise InputError(f"MRDAMP_BACKEND is '{name}'; allowed: {', '.join(BACKENDS)}")
+    try:
+        from ray.util.joblib import register_ray
+    except ImportError:
+        raise InputError("MRDAMP_BACKEND is 'ray', which is not installed: pip install 'mrdamp[cluster]'") from None
+    register_ray()
+    with joblib.parallel_config(backend=name):
+        yield name
