@@ -1,0 +1,114 @@
+"""`mrdamp/Cable-v0`: a stay cable under wind, with an MR damper near its anchorage whose current is the action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mrdamp.envs.cable_task import CableTask
+from mrdamp.envs.cable_view import CableView
+from mrdamp.envs.plant_env import PlantEnv
+
+
+class CableEnv(PlantEnv):
+    """
+    ## Description
+
+    A stay cable swings across its chord under wind or ambient loads. A magnetorheological damper close to its
+    anchorage takes energy out of its motion; what is commanded is the current of its coil. By default it is a
+    laboratory cable of 12.65 m with 2172 N and 0.747 kg/m (2.13 Hz), the damper at 2 % of the length a small
+    shear-mode one of up to 21 N at 4 V (Zapateiro, Luo, Taylor, Dyke, Smart Structures and Systems 6 (2010)
+    101-113). No dashpot there gives a mode more than about half of x_d / L as damping ratio; semi-active control
+    can do better (Johnson, Christenson, Spencer, Comput.-Aided Civ. Infrastruct. Eng. 18 (2003) 132-146, doi
+    10.1111/1467-8667.00305). The aim is less motion, at little current.
+
+    The motion is in natural coordinates out of the first sines and the static shape under the damper's force
+    (`mrdamp.cables.StayCable`), each one a slide in MuJoCo (`mrdamp.envs.cable_xml.modal_xml`); the damper is the
+    plugin `mrdamp.damper` on a tendon of them all. The slide chain with sag of `models_xml/cable` is its reference
+    in the tests, and what is drawn.
+
+    ## Action Space
+
+    `Box(-1, 1, (1,), float32)`.
+
+    | Num | Action | Control Min | Control Max | Name (in the XML file) | Transmission | Unit |
+    |-----|--------|-------------|-------------|------------------------|--------------|------|
+    | 0 | commanded current, -1 -> 0 and 1 -> the largest | 0 | `command_max` | damper | tendon `stroke` | A or V |
+
+    ## Observation Space
+
+    `Box(-20, 20, (history (s + 1),), float32)`: what sensors give, each number over its scale
+    (`env.unwrapped.task.observer` has both). With the defaults there are 5:
+
+    | Num | Observation | Min | Max | Name (in the XML file) | Place | Unit before scaling |
+    |-----|-------------|-----|-----|------------------------|-------|------|
+    | 0 | acceleration across the chord | -20 | 20 | of the modes | at the damper | m/s2 |
+    | 1 | acceleration across the chord | -20 | 20 | of the modes | five times as far from the anchorage | m/s2 |
+    | 2 | stroke of the damper | -20 | 20 | stroke | at the damper | m |
+    | 3 | force of the damper, by its own sensor | -20 | 20 | force | at the damper | N |
+    | 4 | command held in the period that ended | 0 | 1 | damper | | A or V |
+
+    `measured_at` moves the places. With `history=h` the last h control periods follow each other, the newest first.
+    Other `signals`: `displacement_j`, `velocity_j` at place j, `stroke_velocity`, `current`, `true_force`.
+    `full_state=True` gives displacements and velocities at as many places as there are sines, and the current.
+    White `noise` by name.
+
+    ## Rewards
+
+    The sum of the parts of `mrdamp.envs.cable_reward.CableReward`, of which each is in `info` as `reward_motion`,
+    `reward_acceleration`, `reward_current`, `reward_power`, `reward_energy`. Motion is taken over its RMS in the
+    same load without the damper. `info` also has, since the episode's start: `rms_motion` (m, over time and
+    length), `motion_ratio` (the same over the run without the damper), `mean_current` (A or V), `mean_power` (over
+    that at the largest current), `dissipated_energy` (J). The `info` of `reset`: `load`, `load_rms` (N/m),
+    `duration` (s), `reference_motion` (m).
+
+    ## Starting State
+
+    At rest, the coil's driver at the first command, at the start of a load drawn from `loads`, or given:
+    `reset(options={"load": CableLoad, "amplitude": factor})`.
+
+    ## Episode End
+
+    Truncated at the end of the load. Never terminated: a simulation that diverges is an error.
+
+    ## Arguments
+
+    | Parameter | Type | Default | Description |
+    |-----------|------|---------|-------------|
+    | `cable` | `StayCable` | the laboratory cable | length, tension, mass, place of the damper, damping, sag |
+    | `model` | `Model`, path | Zapateiro's 20 N damper | any identified one: law, NARX, effects |
+    | `measured_at` | places x / L | the damper's and five times it | where motion is measured |
+    | `loads` | `LoadSource` | `WindLoads()` | `WindLoads`, `AmbientLoads`, or one of your own |
+    | `reward` | `CableReward`, mapping | `CableReward()` | weights of the parts, exponent |
+    | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
+    | `observer` | `Observer`, mapping | from those | takes their place |
+    | `full_state` | bool | False | see above |
+    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 0.2}` |
+    | `period` | s | 0.005 | of control; the load goes on within it |
+    | `timestep` | s | 0.001 | the largest of the engine |
+    | `command_max` | A or V | the model's | the largest command |
+    | `render_mode` | str | None | `human`, `rgb_array` |
+    | `camera`, `size` | str, (width, height) | front, (640, 480) | `front`, `along`, `damper` |
+    | `exaggeration` | float | by the motion | of the motion as drawn; the damper turns orange with the current |
+
+    Several environments at once: `gymnasium.make_vec("mrdamp/Cable-v0", num_envs=8,
+    vectorization_mode="vector_entry_point")` (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(CableTask(8))`.
+    `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+
+    ## Version History
+
+    * v0: first version
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        camera: str = "front",
+        size: tuple[int, int] = (640, 480),
+        exaggeration: float | None = None,
+        **arguments: Any,
+    ) -> None:
+        task = CableTask(1, **arguments)
+        super().__init__(
+            task, lambda: CableView(task.cable, task.model, camera, size), render_mode, exaggeration
+        )

@@ -1,0 +1,132 @@
+"""The reward of a cable: its parts, their weights, and the motion without a damper that they are measured by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from mrdamp.cables import StayCable
+from mrdamp.envs.cable_rows import CablePeriod
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
+PARTS = ("motion", "acceleration", "current", "power", "energy")
+
+
+@dataclass(frozen=True)
+class CableReward:
+    """Weights of the reward's parts.
+
+    With m and a the RMS of motion and acceleration over the cable's length and the control period, each over its RMS
+    in the whole of the same load's run without a damper, and i the coil current over the largest command:
+
+    | part | per control period |
+    |---|---|
+    | motion | -motion m^exponent |
+    | acceleration | -acceleration a^exponent |
+    | current | -current mean(i) |
+    | power | -power mean(i^2), the coil's heat over that at the largest current |
+    | energy | +energy times the energy taken in by the damper over the largest that the free cable held |
+    """
+
+    motion: float = 1.0
+    acceleration: float = 0.0
+    current: float = 0.02
+    power: float = 0.0
+    energy: float = 0.0
+    exponent: float = 2.0
+
+    def __post_init__(self) -> None:
+        for part in PARTS:
+            if not 0 <= getattr(self, part) < math.inf:
+                raise InputError(f"reward: weight {part} is {getattr(self, part)}; allowed: >= 0")
+        if not 0 < self.exponent <= 20:
+            raise InputError(f"reward: exponent is {self.exponent}; allowed: above 0 to 20")
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, float]) -> CableReward:
+        """From names and values, as in YAML. Raises InputError for an unknown one."""
+        known = {f.name for f in fields(cls)}
+        for name in data:
+            if name not in known:
+                raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
+        return replace(cls(), **data)
+
+
+def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
+    """(3,) of the cable without a damper, from rest, under loads (samples, modes) N on its natural coordinates.
+
+    Means of int v^2 dx / L (m2) and int (v'')^2 dx / L (m2/s4), and the largest energy held (J). The coordinates are
+    oscillators of their own: exact for loads held from sample to sample. Raises InputError where there is no load.
+    """
+    squares, held = np.zeros(2), np.zeros(len(pushes))
+    for w, push in zip(cable.natural, pushes.T, strict=True):
+        damping = 2 * cable.ratio * w
+        system = (
+            np.array([[0.0, 1.0], [-w * w, -damping]]),
+            np.array([[0.0], [1.0]]),
+            np.eye(2),
+            np.zeros((2, 1)),
+        )
+        a, b = signal.cont2discrete(system, dt)[:2]
+        poles = np.array([1.0, -np.trace(a), np.linalg.det(a)])
+        # Cramer's rule for (z - a)^-1 b, row by row.
+        q = signal.lfilter([0.0, b[0, 0], a[0, 1] * b[1, 0] - a[1, 1] * b[0, 0]], poles, push)
+        v = signal.lfilter([0.0, b[1, 0], a[1, 0] * b[0, 0] - a[0, 0] * b[1, 0]], poles, push)
+        squares += [np.mean(q * q), np.mean((push - damping * v - w * w * q) ** 2)]
+        held += 0.5 * (v * v + w * w * q * q)
+    if not squares[0] > 0:
+        raise InputError("the load is zero throughout; there is nothing to control")
+    return np.array([*squares / (cable.mass * cable.length), held.max()])
+
+
+class CableScore:
+    """Rewards of n rows, and how each row has done since its start.
+
+    values (n, 8) are all it remembers: the free run's mean squares of motion and acceleration and its energy; sums
+    of mean squares of the motion, of current and power shares; dissipated energy, J; periods.
+    """
+
+    NAMES: tuple[str, ...] = (
+        *(f"reward_{part}" for part in PARTS),
+        "rms_motion",
+        "motion_ratio",
+        "mean_current",
+        "mean_power",
+        "dissipated_energy",
+    )
+
+    def __init__(self, weights: CableReward, command_max: float, n: int) -> None:
+        self.weights, self.command_max = weights, command_max
+        self.values = np.ones((n, 8))
+        self._dense = np.array([weights.motion, weights.acceleration])
+        self._electric = np.array([weights.current, weights.power])
+
+    def start(self, row: int, free: Array) -> None:
+        self.values[row] = 0.0
+        self.values[row, :3] = free
+
+    def of(self, period: CablePeriod) -> tuple[Array, Array]:
+        """Rewards (n,) of a control period, and what `info` says, (n, names)."""
+        v = self.values
+        info = np.empty((len(v), len(self.NAMES)))
+        info[:, 0:2] = -self._dense * (period.squares / v[:, :2]) ** (0.5 * self.weights.exponent)
+        info[:, 2:4] = -self._electric * period.current
+        info[:, 4] = self.weights.energy * period.energy / v[:, 2]
+        v[:, 3] += period.squares[:, 0]
+        v[:, 4:6] += period.current
+        v[:, 6] += period.energy
+        v[:, 7] += 1.0
+        info[:, 5] = np.sqrt(v[:, 3] / v[:, 7])
+        info[:, 6] = info[:, 5] / np.sqrt(v[:, 0])
+        info[:, 7:9] = v[:, 4:6] / v[:, 7:8]
+        info[:, 7] *= self.command_max
+        info[:, 9] = v[:, 6]
+        return info[:, :5].sum(axis=1), info

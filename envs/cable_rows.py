@@ -1,0 +1,123 @@
+"""Stay cables in MuJoCo with their measurements: n of them, one a row, a control period at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.cables import StayCable
+from mrdamp.envs.cable_loads import CableLoad
+from mrdamp.envs.cable_xml import SIGNALS, modal_xml
+from mrdamp.envs.frame_rows import work
+from mrdamp.envs.plants import Moment, Plants, whole_steps
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CablePeriod:
+    """What happened in one control period, over all steps of the engine in it, in each of n rows."""
+
+    squares: Array  # (n, 2): means of int v^2 dx / L, m2, and of int (v'')^2 dx / L, m2/s4, primes in time
+    current: Array  # (n, 2): mean over the period of |current| over the largest command, and of its square
+    energy: Array  # (n,) J, taken in by the damper
+
+
+class CableRows:
+    """n cables, each under its own load.
+
+    places: (p,) x / L, where motion is measured. Attributes: names of the measurements, in the order of the columns
+    of `measure`; plants; steps (n,), how many control periods each load lasts.
+    """
+
+    def __init__(
+        self,
+        cable: StayCable,
+        damper: Model,
+        places: Sequence[float],
+        period: float,
+        timestep: float,
+        command_max: Array,
+        n: int = 1,
+        threads: int = 1,
+    ) -> None:
+        bad = [x for x in places if not 0 < x < 1]
+        if bad:
+            raise InputError(f"cable: measured at {bad[0]} of the length; allowed: between 0 and 1")
+        self.cable, self.period, self.command_max = cable, period, command_max
+        inner = whole_steps(period, timestep)
+        loads = [f"load_{k + 1}" for k in range(len(cable.natural))]
+        xml = modal_xml(cable, damper, period / inner)
+        self.plants = Plants(
+            xml, loads, ("damper",), inner, n, threads, ("sensordata", "qpos", "qvel", "qacc")
+        )
+        self.steps = np.ones(n, dtype=np.int64)
+        self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
+        at = self.plants.sensors
+        self._direct = slice(at["force"].start, at["current"].stop)
+        self._force, self._velocity = at["true_force"], at["stroke_velocity"]
+        self._current = at["current"].start
+        many = range(1, len(places) + 1)
+        self.names: tuple[str, ...] = (
+            *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
+            *SIGNALS,
+        )
+
+    def start(self, row: int, load: CableLoad) -> Array:
+        """Row at rest under a load; returns the load on the natural coordinates (samples, modes), N."""
+        self.steps[row] = math.floor(load.duration / self.period + 1e-9) + 1
+        time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
+        samples = load.sample_time * np.arange(len(load.force))
+        forces = load.force @ self.cable.load_matrix(load.places)
+        pushes = np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
+        self.plants.start(row, pushes)
+        return pushes
+
+    def measure(self, rows: Sequence[int]) -> Array:
+        """(rows, names) what the sensors of rows that have just started read."""
+        return self._read(self.plants.measure(rows))
+
+    def advance(self, commands: Array) -> tuple[CablePeriod, Array]:
+        """One control period with commands (n, 1) held; what happened in it, and what the sensors read after it."""
+        data, now = self.plants.advance(commands)
+        sensors = data["sensordata"]
+        n, inner, _ = sensors.shape
+        share = sensors[:, :, self._current] / self.command_max[0]
+        found = np.empty((n, 4))
+        # The modal mass is 1 kg: the sum of squares is m int v^2 dx.
+        whole = 1.0 / (inner * self.cable.mass * self.cable.length)
+        for k, field in enumerate(("qpos", "qacc")):
+            found[:, k] = whole * np.square(data[field]).reshape(n, -1).sum(axis=1)
+        found[:, 2] = np.abs(share).sum(axis=1) / inner
+        found[:, 3] = np.square(share).sum(axis=1) / inner
+        energy = work(
+            sensors[:, :, self._force],
+            sensors[:, :, self._velocity],
+            now["sensordata"][:, self._velocity],
+            self.plants.timestep,
+        )
+        return CablePeriod(found[:, :2], found[:, 2:], energy), self._read(now)
+
+    def _read(self, data: Mapping[str, Array]) -> Array:
+        motion = [self._somewhere(data[field]) for field in ("qacc", "qpos", "qvel")]
+        return np.concatenate([*motion, data["sensordata"][:, self._direct]], axis=1)
+
+    def _somewhere(self, coordinates: Array) -> Array:
+        """(rows, p) at the places from natural coordinates (rows, modes).
+
+        A matrix product might add up in another order for another number of rows.
+        """
+        return np.asarray((coordinates[:, None, :] * self._at).sum(axis=-1))
+
+    def save(self, row: int) -> Moment:
+        return self.plants.save(row)
+
+    def restore(self, row: int, state: Moment) -> None:
+        self.plants.restore(row, state)
+        self.steps[row] = len(state.load) // self.plants.inner - 1

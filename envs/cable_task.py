@@ -1,0 +1,197 @@
+"""The task of the cable: ambient and wind loads, its default observation, and its reward."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp import sets
+from mrdamp.cables import StayCable
+from mrdamp.control.observe import Observer
+from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
+from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
+from mrdamp.envs.cable_rows import CableRows
+from mrdamp.envs.frame_rows import as_mapping, command_range
+from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+
+Array = NDArray[np.float64]
+
+_LARGE = 0.002  # of the length: motion at mid-span that the scales of the observation belong to
+
+
+def cable_damper() -> Model:
+    """A small shear-mode damper that fits the laboratory cable: 4 to 21 N at 0.6 to 4 V (Zapateiro et al. 2010)."""
+    found = sets.load("zapateiro_foam_bouc_wen")
+    return Model(found.law, dict(found.parameters), name=found.id)
+
+
+class CablePlant:
+    """A stay cable with a damper, in MuJoCo, for any controller to run on: no rewards, no episodes.
+
+    cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
+    measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
+    first is the damper's own by default. Attribute mean_square: int v^2 dx / L over the last period, m2. period: of
+    control, s; timestep: the largest of the engine, s. Raises InputError.
+    """
+
+    def __init__(
+        self,
+        cable: StayCable | None = None,
+        model: Model | None = None,
+        measured_at: Sequence[float] | None = None,
+        *,
+        period: float = 5e-3,
+        timestep: float = 1e-3,
+        command_max: float | None = None,
+    ) -> None:
+        self.cable = cable or StayCable()
+        damper = model or cable_damper()
+        maximum = command_range([damper], command_max)
+        self.period, self.command_max = period, float(maximum[0])
+        places = measured_at or default_places(self.cable)
+        self.mean_square = 0.0
+        self.rows = CableRows(self.cable, damper, places, period, timestep, maximum)
+
+    @property
+    def time(self) -> float:
+        """Of the last measurements, s."""
+        return float(self.rows.plants.step[0] // self.rows.plants.inner) * self.period
+
+    @property
+    def finished(self) -> bool:
+        """Whether the load is over; a plant may be stepped on without one."""
+        return bool(self.rows.plants.step[0] >= self.rows.steps[0] * self.rows.plants.inner)
+
+    def reset(self, load: CableLoad) -> Mapping[str, float]:
+        """At rest under a load; the measurements at time 0."""
+        self.rows.start(0, load)
+        return as_mapping(self.rows.names, self.rows.measure([0])[0])
+
+    def step(self, command: float) -> Mapping[str, float]:
+        """One control period with the command held; the measurements at its end."""
+        period, values = self.rows.advance(np.array([[command]], dtype=np.float64))
+        self.mean_square = float(period.squares[0, 0])
+        return as_mapping(self.rows.names, values[0])
+
+
+def default_places(cable: StayCable) -> tuple[float, ...]:
+    """Where motion is measured unless asked otherwise: at the damper, and beyond it within reach."""
+    return (cable.damper_at, min(5 * cable.damper_at, 0.25))
+
+
+class CableTask(Task):
+    """n cables under ambient or wind loads; arguments as in `CableEnv`."""
+
+    def __init__(
+        self,
+        n: int = 1,
+        *,
+        cable: StayCable | None = None,
+        model: Model | Path | str | None = None,
+        measured_at: Sequence[float] | None = None,
+        loads: LoadSource | None = None,
+        reward: CableReward | Mapping[str, Any] | None = None,
+        observer: Observer | Mapping[str, Any] | None = None,
+        signals: Sequence[str] | None = None,
+        history: int = 1,
+        action_in_observation: bool = True,
+        full_state: bool = False,
+        noise: Mapping[str, float] | None = None,
+        period: float = 5e-3,
+        timestep: float = 1e-3,
+        command_max: float | None = None,
+        threads: int = 1,
+    ) -> None:
+        self.cable = cable or StayCable()
+        if isinstance(model, str | Path):
+            model = Model.read(model)
+        self.model = model or cable_damper()
+        if full_state:  # as many places as the sines can be told apart at, between the anchorages
+            measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
+        places = tuple(measured_at or default_places(self.cable))
+        maximum = command_range([self.model], command_max)
+        self.cable_rows = CableRows(self.cable, self.model, places, period, timestep, maximum, n, threads)
+        if isinstance(observer, Mapping):
+            observer = Observer.from_dict(observer)
+        if observer is None:
+            observer = cable_observer(
+                self.cable, places, float(maximum[0]), signals, history, action_in_observation, full_state
+            )
+        self.weights = reward if isinstance(reward, CableReward) else CableReward.from_dict(reward or {})
+        self.loads = WindLoads() if loads is None else loads
+        self.cable_score = CableScore(self.weights, float(maximum[0]), n)
+        super().__init__(self.cable_rows, self.cable_score, observer, maximum, noise)
+
+    drawn_size = 0.45
+
+    def reference_motion(self, row: int) -> float:
+        """RMS over time and length, m."""
+        return math.sqrt(self.cable_score.values[row, 0])
+
+    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
+        unknown = sorted(set(options) - {"load", "amplitude"})
+        if unknown:
+            raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: load, amplitude")
+        load = options.get("load")
+        if load is None:
+            load = self.loads.draw(rng, self.cable.length)
+        if not isinstance(load, CableLoad):
+            raise InputError(f"reset: option load is {load!r}; allowed: a CableLoad")
+        load = load.scaled(float(options.get("amplitude", 1.0)))
+        pushes = self.cable_rows.start(row, load)
+        free = free_run(self.cable, pushes, self.cable_rows.plants.timestep)
+        self.cable_score.start(row, free)
+        return {
+            "load": load.name,
+            "load_rms": load.rms,
+            "duration": load.duration,
+            "reference_motion": math.sqrt(free[0]),
+        }
+
+
+def cable_observer(
+    cable: StayCable,
+    places: Sequence[float],
+    command_max: float,
+    signals: Sequence[str] | None = None,
+    history: int = 1,
+    action_in_observation: bool = True,
+    full_state: bool = False,
+) -> Observer:
+    """What a cable's sensors give: accelerations where they are measured, and the damper's stroke and force.
+
+    full_state: displacements and velocities all along the cable, and the coil's current. The scales are those of
+    the first mode with an amplitude of 0.2 % of the length at mid-span, at each place; of the force, what holds the
+    cable fast there.
+    """
+    many = range(1, len(places) + 1)
+    if signals is None:
+        if full_state:
+            signals = [f"{what}_{j}" for what in ("displacement", "velocity") for j in many] + ["current"]
+        else:
+            signals = [f"acceleration_{j}" for j in many]
+        signals = [*signals, "stroke", "force"]
+    amplitude, w = _LARGE * cable.length, cable.first
+    here = amplitude * math.sin(math.pi * cable.damper_at)
+    scale = {
+        "stroke": here,
+        "stroke_velocity": here * w,
+        "current": command_max,
+        "force": cable.tension * here / (cable.damper_at * cable.length),
+    }
+    scale["true_force"] = scale["force"]
+    for j, x in zip(many, places, strict=True):
+        there = amplitude * math.sin(math.pi * x)
+        scale |= {f"displacement_{j}": there, f"velocity_{j}": there * w, f"acceleration_{j}": there * w * w}
+    unknown = [name for name in signals if name not in scale]
+    if unknown:
+        raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
+    scales = tuple(scale[name] for name in signals)
+    return Observer(tuple(signals), scales, history, action_in_observation, (command_max,))

@@ -1,0 +1,160 @@
+"""MJCF of a stay cable: in its natural coordinates, to be stepped, and as a chain of slides with sag."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from mrdamp import models_xml
+from mrdamp.cables import StayCable
+from mrdamp.errors import InputError
+from mrdamp.mjcf import damper_config
+from mrdamp.model import Model
+from mrdamp.structures import GRAVITY, FloatArray
+
+#: What is read of the damper, in this order.
+SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current")
+
+
+def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
+    """One body of 1 kg on a slide for each natural coordinate; the damper on a fixed tendon of them all.
+
+    Controls: `load_1` ... (N, on a coordinate) and `damper`. The coefficients of the tendon `stroke` are the motion
+    at the damper per unit of each coordinate.
+    """
+    root = ET.Element("mujoco", model="mrdamp_cable_modes")
+    ET.SubElement(root, "compiler", autolimits="true")
+    option = ET.SubElement(root, "option", timestep=repr(timestep), gravity="0 0 0", integrator="Euler")
+    ET.SubElement(option, "flag", contact="disable", autoreset="disable")
+    extension = ET.SubElement(root, "extension")
+    world, actuator = ET.SubElement(root, "worldbody"), ET.SubElement(root, "actuator")
+    stroke = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", name="stroke")
+    here = cable.at(cable.damper_at)
+    for k, w in enumerate(cable.natural, 1):
+        body = ET.SubElement(world, "body", name=f"mode_{k}")
+        ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+        ET.SubElement(
+            body,
+            "joint",
+            name=f"mode_{k}",
+            type="slide",
+            axis="0 0 1",
+            stiffness=repr(float(w * w)),
+            damping=repr(float(2 * cable.ratio * w)),
+        )
+        ET.SubElement(actuator, "motor", name=f"load_{k}", joint=f"mode_{k}")
+        ET.SubElement(stroke, "joint", joint=f"mode_{k}", coef=repr(float(here[k - 1])))
+    if damper is not None:
+        add_damper(root, extension, actuator, damper, "stroke")
+    return ET.tostring(root, encoding="unicode")
+
+
+def add_damper(
+    root: ET.Element, extension: ET.Element, actuator: ET.Element, damper: Model, tendon: str
+) -> None:
+    """The plugin as actuator `damper` on a tendon, and its sensors."""
+    plugin = ET.SubElement(extension, "plugin", plugin="mrdamp.damper")
+    instance = ET.SubElement(plugin, "instance", name="damper")
+    for key, value in damper_config(damper).items():
+        ET.SubElement(instance, "config", key=key, value=value)
+    if damper.weights is not None:
+        custom = ET.SubElement(root, "custom")
+        ET.SubElement(custom, "text", name="damper_weights", data=" ".join(damper.weights.split()))
+    ET.SubElement(extension, "plugin", plugin="mrdamp.force_sensor")
+    ET.SubElement(actuator, "plugin", name="damper", tendon=tendon, plugin="mrdamp.damper", instance="damper")
+    sensor = root.find("sensor")
+    sensor = ET.SubElement(root, "sensor") if sensor is None else sensor
+    for name in ("stroke", "stroke_velocity"):
+        for item in sensor.findall(f"*[@name='{name}']"):
+            sensor.remove(item)
+    for signal in SIGNALS:
+        item = ET.SubElement(
+            sensor, "plugin", name=signal, plugin="mrdamp.force_sensor", objtype="actuator", objname="damper"
+        )
+        if signal != "force":
+            ET.SubElement(item, "config", key="signal", value=signal)
+
+
+def chain_xml(
+    cable: StayCable, damper: Model | None = None, segments: int = 50, timestep: float = 1e-3
+) -> str:
+    """The shipped chain (`models_xml/cable`) for any cable: equal segments, the damper on the nodes about its place.
+
+    A spatial tendon through all nodes is the cable: its tension turns with its path and rises with its length, which
+    is the stiffness of the sagged cable too. Its spring is such that Irvine's parameter is the cable's, or the least
+    there can be, (m g L / T)^2, where the spring has no length at rest. Raises InputError.
+    """
+    if segments < 4:
+        raise InputError(f"cable: {segments} segments; allowed: 4 or more")
+    root = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
+    _get(root, "option").set("timestep", repr(timestep))
+    step = cable.length / segments
+    weight = cable.mass * GRAVITY
+    x = step * np.arange(segments + 1)
+    z = -weight * x * (cable.length - x) / (2 * cable.tension)
+    world, tendon = _get(root, "worldbody"), _get(root, "tendon")
+    for body in world.findall("body"):
+        if (body.get("name") or "").startswith("node"):
+            world.remove(body)
+    path = _get(tendon, "spatial")
+    path[:] = []
+    ET.SubElement(path, "site", site="anchor_low")
+    for k in range(1, segments):
+        body = ET.SubElement(
+            world, "body", name=f"node{k}", pos=f"{x[k]:.9g} 0 {z[k]:.9g}", childclass="node"
+        )
+        ET.SubElement(body, "joint", name=f"node{k}")
+        ET.SubElement(body, "geom", mass=f"{cable.mass * step:.9g}")
+        ET.SubElement(body, "site", name=f"node{k}")
+        ET.SubElement(path, "site", site=f"node{k}")
+    ET.SubElement(path, "site", site="anchor_high")
+    _get(root, ".//site[@name='anchor_high']").set("pos", f"{cable.length:.9g} 0 0")
+    curved = float(np.hypot(np.diff(x), np.diff(z)).sum())
+    least = (weight * cable.length / cable.tension) ** 2
+    # Nodes that only move across the chord: the pull along it is the tension.
+    stiffness = max(cable.sag, least) / least * cable.tension / cable.length
+    path.set("stiffness", f"{stiffness:.12g}")
+    path.set("springlength", f"{max(curved - cable.tension / stiffness, 0.0):.12g}")
+    stroke = _get(tendon, "fixed[@name='stroke']")
+    stroke[:] = []
+    position = cable.damper_at * segments
+    low = int(position + 1e-9)
+    share = max(position - low, 0.0)
+    for node, part in ((low, 1 - share), (low + 1, share)):
+        if part > 1e-9 and 0 < node < segments:
+            ET.SubElement(stroke, "joint", joint=f"node{node}", coef=f"{part:.9g}")
+    default = _get(root, ".//default[@class='node']/joint")
+    default.set("damping", f"{2 * cable.ratio * cable.first * cable.mass * step:.9g}")
+    _place_damper(root, damper, cable, max(low, 1), z)
+    for sensor in root.iter("jointpos"):
+        sensor.set("joint", f"node{segments // 2}")
+    return ET.tostring(root, encoding="unicode")
+
+
+def _place_damper(root: ET.Element, damper: Model | None, cable: StayCable, node: int, z: FloatArray) -> None:
+    """The plugin's attributes, and what is drawn, under the damper's place; without it, none of both."""
+    world, actuator, extension = (_get(root, tag) for tag in ("worldbody", "actuator", "extension"))
+    template = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
+    drawn = [_get(template, f".//geom[@name='{name}']") for name in ("rod", "clamp")]
+    for group in (extension, actuator, _get(root, "sensor")):
+        for item in group.findall("plugin"):
+            group.remove(item)
+    if damper is None:
+        for name in ("foot", "cylinder"):
+            world.remove(_get(world, f"geom[@name='{name}']"))
+        return
+    x = cable.damper_at * cable.length
+    _get(world, "geom[@name='foot']").set("pos", f"{x:.6g} 0 -0.66")
+    _get(world, "geom[@name='cylinder']").set("fromto", f"{x:.6g} 0 -0.42 {x:.6g} 0 -0.2")
+    body = _get(world, f"body[@name='node{node}']")
+    for geom in drawn:
+        body.append(geom)
+    add_damper(root, extension, actuator, damper, "stroke")
+
+
+def _get(root: ET.Element, path: str) -> ET.Element:
+    found = root.find(path)
+    if found is None:
+        raise InputError(f"the cable's file has no <{path}>; reinstall mrdamp")
+    return found

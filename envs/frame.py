@@ -1,0 +1,119 @@
+"""`mrdamp/Frame-v0`: a shear frame under ground motions, with MR dampers whose current is the action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame_view import FrameView
+from mrdamp.envs.plant_env import PlantEnv
+
+
+class FrameEnv(PlantEnv):
+    """
+    ## Description
+
+    A shear frame of N storeys stands on a shake table. Magnetorheological dampers between its floors take energy
+    out of its motion; what is commanded is the current of their coils, which a driver follows with a lag. By
+    default it is the three-storey model frame of Dyke, Spencer, Sain and Carlson (Smart Materials and Structures 5
+    (1996) 565-575, doi 10.1088/0964-1726/5/5/006) with its 3 kN damper between the ground and floor 1, at 0 to 2.25
+    V. The damper is the MuJoCo plugin `mrdamp.damper`. The aim is less drift and less floor acceleration, at little
+    current.
+
+    The physics is that of `models_xml/frame3/model.xml`, with the storeys, dampers and sensors asked for.
+
+    ## Action Space
+
+    `Box(-1, 1, (m,), float32)`, one number for each of m dampers.
+
+    | Num | Action | Control Min | Control Max | Name (in the XML file) | Transmission | Unit |
+    |-----|--------|-------------|-------------|------------------------|--------------|------|
+    | 0 | commanded current, -1 -> 0 and 1 -> the largest | 0 | `command_max` | damper | joint or tendon | A or V |
+    | 1 ... | those of further dampers | 0 | `command_max` | damper_2 ... | joint or tendon | A or V |
+
+    ## Observation Space
+
+    `Box(-20, 20, (history (s + m),), float32)`: what sensors give, each number over its scale
+    (`env.unwrapped.task.observer` has both). With the defaults, three storeys and one damper there are 6:
+
+    | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
+    |-----|-------------|-----|-----|------------------------|-------|------|
+    | 0 | absolute acceleration of floor 1 | -20 | 20 | acceleration_1 | storey1 | m/s2 |
+    | 1 | absolute acceleration of floor 2 | -20 | 20 | acceleration_2 | storey2 | m/s2 |
+    | 2 | absolute acceleration of floor 3 | -20 | 20 | acceleration_3 | storey3 | m/s2 |
+    | 3 | stroke of the damper | -20 | 20 | stroke | storey1 | m |
+    | 4 | force of the damper, by its own sensor | -20 | 20 | force | storey1 | N |
+    | 5 | command held in the period that ended | 0 | 1 | damper | storey1 | A or V |
+
+    With `history=h` the last h control periods follow each other, the newest first. Other `signals` to choose from:
+    `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity` (m/s), `current`
+    (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` is the
+    short way to all displacements, velocities and currents. Sensors have the effects of the model (`sensor_gain`,
+    `sensor_lag`, ...), and white `noise`. Nothing that a sensor could not give is in the default observation; the
+    ground's motion is not.
+
+    ## Rewards
+
+    The sum of the parts of `mrdamp.envs.reward.FrameReward`, of which each is in `info` as `reward_drift`,
+    `reward_acceleration`, `reward_drift_peak`, `reward_acceleration_peak`, `reward_current`, `reward_power`,
+    `reward_energy`. Drift and acceleration are taken over their peaks in the same motion without dampers, so a
+    reward is of the same size for weak and strong motions.
+
+    `info` also has, since the episode's start: `peak_drift` (m), `peak_acceleration` (m/s2), both over all steps of
+    the engine; `drift_ratio` and `acceleration_ratio`, the same over the reference run (J1 and J2 of the benchmark
+    problems); `mean_current` (A or V), `mean_power` (over that at the largest current), `dissipated_energy` (J).
+    The `info` of `reset`: `motion`, `pga` (m/s2), `duration` (s), `reference_drift` (m), `reference_acceleration`
+    (m/s2).
+
+    ## Starting State
+
+    At rest, the coil's driver at the first command, at the start of a ground motion drawn from `motions`, or given:
+    `reset(options={"motion": GroundMotion or file, "amplitude": factor})`. A motion given is played as it is; the
+    model frame of Dyke et al. takes a measured one at five times its speed: `read_motion(file).compressed(5)`.
+
+    ## Episode End
+
+    Truncated at the end of the motion, or after `duration`. Never terminated: a simulation that diverges is an
+    error.
+
+    ## Arguments
+
+    | Parameter | Type | Default | Description |
+    |-----------|------|---------|-------------|
+    | `model` | `Model`, path, one for each damper | Dyke's 3 kN damper | any identified one: law, NARX, effects |
+    | `structure` | `ShearFrame` | the model's own, or Dyke's | N storeys |
+    | `damper_between` | pair or pairs of floors | the structure's | (0, 1) is ground to floor 1 |
+    | `motions` | `MotionSource` | `SyntheticMotions()` | Kanai-Tajimi, Clough-Penzien, files, mixtures, amplitudes |
+    | `reward` | `FrameReward`, mapping | `FrameReward()` | weights of the parts, exponent, reference |
+    | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
+    | `observer` | `Observer`, mapping | from those | takes their place |
+    | `full_state` | bool | False | see above |
+    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.02, "force": 5.0}` |
+    | `period` | s | 0.005 | of control; the ground moves within it |
+    | `timestep` | s | 0.0005 | the largest of the engine |
+    | `command_max` | A or V | the model's | the largest command |
+    | `duration` | s | the motion's | cuts long motions |
+    | `render_mode` | str | None | `human`, `rgb_array` |
+    | `camera`, `size` | str, (width, height) | corner, (640, 480) | `front`, `corner`, `damper` |
+    | `exaggeration` | float | by the motion | of the drifts as drawn; the damper turns orange with the current |
+
+    Several environments at once: `gymnasium.make_vec("mrdamp/Frame-v0", num_envs=8,
+    vectorization_mode="vector_entry_point")` (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(FrameTask(8))`.
+    `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+
+    ## Version History
+
+    * v0: first version
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        camera: str = "corner",
+        size: tuple[int, int] = (640, 480),
+        exaggeration: float | None = None,
+        **arguments: Any,
+    ) -> None:
+        task = FrameTask(1, **arguments)
+        super().__init__(task, lambda: FrameView(task.models, camera, size), render_mode, exaggeration)

@@ -1,0 +1,172 @@
+"""Frames in MuJoCo with their measurements: n of them, one a row, a control period at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.envs.frame_xml import SIGNALS, actuator_name, frame_xml, sensor_name
+from mrdamp.envs.plants import Moment, Plants, whole_steps
+from mrdamp.envs.sensors import FloorSensors
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Period:
+    """What happened in one control period, over all steps of the engine in it, in each of n rows."""
+
+    peaks: Array  # (n, 2): largest |drift| of a storey, m, and |absolute acceleration| of a floor, m/s2
+    current: (
+        Array  # (n, 2): mean over period and dampers of |current| over the largest command, and of its square
+    )
+    mean_current: Array  # (n,) of |current|, over period and dampers, A or V
+    energy: Array  # (n,) J, taken in by the dampers
+
+
+@dataclass(frozen=True)
+class RowState:
+    """A row's present, with its sensors."""
+
+    moment: Moment
+    sensors: Sequence[Array]
+
+
+class FrameRows:
+    """n frames of `frame_models`, each with its own ground motion.
+
+    Attributes: names of the measurements, in the order of the columns of `measure`; plants; steps (n,), how many
+    control periods each motion lasts.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[Model],
+        period: float,
+        timestep: float,
+        command_max: Array,
+        n: int = 1,
+        threads: int = 1,
+    ) -> None:
+        structure = models[0].structure
+        assert structure is not None
+        self.models, self.structure, self.period = tuple(models), structure, period
+        self.command_max = command_max
+        inner, many = whole_steps(period, timestep), range(len(models))
+        dampers = [actuator_name(k) for k in many]
+        self.plants = Plants(frame_xml(models, period / inner), ("ground",), dampers, inner, n, threads)
+        self.sensors = FloorSensors(models[0].frame, period, n)
+        self.steps = np.ones(n, dtype=np.int64)
+        floors, at = range(1, structure.storeys + 1), self.plants.sensors
+        # `frame_xml` writes what belongs together side by side.
+        self._acceleration = slice(at["acceleration_1"].start, at[f"acceleration_{floors[-1]}"].stop, 3)
+        self._drift = slice(at["drift_1"].start, at[f"drift_{floors[-1]}"].stop)
+        self._drift_velocity = slice(at["drift_velocity_1"].start, at[f"drift_velocity_{floors[-1]}"].stop)
+        of = {s: slice(at[s].start, at[sensor_name(s, many[-1])].stop) for s in SIGNALS}
+        self._true_force, self._velocity = of["true_force"], of["stroke_velocity"]
+        self._current = of["current"]
+        self._direct = slice(of["force"].start, of["current"].stop)
+        self.names: tuple[str, ...] = (
+            *(
+                f"{what}_{j}"
+                for what in ("acceleration", "displacement", "velocity", "drift")
+                for j in floors
+            ),
+            *(sensor_name(s, k) for s in SIGNALS for k in many),
+        )
+
+    def start(self, row: int, motion: GroundMotion) -> Array:
+        """Row at rest under a motion; returns the ground's acceleration (samples,) at the engine's steps, m/s2.
+
+        The motion runs straight between its samples, within the control period too.
+        """
+        self.steps[row] = math.floor(motion.duration / self.period + 1e-9) + 1
+        time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
+        ground = np.interp(time, motion.time, motion.acceleration)
+        self.plants.start(row, ground[:, None])
+        return np.asarray(ground)
+
+    def measure(self, rows: Sequence[int]) -> Array:
+        """(rows, names) what the sensors of rows that have just started read."""
+        return self._read(self.plants.measure(rows)["sensordata"], rows)
+
+    def advance(self, commands: Array) -> tuple[Period, Array]:
+        """One control period with commands (n, m) held; what happened in it, and what the sensors read after it."""
+        record, now = self.plants.advance(commands)
+        data, after = record["sensordata"], now["sensordata"]
+        n, inner, _ = data.shape
+        current = np.abs(data[:, :, self._current])
+        share = current / self.command_max
+        mean = 1.0 / (inner * len(self.command_max))
+        found = np.empty((n, 5))
+        np.abs(data[:, :, self._drift]).max(axis=(1, 2), out=found[:, 0])
+        np.abs(data[:, :, self._acceleration]).max(axis=(1, 2), out=found[:, 1])
+        found[:, 2] = mean * share.reshape(n, -1).sum(axis=1)
+        found[:, 3] = mean * (share * share).reshape(n, -1).sum(axis=1)
+        found[:, 4] = mean * current.reshape(n, -1).sum(axis=1)
+        energy = work(
+            data[:, :, self._true_force],
+            data[:, :, self._velocity],
+            after[:, self._velocity],
+            self.plants.timestep,
+        )
+        return Period(found[:, :2], found[:, 2:4], found[:, 4], energy), self._read(after, None)
+
+    def _read(self, data: Array, fresh: Sequence[int] | None) -> Array:
+        drift = data[:, self._drift]
+        return np.concatenate(
+            [
+                self.sensors.read(data[:, self._acceleration], fresh),
+                drift.cumsum(axis=1),
+                data[:, self._drift_velocity].cumsum(axis=1),
+                drift,
+                data[:, self._direct],
+            ],
+            axis=1,
+        )
+
+    def save(self, row: int) -> RowState:
+        return RowState(self.plants.save(row), self.sensors.save(row))
+
+    def restore(self, row: int, state: RowState) -> None:
+        self.plants.restore(row, state.moment)
+        self.sensors.restore(row, state.sensors)
+        self.steps[row] = len(state.moment.load) // self.plants.inner - 1
+
+
+def work(force: Array, velocity: Array, after: Array, timestep: float) -> Array:
+    """(n,) J, of forces (n, k, m) N along velocities (n, k, m) m/s at k steps and `after` (n, m) the last one.
+
+    The engine's velocities stand half a step before its positions and forces: the mean of a step's two is beside
+    them.
+    """
+    n = len(force)
+    total = (force * velocity).reshape(n, -1).sum(axis=1)
+    total += (force[:, :-1] * velocity[:, 1:]).reshape(n, -1).sum(axis=1)
+    total += (force[:, -1] * after).sum(axis=1)
+    return np.asarray(0.5 * timestep * total)
+
+
+def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:
+    """(m,) largest command of each damper: as given, or the models' own `command_max`. Raises InputError."""
+    if command_max is None:
+        missing = [m.name for m in models if "command_max" not in m.attributes]
+        if missing:
+            raise InputError(f"{missing[0]}: it has no command_max; give command_max (A or V)")
+        command_max = [m.attributes["command_max"] for m in models]
+    values = np.broadcast_to(np.asarray(command_max, dtype=np.float64), (len(models),)).copy()
+    if not ((values > 0) & np.isfinite(values)).all():
+        raise InputError(f"command_max is {command_max}; allowed: numbers > 0, one or one for each damper")
+    return values
+
+
+def as_mapping(names: Sequence[str], values: Array) -> Mapping[str, float]:
+    """Measurements by name, plain numbers."""
+    return dict(zip(names, values.tolist(), strict=True))

@@ -1,0 +1,140 @@
+"""Many copies of one rig in MuJoCo, stepped a control period at a time.
+
+Built on the engine's `Batch`: a row is a simulation, its state a row of numbers. One copy is a batch of one, so
+that a single environment and a row of a vector environment do the same arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+
+
+def whole_steps(period: float, timestep: float) -> int:
+    """Steps of the engine in a control period, none longer than timestep. Raises InputError."""
+    for name, value in (("period", period), ("timestep", timestep)):
+        if not 0 < value < math.inf:
+            raise InputError(f"{name} is {value}; allowed: > 0 s")
+    return max(1, math.ceil(period / timestep - 1e-9))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Everything that the future of one row hangs on: engine state, load (samples, loads) and the step it is at."""
+
+    state: Array
+    load: Array
+    step: int
+
+
+class Plants:
+    """n copies of a MuJoCo model whose inputs are loads (given at every step) and dampers (held over a period).
+
+    xml: MJCF with its timestep set. loads, dampers: names of actuators. inner: steps in a control period. fields:
+    of MjData, what is read. Attributes: sensors, name -> slice of the sensor data; step (n,), of the engine since
+    the start.
+    """
+
+    def __init__(
+        self,
+        xml: str,
+        loads: Sequence[str],
+        dampers: Sequence[str],
+        inner: int,
+        n: int = 1,
+        threads: int = 1,
+        fields: Sequence[str] = ("sensordata",),
+    ) -> None:
+        try:
+            self.model = mujoco.MjModel.from_xml_string(xml)
+        except ValueError as error:
+            raise InputError(str(error).splitlines()[0]) from None
+        m = self.model
+        self.n, self.inner = n, inner
+        self.loads = _columns([m.actuator(name).id for name in loads])
+        self.dampers = _columns([m.actuator(name).id for name in dampers])
+        found = [m.sensor(k) for k in range(m.nsensor)]
+        self.sensors: Mapping[str, slice] = {
+            s.name: slice(int(s.adr[0]), int(s.adr[0] + s.dim[0])) for s in found
+        }
+        self.batch = mujoco.batch.Batch(m, nsim=n, nthread=threads)
+        self._fields = tuple(fields)
+        self._now = {name: self.batch.bind(name) for name in fields}
+        self._control = self.batch.bind("ctrl")
+        self._pushes = np.zeros((n, inner, m.nu))
+        self._record = {name: np.zeros((n, inner, a.shape[1])) for name, a in self._now.items()}
+        self._rest = np.zeros((inner, len(loads)))
+        self._load: list[Array] = [self._rest] * n
+        self.step = np.zeros(n, dtype=np.int64)
+
+    @property
+    def timestep(self) -> float:
+        """Of the engine, s."""
+        return float(self.model.opt.timestep)
+
+    def start(self, row: int, load: Array) -> None:
+        """Row at rest at time 0, to run under a load (samples, loads) at the engine's steps; none after its end."""
+        self.batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE)
+        whole = np.zeros((-len(load) % self.inner, load.shape[1]))
+        self._load[row] = np.concatenate([load, whole, self._rest])
+        self.step[row] = 0
+
+    def measure(self, rows: Sequence[int] | None = None) -> dict[str, Array]:
+        """The fields, (rows, size) each, at the present state, under the present load and the last commands."""
+        for row in range(self.n) if rows is None else rows:
+            load = self._load[row]
+            self._control[row, self.loads] = load[min(self.step.item(row), len(load) - 1)]
+        self.batch.forward(rows)
+        if rows is None:
+            return {name: now.copy() for name, now in self._now.items()}
+        return {name: now[list(rows)] for name, now in self._now.items()}
+
+    def advance(self, commands: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+        """One control period with commands (n, dampers) held.
+
+        Returns the fields at the start of every step, (n, inner, size) each (of `qpos` and `qvel` those at its end;
+        the arrays are used again by the next call), and the fields after the last step, (n, size) each, as
+        `measure` does. Raises InputError where a simulation diverged.
+        """
+        pushes, inner = self._pushes, self.inner
+        pushes[:, :, self.dampers] = commands[:, None, :]
+        for row in range(self.n):
+            load = self._load[row]
+            k = min(self.step.item(row), len(load) - inner)
+            pushes[row, :, self.loads] = load[k : k + inner]
+        self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
+        self.step += inner
+        if not math.isfinite(self._record["sensordata"].sum()):
+            raise InputError("the simulation diverged; check the structure, the damper and the load's unit")
+        return self._record, self.measure()
+
+    def position(self, row: int) -> Array:
+        """(nq,) of a row, for drawing."""
+        return np.array(self.batch.bind("qpos")[row])
+
+    def save(self, row: int) -> Moment:
+        """The row's present, to go back to."""
+        return Moment(np.array(self.batch.state[row]), self._load[row], int(self.step[row]))
+
+    def restore(self, row: int, moment: Moment) -> None:
+        """Back to a saved present, exactly."""
+        self.batch.state[row] = moment.state
+        self._load[row], self.step[row] = moment.load, moment.step
+
+
+def _columns(ids: Sequence[int]) -> slice | NDArray[np.intp]:
+    """Of an array's last axis: a slice where they stand together, which is quicker."""
+    if list(ids) == list(range(ids[0], ids[0] + len(ids))):
+        return slice(ids[0], ids[0] + len(ids))
+    return np.array(ids, dtype=np.intp)

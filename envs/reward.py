@@ -1,0 +1,165 @@
+"""The reward of a frame: its parts, their weights, and the response of the same motion that they are measured by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp import core
+from mrdamp.envs.frame_rows import Period
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+
+Array = NDArray[np.float64]
+
+#: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
+PARTS = ("drift", "acceleration", "drift_peak", "acceleration_peak", "current", "power", "energy")
+
+
+@dataclass(frozen=True)
+class FrameReward:
+    """Weights of the reward's parts.
+
+    With d and a the largest |drift| and |absolute acceleration| within a control period, over storeys, floors and
+    the steps of the engine, each over the same motion's peak in the `reference` run, and i the coil current over
+    the largest command, averaged over the period and the dampers:
+
+    | part | per control period |
+    |---|---|
+    | drift | -drift d^exponent |
+    | acceleration | -acceleration a^exponent |
+    | drift_peak | -drift_peak times the rise of d's maximum so far: an episode's sum is the peak ratio |
+    | acceleration_peak | -acceleration_peak times the rise of a's maximum so far |
+    | current | -current mean(i) |
+    | power | -power mean(i^2), the coil's heat over that at the largest current |
+    | energy | +energy times the energy taken in by the dampers over the reference run's peak strain energy |
+
+    reference: `uncontrolled`, the frame without dampers, or `passive-on`, the largest command all the time (of one
+    damper; it costs more at every reset).
+    """
+
+    drift: float = 1.0
+    acceleration: float = 1.0
+    drift_peak: float = 0.0
+    acceleration_peak: float = 0.0
+    current: float = 0.02
+    power: float = 0.0
+    energy: float = 0.0
+    exponent: float = 2.0
+    reference: Literal["uncontrolled", "passive-on"] = "uncontrolled"
+
+    def __post_init__(self) -> None:
+        for part in PARTS:
+            if not 0 <= getattr(self, part) < math.inf:
+                raise InputError(f"reward: weight {part} is {getattr(self, part)}; allowed: >= 0")
+        if not 0 < self.exponent <= 20:
+            raise InputError(f"reward: exponent is {self.exponent}; allowed: above 0 to 20")
+        if self.reference not in ("uncontrolled", "passive-on"):
+            raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
+
+    @classmethod
+    def peaks(cls) -> FrameReward:
+        """For peak drift and peak acceleration: their rises, and high powers of the motion to lead there."""
+        return cls(
+            drift=1.0, acceleration=1.0, drift_peak=20.0, acceleration_peak=20.0, current=0.01, exponent=4.0
+        )
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, float | str]) -> FrameReward:
+        """From names and values, as in YAML. Raises InputError for an unknown one."""
+        known = {f.name for f in fields(cls)}
+        for name in data:
+            if name not in known:
+                raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
+        return replace(cls(), **data)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a motion does to the frame in the reference run: peaks over storeys or floors, SI."""
+
+    drift: float  # m
+    acceleration: float  # m/s2
+    strain_energy: float  # J
+
+
+def reference_run(
+    model: Model, ground: Array, dt: float, kind: str = "uncontrolled", command_max: float = 0.0
+) -> Reference:
+    """Peaks of the frame under ground acceleration (samples,) m/s2 every dt, by the C entry.
+
+    Raises InputError where the ground does not move.
+    """
+    frame = model.frame
+    ideal = replace(frame, acc_gain=None, acc_offset=None, acc_leakage=None, acc_lag=None, acc_lag2=None)
+    if kind == "uncontrolled":
+        ideal = replace(ideal, damper_between=None)
+    out = core.run_frame(model.law, model.attributes, ideal, dt, ground, command_max, narx=model.narx)
+    floors = range(1, len(frame.mass) + 1)
+    displacement = np.array([out[f"displacement_{j}"] for j in floors])
+    drift = np.diff(displacement, axis=0, prepend=0.0)
+    acceleration = np.array([out[f"acceleration_{j}"] for j in floors])
+    found = Reference(
+        drift=float(np.abs(drift).max()),
+        acceleration=float(np.abs(acceleration).max()),
+        strain_energy=float((0.5 * frame.stiffness @ drift**2).max()),
+    )
+    if not found.drift > 0:
+        raise InputError("the ground motion is zero throughout; there is nothing to control")
+    return found
+
+
+class Score:
+    """Rewards of n rows, and how each row has done since its start.
+
+    values (n, 9) are all it remembers: the reference's drift, acceleration and strain energy; the largest drift and
+    acceleration so far over the reference's; dissipated energy, J; sums of currents, A or V, and power; periods.
+    """
+
+    NAMES: tuple[str, ...] = (
+        *(f"reward_{part}" for part in PARTS),
+        "peak_drift",
+        "peak_acceleration",
+        "drift_ratio",
+        "acceleration_ratio",
+        "mean_current",
+        "mean_power",
+        "dissipated_energy",
+    )
+
+    def __init__(self, weights: FrameReward, n: int) -> None:
+        self.weights = weights
+        self.values = np.ones((n, 9))
+        self._dense = np.array([weights.drift, weights.acceleration])
+        self._peak = np.array([weights.drift_peak, weights.acceleration_peak])
+        self._electric = np.array([weights.current, weights.power])
+
+    def start(self, row: int, reference: Reference) -> None:
+        self.values[row] = 0.0
+        self.values[row, :3] = reference.drift, reference.acceleration, reference.strain_energy
+
+    def of(self, period: Period) -> tuple[Array, Array]:
+        """Rewards (n,) of a control period, and what `info` says, (n, names)."""
+        v = self.values
+        reference, best = v[:, :2], v[:, 3:5]
+        ratio = period.peaks / reference
+        info = np.empty((len(v), len(self.NAMES)))
+        info[:, 0:2] = -self._dense * ratio**self.weights.exponent
+        info[:, 2:4] = -self._peak * np.maximum(ratio - best, 0.0)
+        info[:, 4:6] = -self._electric * period.current
+        info[:, 6] = self.weights.energy * period.energy / v[:, 2]
+        np.maximum(best, ratio, out=best)
+        v[:, 5] += period.energy
+        v[:, 6] += period.mean_current
+        v[:, 7] += period.current[:, 1]
+        v[:, 8] += 1.0
+        info[:, 7:9] = best * reference
+        info[:, 9:11] = best
+        info[:, 11:13] = v[:, 6:8] / v[:, 8:9]
+        info[:, 13] = v[:, 5]
+        return info[:, :7].sum(axis=1), info

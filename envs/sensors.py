@@ -1,0 +1,104 @@
+"""What stands between the structure and a controller: the floors' accelerometers and white noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.core import FrameInput
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class OnePole:
+    """A first-order low-pass, or the high-pass beside it, on (n, channels) sampled at the control period.
+
+    tau: (channels,) s, 0 where there is none. Exact for signals that run straight between samples; starts at rest
+    with the first one.
+    """
+
+    def __init__(self, tau: Array, period: float, n: int, *, high: bool) -> None:
+        self.on = tau > 0
+        self.high, self.period = high, period
+        self.tau = np.where(self.on, tau, 1.0)
+        self.decay = np.exp(-period / self.tau)
+        self.past = np.zeros((n, 2, len(tau)))  # last input, last output
+
+    def __call__(self, signal: Array, fresh: Sequence[int] | None) -> Array:
+        """(n, channels) out for (n, channels) in, one period later; or of `fresh` rows, which rest with this one."""
+        rows: slice | list[int] = slice(None)
+        if fresh is not None:
+            rows = list(fresh)
+            self.past[rows] = signal[:, None, :]
+        past = self.past[rows]
+        last, out = past[:, 0], past[:, 1]
+        slope = (signal - last) / self.period
+        gain = self.tau * (1 - self.decay)
+        if self.high:
+            new = out * self.decay + slope * gain
+        else:
+            new = signal - slope * self.tau + (out - last + slope * self.tau) * self.decay
+        new = np.where(self.on, new, signal)
+        self.past[rows] = np.stack([signal, new], axis=1)
+        return new
+
+
+class FloorSensors:
+    """Accelerometers of n frames: gain, leakage, lag and offset as in the C entry, at the control period."""
+
+    def __init__(self, frame: FrameInput, period: float, n: int) -> None:
+        storeys = len(frame.mass)
+
+        def given(values: Array | None, neutral: float) -> Array:
+            return np.full(storeys, neutral) if values is None else np.asarray(values, dtype=np.float64)
+
+        self.gain, self.offset = given(frame.acc_gain, 1.0), given(frame.acc_offset, 0.0)
+        poles = ((frame.acc_leakage, True), (frame.acc_lag, False), (frame.acc_lag2, False))
+        self.filters = [
+            OnePole(given(tau, 0.0), period, n, high=high)
+            for tau, high in poles
+            if tau is not None and tau.any()
+        ]
+
+    def read(self, acceleration: Array, fresh: Sequence[int] | None) -> Array:
+        """(n, storeys) as read; or (rows, storeys) of rows that have just started."""
+        signal = acceleration * self.gain
+        for each in self.filters:
+            signal = each(signal, fresh)
+        return signal + self.offset
+
+    def save(self, row: int) -> list[Array]:
+        return [each.past[row].copy() for each in self.filters]
+
+    def restore(self, row: int, past: Sequence[Array]) -> None:
+        for each, values in zip(self.filters, past, strict=True):
+            each.past[row] = values
+
+
+class Noise:
+    """White noise on measurements; deviation: name, or the name without its number -> standard deviation, SI."""
+
+    def __init__(self, deviation: Mapping[str, float], names: Sequence[str]) -> None:
+        self.where: list[int] = []
+        found: list[float] = []
+        stems = {name: name.rstrip("0123456789").rstrip("_") for name in names}
+        for key, value in deviation.items():
+            if key not in stems and key not in stems.values():
+                raise InputError(f"noise on {key!r}: no such measurement; there are: {', '.join(names)}")
+            if not 0 <= value < math.inf:
+                raise InputError(f"noise on {key!r} is {value}; allowed: >= 0")
+        for k, name in enumerate(names):
+            value = deviation.get(name, deviation.get(stems[name], 0.0))
+            if value > 0:
+                self.where.append(k)
+                found.append(value)
+        self.deviation = np.array(found)
+
+    def add(self, values: Array, row: int, rng: np.random.Generator) -> None:
+        """Onto row of values (n, names), in place."""
+        if self.where:
+            values[row, self.where] += self.deviation * rng.standard_normal(len(self.where))

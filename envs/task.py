@@ -1,0 +1,173 @@
+"""What an environment does, for n rows at once: loads, commands, observations and rewards.
+
+A single environment is a task of one row; a vector environment is a task of many. The arithmetic of a row does not
+depend on how many there are.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from mrdamp.control.observe import Observation, Observer, Stack
+from mrdamp.envs.plants import Plants
+from mrdamp.envs.sensors import Noise
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class Rows(Protocol):
+    """n structures with their sensors; `period` of the rows is whatever their score takes."""
+
+    names: tuple[str, ...]
+    plants: Plants
+    steps: NDArray[np.int64]
+    period: float
+
+    def measure(self, rows: Sequence[int]) -> Array: ...
+
+    def advance(self, commands: Array) -> tuple[Any, Array]: ...
+
+    def save(self, row: int) -> Any: ...
+
+    def restore(self, row: int, state: Any) -> None: ...
+
+
+class RowScore(Protocol):
+    """Rewards of n rows; values (n, ...) are all it remembers; NAMES of the columns of what `info` says."""
+
+    NAMES: tuple[str, ...]
+    values: Array
+
+    def of(self, period: Any) -> tuple[Array, Array]: ...
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Everything that the future of a row hangs on, but for the generator that noise and the next load come from."""
+
+    rows: Any
+    score: Array
+    past: Array
+    command: Array
+    measured: Array
+
+
+@dataclass(frozen=True)
+class Step:
+    """Of n rows: observations (n, size), rewards (n,), whether the load is over (n,), and `info` (n, names)."""
+
+    observation: Observation
+    reward: Array
+    over: NDArray[np.bool_]
+    info: Array
+
+
+class Task(ABC):
+    """n rows of a structure under control.
+
+    rows: the structures; score: their rewards; observer: what is seen; command_max: (m,) A or V; noise: on the
+    measurements, see `Noise`. Attributes: observation_space and action_space of one row.
+    """
+
+    def __init__(
+        self,
+        rows: Rows,
+        score: RowScore,
+        observer: Observer,
+        command_max: Array,
+        noise: Mapping[str, float] | None,
+    ) -> None:
+        self.rows, self.score, self.observer = rows, score, observer
+        self.n, self.command_max = rows.plants.n, command_max
+        self.noise = Noise(noise or {}, rows.names)
+        unknown = [name for name in observer.signals if name not in rows.names]
+        if unknown:
+            raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(rows.names)}")
+        if len(observer.command_max) != len(command_max):
+            raise InputError(f"observer: {len(observer.command_max)} commands for {len(command_max)} dampers")
+        self._seen = np.array([rows.names.index(name) for name in observer.signals], dtype=np.intp)
+        self._currents = [k for k, name in enumerate(rows.names) if re.fullmatch(r"current(_\d+)?", name)]
+        self._measured: Array = np.zeros((self.n, len(rows.names)))
+        self._stack = Stack(observer, self.n)
+        self._command: Array = np.zeros((self.n, len(command_max)))
+        self._rngs: list[np.random.Generator | None] = [None] * self.n
+        self.observation_space = Box(-observer.limit, observer.limit, (observer.size,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (len(command_max),), np.float32)
+
+    #: Size (m) that the motion without a damper is drawn with.
+    drawn_size: float
+
+    @abstractmethod
+    def reference_motion(self, row: int) -> float:
+        """Size (m) of the row's motion without a damper."""
+
+    def current_shares(self, row: int) -> list[float]:
+        """Of each damper's current in its largest, now."""
+        return (self._measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
+
+    @abstractmethod
+    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
+        """Draws the row's load and sets structure and score to its start; returns what `info` says of it."""
+
+    def commands(self, actions: Any) -> Array:
+        """(n, m) commands from actions (n, m) in [-1, 1]; what lies outside is cut off."""
+        share = 0.5 * (np.asarray(actions, dtype=np.float64).reshape(self.n, -1) + 1.0)
+        return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0) * self.command_max)
+
+    def reset(
+        self,
+        rows: Sequence[int],
+        rngs: Sequence[np.random.Generator],
+        options: Mapping[str, Any] | None = None,
+    ) -> tuple[Observation, list[dict[str, Any]]]:
+        """Starts rows anew: observations (rows, size) and one info each. rngs: a generator for each of all n rows."""
+        infos = [self.begin(row, rngs[row], options or {}) for row in rows]
+        values = self.rows.measure(rows)
+        for k, row in enumerate(rows):
+            self.noise.add(values, k, rngs[row])
+            self._rngs[row] = rngs[row]
+            self._command[row] = 0.0
+        self._measured[list(rows)] = values
+        seen = self._stack.restart(rows, values[:, self._seen], self._command[list(rows)])
+        return seen, infos
+
+    def step(self, actions: Any, quiet: Sequence[int] = ()) -> Step:
+        """One control period of all rows. quiet: rows that draw no noise, as they are about to be reset."""
+        self._command = self.commands(actions)
+        period, values = self.rows.advance(self._command)
+        reward, info = self.score.of(period)
+        if self.noise.where:
+            for row, rng in enumerate(self._rngs):
+                if rng is not None and row not in quiet:
+                    self.noise.add(values, row, rng)
+        self._measured = values
+        seen = self._stack.push(values[:, self._seen], self._command)
+        return Step(seen, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
+
+    def save(self, row: int) -> Episode:
+        """The row's present."""
+        return Episode(
+            self.rows.save(row),
+            self.score.values[row].copy(),
+            self._stack.past[row].copy(),
+            self._command[row].copy(),
+            self._measured[row].copy(),
+        )
+
+    def restore(self, row: int, episode: Episode, rng: np.random.Generator) -> None:
+        """Back to a saved present, exactly; rng: where noise comes from."""
+        self.rows.restore(row, episode.rows)
+        self.score.values[row] = episode.score
+        self._stack.past[row] = episode.past
+        self._command[row] = episode.command
+        self._measured[row] = episode.measured
+        self._rngs[row] = rng

@@ -1,0 +1,142 @@
+"""Stay cables with a damper near the anchorage: matrices in a few coordinates, natural modes, sag.
+
+    m v_tt + c v_t - T v_xx + (h's share) = f(x, t) - F(t) delta(x - x_d)
+
+v(x, t) m is the motion from the sagged shape at rest, across the chord; F N the damper's force, positive as a load
+cell reads it when the damper is being extended (v(x_d) rising). The coordinates are the static shape under a force at
+the damper and the first sines, `mrdamp.control.taut_cable.TautCable`: Johnson, Baker, Spencer and Fujino, J. Eng.
+Mech. 133 (2007) 1-11, doi 10.1061/(ASCE)0733-9399(2007)133:1(1). Sag adds to them, as in Johnson, Christenson and
+Spencer, Comput.-Aided Civ. Infrastruct. Eng. 18 (2003) 132-146, doi 10.1111/1467-8667.00305, the pull h that the
+stretching of a flat-sag cable causes (Irvine, Cable Structures, MIT Press 1981, ch. 3)::
+
+    K_ij = T int psi_i' psi_j' dx + lambda^2 (T / L^3) int psi_i dx int psi_j dx
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+from mrdamp.control.taut_cable import TENSION, TautCable
+from mrdamp.errors import InputError
+from mrdamp.structures import GRAVITY, FloatArray
+
+
+@dataclass(frozen=True)
+class StayCable:
+    """A cable, its damper's place and its motion's coordinates.
+
+    length: m, of the chord. tension: N, along the chord. mass: kg/m. damper_at: x_d over the length. ratio: of damping
+    of every natural mode without the damper. modes: sines N beside the static shape. sag: Irvine's parameter lambda^2
+    (0 is a taut string). Raises InputError.
+
+    The default is the size of a laboratory cable: 12.65 m, 2172 N, 0.747 kg/m, 2.13 Hz.
+    """
+
+    length: float = 12.65
+    tension: float = 2172.0
+    mass: float = 0.747
+    damper_at: float = 0.02
+    ratio: float = 0.005
+    modes: int = 10
+    sag: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("length", "tension", "mass"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"cable: {name} is {getattr(self, name)}; allowed: a finite number > 0")
+        if not 0 <= self.sag < math.inf:
+            raise InputError(f"cable: sag is {self.sag}; allowed: lambda^2 >= 0")
+        _ = self.taut  # checks the others
+
+    @cached_property
+    def taut(self) -> TautCable:
+        """The cable without dimensions and without sag."""
+        return TautCable(self.damper_at, self.ratio, self.modes)
+
+    @property
+    def first(self) -> float:
+        """Circular frequency of the taut string's first mode, rad/s."""
+        return math.pi / self.length * math.sqrt(self.tension / self.mass)
+
+    @property
+    def sag_depth(self) -> float:
+        """At mid-span under its own weight, m; flat: m g L^2 / (8 T)."""
+        return self.mass * GRAVITY * self.length**2 / (8 * self.tension)
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(N+1,) m, int psi_j dx."""
+        return np.asarray(self.length * self.taut.forcing)
+
+    @cached_property
+    def mass_matrix(self) -> FloatArray:
+        """(N+1, N+1) kg."""
+        return np.asarray(self.mass * self.length * self.taut.mass)
+
+    @cached_property
+    def stiffness_matrix(self) -> FloatArray:
+        """(N+1, N+1) N/m, with the sag's share."""
+        string = self.tension / self.length * self.taut.stiffness / TENSION
+        stretch = self.sag * self.tension / self.length**3 * np.outer(self.areas, self.areas)
+        return np.asarray(string + stretch)
+
+    @cached_property
+    def _natural(self) -> tuple[FloatArray, FloatArray]:
+        squared, shapes = eigh(self.stiffness_matrix, self.mass_matrix)
+        return np.sqrt(squared), np.asarray(shapes)
+
+    @property
+    def natural(self) -> FloatArray:
+        """(N+1,) rad/s, circular frequencies without the damper, ascending; the last few are no real modes."""
+        return self._natural[0]
+
+    @property
+    def shapes(self) -> FloatArray:
+        """(N+1, N+1) natural modes, one a column, in the coordinates psi; their modal mass is 1 kg."""
+        return self._natural[1]
+
+    def coordinates(self, place: FloatArray | float) -> FloatArray:
+        """(..., N+1) psi_j at places x / L (...)."""
+        x, x_d = np.asarray(place, dtype=np.float64)[..., None], self.damper_at
+        sines = np.sin(np.arange(1, self.modes + 1) * np.pi * x)
+        return np.concatenate([np.minimum(x / x_d, (1 - x) / (1 - x_d)), sines], axis=-1)
+
+    def at(self, place: FloatArray | float) -> FloatArray:
+        """(..., N+1) motion at places x / L (...) per unit of the natural coordinates."""
+        return np.asarray(self.coordinates(place) @ self.shapes)
+
+    def load_matrix(self, places: FloatArray) -> FloatArray:
+        """(p, N+1) load on the natural coordinates per N/m at places x / L (p,), straight between them.
+
+        Outside the first and the last place the load goes on as it is there.
+        """
+        x = np.linspace(0.0, 1.0, 4001)
+        hats = np.array([np.interp(x, places, row) for row in np.eye(len(places))])
+        return np.asarray(self.length * np.trapezoid(hats[:, :, None] * self.at(x), x, axis=1))
+
+    def irvine(self, count: int) -> FloatArray:
+        """(count,) rad/s, natural frequencies of the flat-sag cable by Irvine's equations, ascending.
+
+        tan(w / 2) = w / 2 - (4 / lambda^2) (w / 2)^3 with w in units of sqrt(T / m) / L for the symmetric modes; the
+        antisymmetric ones are those of the string.
+        """
+        unit = math.sqrt(self.tension / self.mass) / self.length
+        found = [2 * math.pi * k for k in range(1, count + 1)]  # antisymmetric
+        for k in range(count):
+            if self.sag == 0:
+                found.append((2 * k + 1) * math.pi)
+                continue
+            # One root between neighbouring poles of the tangent, at odd multiples of pi / 2.
+            low, high = (k + 0.5) * math.pi, (k + 1.5) * math.pi
+
+            def miss(half: float) -> float:
+                return (half - 4 / self.sag * half**3) * math.cos(half) - math.sin(half)
+
+            found.append(2 * float(brentq(miss, low + 1e-12, high - 1e-12)))
+        return np.sort(np.array(found))[:count] * unit

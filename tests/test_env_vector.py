@@ -1,0 +1,212 @@
+"""Rows of a batch give the numbers of single environments, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+
+import mrdamp.envs
+from mrdamp.control.observe import Stack
+from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask, Observer, SyntheticMotions
+from mrdamp.envs.task import Task
+from mrdamp.envs.vector import CableVectorEnv, FrameVectorEnv, PlantVectorEnv
+from mrdamp.errors import InputError
+
+N = 3
+ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
+    "frame": {
+        "motions": SyntheticMotions(duration=1.5),
+        "noise": {"acceleration": 0.05, "force": 2.0},
+        "history": 3,
+        "damper_between": [(0, 1), (1, 3)],
+        "reward": FrameReward.peaks(),
+    },
+    "cable": {"loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "history": 2, "threads": 2},
+}
+SINGLE: Mapping[str, Callable[..., Any]] = {"frame": FrameEnv, "cable": CableEnv}
+VECTOR: Mapping[str, Callable[..., PlantVectorEnv]] = {"frame": FrameVectorEnv, "cable": CableVectorEnv}
+TASK: Mapping[str, Callable[..., Task]] = {"frame": FrameTask, "cable": CableTask}
+
+
+def single(kind: str) -> Any:
+    return SINGLE[kind](**{k: v for k, v in ARGUMENTS[kind].items() if k != "threads"})
+
+
+def equal(a: Any, b: Any) -> None:
+    """Infos of two vector environments: the same keys, values and types."""
+    if isinstance(a, dict):
+        assert set(a) == set(b)
+        for key in a:
+            equal(a[key], b[key])
+    elif a.dtype == object:
+        assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+    else:
+        assert a.dtype == b.dtype
+        np.testing.assert_array_equal(a, b)
+
+
+def both(kind: str, mode: AutoresetMode) -> tuple[VectorEnv[Any, Any, Any], VectorEnv[Any, Any, Any]]:
+    loop = SyncVectorEnv([lambda: single(kind)] * N, autoreset_mode=mode)
+    return loop, VECTOR[kind](N, autoreset_mode=mode, **ARGUMENTS[kind])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("kind", ARGUMENTS)
+def test_rows_are_single_environments(kind: str, mode: AutoresetMode) -> None:
+    """Over several ends of episodes, rewards, flags and infos included."""
+    loop, batch = both(kind, mode)
+    assert loop.observation_space == batch.observation_space
+    assert loop.action_space == batch.action_space
+    rng = np.random.default_rng(0)
+    first, second = loop.reset(seed=3), batch.reset(seed=3)
+    np.testing.assert_array_equal(first[0], second[0])
+    equal(first[1], second[1])
+    ends = 0
+    for _ in range(150):
+        action = rng.uniform(-1, 1, loop.action_space.shape).astype(np.float32)
+        a, b = loop.step(action), batch.step(action)
+        for x, y in zip(a[:4], b[:4], strict=True):
+            assert x.dtype == y.dtype
+            np.testing.assert_array_equal(x, y)
+        equal(a[4], b[4])
+        ends += int(a[3].sum())
+    assert ends >= 2 * N
+
+
+def test_rows_with_ends_of_their_own() -> None:
+    """Episodes of different lengths: each row starts anew by itself."""
+    motions = SyntheticMotions(duration=1.5, rise=(0.2, 0.3), plateau=(0.2, 0.4))
+
+    class Uneven:
+        def draw(self, rng: np.random.Generator) -> Any:
+            motion = motions.draw(rng)
+            return motion.compressed(rng.uniform(1.0, 2.0))
+
+    loop = SyncVectorEnv([lambda: FrameEnv(motions=Uneven())] * N)
+    batch = FrameVectorEnv(N, motions=Uneven())
+    loop.reset(seed=1)
+    batch.reset(seed=1)
+    apart = 0
+    for _ in range(200):
+        action = np.zeros((N, 1), np.float32)
+        a, b = loop.step(action), batch.step(action)
+        np.testing.assert_array_equal(a[0], b[0])
+        np.testing.assert_array_equal(a[1], b[1])
+        equal(a[4], b[4])
+        apart += 0 < int(a[3].sum()) < N
+    assert apart >= N
+
+
+def test_some_rows_are_reset_by_a_mask() -> None:
+    loop, batch = both("frame", AutoresetMode.DISABLED)
+    mask = np.array([False, True, False])
+    for env in (loop, batch):
+        env.reset(seed=5)
+        for _ in range(10):
+            env.step(np.full(env.action_space.shape, 0.3, np.float32))
+    a = loop.reset(seed=8, options={"reset_mask": mask})
+    b = batch.reset(seed=8, options={"reset_mask": mask})
+    np.testing.assert_array_equal(a[0], b[0])
+    equal(a[1], b[1])
+    action = np.zeros(loop.action_space.shape, np.float32)
+    np.testing.assert_array_equal(loop.step(action)[0], batch.step(action)[0])
+
+
+@pytest.mark.parametrize("kind", ARGUMENTS)
+def test_stable_baselines_rows_are_single_environments(kind: str) -> None:
+    vec = pytest.importorskip("stable_baselines3.common.vec_env", reason="needs the extra train")
+    from mrdamp.envs.sb3 import PlantVecEnv
+
+    loop = vec.DummyVecEnv([lambda: single(kind)] * N)
+    batch = PlantVecEnv(TASK[kind](N, **ARGUMENTS[kind]))
+    for env in (loop, batch):
+        env.seed(5)
+    np.testing.assert_array_equal(loop.reset(), batch.reset())
+    assert loop.reset_infos == batch.reset_infos
+    rng = np.random.default_rng(0)
+    for _ in range(130):
+        action = rng.uniform(-1, 1, (N, *loop.action_space.shape)).astype(np.float32)
+        a, b = loop.step(action), batch.step(action)
+        for x, y in zip(a[:3], b[:3], strict=True):
+            assert x.dtype == y.dtype
+            np.testing.assert_array_equal(x, y)
+        for x, y in zip(a[3], b[3], strict=True):
+            assert set(x) == set(y)
+            assert all(np.array_equal(x[key], y[key]) for key in x)
+    assert vec.VecNormalize(vec.VecMonitor(batch)).reset().shape == (N, *batch.observation_space.shape)
+
+
+@pytest.mark.parametrize("id", mrdamp.envs.ENVIRONMENTS)
+def test_gymnasium_makes_them(id: str) -> None:
+    env = gymnasium.make_vec(id, num_envs=2, vectorization_mode="vector_entry_point")
+    seen, _ = env.reset(seed=0)
+    assert isinstance(env.unwrapped, PlantVectorEnv)
+    assert seen.shape == env.observation_space.shape
+    env.close()
+
+
+def test_seeds_of_another_number_are_refused() -> None:
+    with pytest.raises(InputError, match="2 seeds for 3"):
+        FrameVectorEnv(N).reset(seed=[1, 2])
+
+
+OBSERVER = Observer(("a", "b"), (2.0, 10.0), history=3, command_max=(4.0,), limit=5.0)
+
+
+def test_an_observer_scales_cuts_and_stacks() -> None:
+    assert OBSERVER.names == ("a", "b", "command", "a[-1]", "b[-1]", "command[-1]", "a[-2]", "b[-2]", "command[-2]")
+    first = OBSERVER({"a": 1.0, "b": 20.0, "c": 7.0}, 0.0)
+    np.testing.assert_array_equal(first, [0.5, 2, 0] * 3)
+    OBSERVER({"a": 2.0, "b": -1000.0}, 1.0)
+    np.testing.assert_allclose(OBSERVER({"a": 3.0, "b": 5.0}, 4.0), [1.5, 0.5, 1, 1, -5, 0.25, 0.5, 2, 0])
+    OBSERVER.reset()
+    np.testing.assert_array_equal(OBSERVER({"a": 4.0, "b": 0.0}, 2.0), [2, 0, 0.5] * 3)
+    OBSERVER.reset()
+    assert Observer.from_dict(OBSERVER.to_dict()) == OBSERVER
+    assert OBSERVER.size == len(OBSERVER.names) == 9
+
+
+def test_stacked_rows_are_observers() -> None:
+    rng = np.random.default_rng(0)
+    stack, each = Stack(OBSERVER, 2), [Observer.from_dict(OBSERVER.to_dict()) for _ in range(2)]
+    for k in range(6):
+        values, command = rng.normal(size=(2, 2)) * 10, rng.uniform(0, 4, (2, 1))
+        if k in (0, 3):
+            rows = [0, 1] if k == 0 else [1]
+            for row in rows:
+                each[row].reset()
+            found = stack.restart(rows, values[rows], command[rows])
+        else:
+            rows, found = [0, 1], stack.push(values, command)
+        for row, seen in zip(rows, found, strict=True):
+            wanted = each[row]({"a": values[row, 0], "b": values[row, 1]}, command[row])
+            np.testing.assert_array_equal(seen, wanted)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"signals": ()},
+        {"signals": ("a", "a"), "scales": (1.0, 1.0)},
+        {"scales": (1.0,)},
+        {"scales": (0.0, 1.0)},
+        {"history": 0},
+        {"command_max": (-1.0,)},
+        {"limit": 0.0},
+    ],
+)
+def test_observers_that_cannot_be(arguments: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="observer: "):
+        Observer(**{"signals": ("a", "b"), "scales": (1.0, 1.0), **arguments})
+
+
+def test_a_missing_measurement_is_named() -> None:
+    with pytest.raises(InputError, match="no measurement 'b'"):
+        OBSERVER({"a": 1.0}, 0.0)
+    with pytest.raises(InputError, match="observer: "):
+        Observer.from_dict({"signals": ["a"]})
