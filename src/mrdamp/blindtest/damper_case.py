@@ -1,0 +1,149 @@
+"""One damper case: truth, the simulator as its owner believes it, records with noise, tests without."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.blindtest import causes, dampers, excitation, recorder, unknown
+from mrdamp.blindtest.bench import Truth, damper_channels, nominal_damper
+from mrdamp.blindtest.causes import Cause, Scale
+from mrdamp.blindtest.excitation import Excitation
+from mrdamp.blindtest.recorder import Noise
+from mrdamp.blindtest.rig import RATE_HZ, Array, Numbers, run_damper
+from mrdamp.blindtest.sizing import Task, goal, pooled, relative, size_for
+
+#: Effects that only a second force channel tells from the law's own numbers.
+_NEED_REFERENCE = ("sensor_gain", "sensor_offset")
+_TELLING = ("steps", "random", "sine_random")
+
+
+def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """Writes the case folder and the file of its tests; returns its label with what lies behind it."""
+    rng = np.random.default_rng(seed)
+    device = dampers.draw(rng, mounted=task.mounted)
+    heats = "heating" in task.parts
+    inputs = excitation.damper_tests(rng, device.machine, long=heats or bool(rng.random() < 0.6))
+    held_back = excitation.held_back_damper_tests(rng, device.machine)
+    plain = Truth(device.numbers, filtered=bool(rng.random() < 0.5))
+    scale = measure(device, inputs)
+    noise = recorder.damper_noise(rng, scale.force, scale.command)
+    few = [test for test in inputs if test.kind in (*_TELLING, *(["long"] if heats else []))]
+    level = noise["force_N"].deviation / scale.force
+    found = [_cause(rng, task, part, scale) for part in task.parts]
+    numbers = causes.merged(
+        [c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found]
+    )
+    truth = plain.having(numbers)
+    parameters = _believed(rng, task, device, plain, few)
+    believed = {**plain.numbers, **parameters}
+    records = _records(rng, truth, inputs, noise, _channels(rng, task))
+    recorder.write_case(folder, "damper", {"law": device.law, "parameters": parameters}, records)
+    clean = {name: _clean(rng, truth, believed, test) for name, test in held_back.items()}
+    recorder.write_tests(tests, clean)
+    return {
+        "label": task.label,
+        "rig": task.rig,
+        "stages": sorted({c.stage for c in found}) or (["fluid"] if task.label == "parameters" else []),
+        "gap": pooled([relative(t["nominal_N"], t["force_N"]) for t in clean.values()]),
+        "weak": task.weak,
+        "noise": level,
+        "law": device.law,
+        "true_parameters": device.parameters,
+        "numbers": numbers,
+    }
+
+
+def measure(device: dampers.Device, inputs: Sequence[Excitation]) -> Scale:
+    """Scales of a plain damper on its tests with a random command."""
+    force, power, stroke, acceleration = [], [], [], []
+    for test in (t for t in inputs if t.kind in ("sine_random", "random")):
+        motion = test.spline()
+        v = motion(test.time, 1)
+        out = run_damper(device.numbers, motion(test.time), v, test.fine(test.command))
+        force.append(out["force"])
+        power.append(np.abs(out["force"] * v[::2]))
+        stroke.append(motion(test.time))
+        acceleration.append(motion(test.time[:: 2 * RATE_HZ // 1000], 2))
+
+    def rms(parts: list[Array]) -> float:
+        return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+    mean_power = float(np.mean(np.concatenate(power)))
+    piston = device.piston(rms(force))
+    return Scale(rms(force), mean_power, rms(stroke), rms(acceleration), device.machine.command, piston)
+
+
+def _cause(rng: np.random.Generator, task: Task, part: str, scale: Scale) -> Cause:
+    return unknown.draw(rng, part, scale) if task.outside else causes.draw(rng, part, scale)
+
+
+def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
+    """The cause's size on a rig that has no other."""
+    predicted = [nominal_damper(plain.numbers, plain, test) for test in tests]
+    reads = any(name.startswith("reading.") for name in cause.sized(1.0))
+
+    def gap(size: float) -> float:
+        truth = plain.having(cause.sized(size))
+        gaps = []
+        for test, before in zip(tests, predicted, strict=True):
+            measured = damper_channels(truth, test, np.random.default_rng(0))["force_N"]
+            gaps.append(relative(nominal_damper(plain.numbers, truth, test) if reads else before, measured))
+        return pooled(gaps)
+
+    return size_for(gap, wanted)
+
+
+def _believed(
+    rng: np.random.Generator, task: Task, device: dampers.Device, plain: Truth, tests: Sequence[Excitation]
+) -> dict[str, float]:
+    """The simulator's parameters: wrong where that is the label, slightly so in some of the other cases."""
+    way = dampers.direction(rng, device.parameters)
+    if task.label == "parameters":
+        measured = [nominal_damper(plain.numbers, plain, test) for test in tests]
+
+        def gap(size: float) -> float:
+            numbers = {**plain.numbers, **dampers.perturbed(device.parameters, way, size)}
+            pairs = zip(tests, measured, strict=True)
+            return pooled([relative(nominal_damper(numbers, plain, test), force) for test, force in pairs])
+
+        return dampers.perturbed(device.parameters, way, size_for(gap, goal(rng, weak=False, noise=0.0)))
+    slightly = task.parts and not task.weak and not task.outside and rng.random() < 0.4
+    return dampers.perturbed(device.parameters, way, 0.04 if slightly else 0.0)
+
+
+def _channels(rng: np.random.Generator, task: Task) -> list[str]:
+    """Which of the optional channels this bench has."""
+    shares = {"reference_force_N": 0.4, "current_A": 0.15, "temperature_C": 0.1}
+    names = [name for name, share in shares.items() if rng.random() < share]
+    if "reference_force_N" not in names and any(part in _NEED_REFERENCE for part in task.parts):
+        names.insert(0, "reference_force_N")
+    return ["displacement_m", "command", "force_N", *names]
+
+
+def _records(
+    rng: np.random.Generator,
+    truth: Truth,
+    inputs: Sequence[Excitation],
+    noise: Mapping[str, Noise],
+    channels: Sequence[str],
+) -> dict[str, dict[str, Array]]:
+    """Records by file name; the last one repeats the sine with a random command."""
+    again = next(test for test in inputs if test.kind == "sine_random")
+    kinds = [*((test.kind, test) for test in inputs), ("repeat", again)]
+    records = {}
+    for number, (kind, test) in enumerate(kinds, 1):
+        clean = damper_channels(truth, test, rng)
+        records[f"{number:02d}_{kind}.csv.gz"] = {
+            name: noise[name].onto(clean[name], rng) if name in noise else clean[name] for name in channels
+        }
+    return records
+
+
+def _clean(rng: np.random.Generator, truth: Truth, believed: Numbers, test: Excitation) -> dict[str, Array]:
+    channels = damper_channels(truth, test, rng)
+    kept = {name: channels[name] for name in ("displacement_m", "command", "force_N")}
+    return {**kept, "nominal_N": nominal_damper(believed, truth, test)}

@@ -1,0 +1,80 @@
+"""Which cases a blind test consists of: every effect, pairs, weak ones, none, wrong numbers, unknown causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from mrdamp.blindtest import causes, unknown
+from mrdamp.blindtest.sizing import Task
+
+#: Shares of the cases of a rig.
+_SHARES = {"single": 0.5, "pair": 0.16, "weak": 0.08, "none": 0.07, "parameters": 0.08, "unknown": 0.11}
+#: Share of the frame among all cases.
+_FRAMES = 0.25
+#: Pairs of one mechanism, or of which one hides in the other whatever is tested.
+_NOT_TOGETHER = (
+    {"gas_spring", "sensor_offset"},
+    {"channel_shift", "sensor_lag"},
+    {"driver_lag", "command_delay"},
+)
+
+
+def draw(seed: np.random.SeedSequence, count: int, rig: str = "both") -> list[Task]:
+    """`count` tasks in random order, named so that the name tells nothing. rig: `damper`, `frame` or `both`."""
+    rng = np.random.default_rng(seed)
+    frames = {"damper": 0, "frame": count, "both": round(_FRAMES * count)}[rig]
+    tasks = [*_rig(rng, "damper", count - frames), *_rig(rng, "frame", frames)]
+    order = rng.permutation(len(tasks))
+    named = [tasks[k] for k in order]
+    return [Task(f"case_{k:03d}", t.rig, t.label, t.weak) for k, t in enumerate(named, 1)]
+
+
+def _rig(rng: np.random.Generator, rig: str, count: int) -> list[Task]:
+    from mrdamp.blindtest import frame_causes
+
+    singles = list(causes.EFFECTS) if rig == "damper" else frame_causes.labels()
+    outside = list(unknown.DAMPER) if rig == "damper" else list(frame_causes.UNKNOWN)
+    pools: dict[str, list[str]] = {
+        "single": singles,
+        "pair": _pairs(singles),
+        "weak": singles,
+        "none": ["none"],
+        "parameters": ["parameters"],
+        "unknown": [f"~{name}" for name in outside],
+    }
+    tasks = []
+    for kind, number in _shared(count).items():
+        tasks += [Task("", rig, label, kind == "weak") for label in _dealt(rng, pools[kind], number)]
+    return tasks
+
+
+def _shared(count: int) -> dict[str, int]:
+    """Whole numbers by largest remainder."""
+    exact = {kind: share * count for kind, share in _SHARES.items()}
+    whole = {kind: int(value) for kind, value in exact.items()}
+    rest = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
+    for kind in rest[: count - sum(whole.values())]:
+        whole[kind] += 1
+    return whole
+
+
+def _dealt(rng: np.random.Generator, pool: Sequence[str], number: int) -> list[str]:
+    """Every label of the pool before any comes again."""
+    out: list[str] = []
+    while len(out) < number:
+        out += [pool[k] for k in rng.permutation(len(pool))]
+    return out[:number]
+
+
+def _pairs(singles: Sequence[str]) -> list[str]:
+    """Two effects of different stages."""
+
+    def stage(label: str) -> str:
+        name = label.partition("@")[0]
+        return causes.EFFECTS[name][0] if name in causes.EFFECTS else "structure"
+
+    pairs = [(a, b) for a, b in combinations(singles, 2) if stage(a) != stage(b)]
+    return [f"{a}+{b}" for a, b in pairs if {a.partition("@")[0], b.partition("@")[0]} not in _NOT_TOGETHER]

@@ -1,0 +1,181 @@
+"""One frame case: a shear frame of three storeys with a damper on a shaking table, and what its owner believes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.blindtest import causes, dampers, excitation, frame_causes, recorder
+from mrdamp.blindtest.bench import Truth, frame_channels
+from mrdamp.blindtest.causes import Cause, Scale
+from mrdamp.blindtest.excitation import Excitation
+from mrdamp.blindtest.frame_causes import FrameScale
+from mrdamp.blindtest.recorder import Noise
+from mrdamp.blindtest.rig import Array, run_frame
+from mrdamp.blindtest.sizing import Task, goal, pooled, relative, size_for
+
+#: Masses (kg), stiffnesses (N/m) and damping (N s/m) of the frame of Dyke et al. 1996, doi:10.1088/0964-1726/5/5/006.
+_MASS, _STIFFNESS, _DAMPING = (98.3, 98.3, 98.3), (5.16e5, 6.84e5, 6.84e5), (125.0, 50.0, 50.0)
+_SPREAD = 0.12
+_MEASURED = tuple(f"floor{k}_acceleration_m_s2" for k in (1, 2, 3))
+_TELLING = ("quake_off", "quake_random", "quake_bang")
+
+
+def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """Writes the case folder and the file of its tests; returns its label with what lies behind it."""
+    rng = np.random.default_rng(seed)
+    device = dampers.draw(rng, frame=True, mounted=task.mounted)
+    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), _storeys(rng), _between(rng))
+    inputs = excitation.frame_tests(rng, device.machine.command)
+    held_back = excitation.held_back_frame_tests(rng, device.machine.command)
+    few = _telling(inputs)
+    scale = measure(device, plain, few)
+    noise = recorder.frame_noise(rng)
+    level = noise[_MEASURED[0]].deviation / float(np.mean(scale.acceleration))
+    found = [frame_causes.draw(rng, part, scale, outside=task.outside) for part in task.parts]
+    numbers = causes.merged(
+        [c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found]
+    )
+    truth = plain.having(numbers)
+    parameters = _believed(rng, task, device, plain, few)
+    believed = replace(plain, numbers={**plain.numbers, **parameters})
+    nominal = {"law": device.law, "parameters": parameters, **_structure(plain)}
+    recorder.write_case(folder, "frame", nominal, _records(rng, truth, inputs, noise))
+    clean = {name: _clean(rng, truth, believed, test) for name, test in held_back.items()}
+    recorder.write_tests(tests, clean)
+    return {
+        "label": task.label,
+        "rig": task.rig,
+        "stages": sorted({c.stage for c in found}) or (["fluid"] if task.label == "parameters" else []),
+        "gap": pooled([_gap_of(t) for t in clean.values()]),
+        "weak": task.weak,
+        "noise": level,
+        "law": device.law,
+        "true_parameters": device.parameters,
+        "numbers": numbers,
+    }
+
+
+def measure(device: dampers.Device, plain: Truth, inputs: Sequence[Excitation]) -> FrameScale:
+    """Scales of a plain frame on some of its tests."""
+    runs = []
+    for test in inputs:
+        u = test.fine(test.command)
+        runs.append(run_frame(plain.numbers, plain.storeys, plain.between, test.fine(test.motion), u))
+
+    def rms(of: Sequence[Array]) -> float:
+        return float(np.sqrt(np.mean(np.concatenate(of) ** 2)))
+
+    def drift(out: Mapping[str, Array], k: int) -> Array:
+        return out[f"displacement{k}"] - (out[f"displacement{k - 1}"] if k > 1 else 0.0)
+
+    def rate(values: Array) -> Array:
+        return np.gradient(values, 1 / 25_000)
+
+    stroke = [out["stroke"] for out in runs]
+    power = [np.abs(out["force"] * rate(out["stroke"])) for out in runs]
+    force = rms([out["force"] for out in runs])
+    damper = Scale(
+        force,
+        float(np.mean(np.concatenate(power))),
+        rms(stroke),
+        rms([out["acceleration1"] for out in runs]),
+        device.machine.command,
+        device.piston(force),
+    )
+    floors = frame_causes.STOREYS
+    return FrameScale(
+        damper,
+        tuple(rms([drift(out, k) for out in runs]) for k in floors),
+        tuple(rms([rate(drift(out, k)) for out in runs]) for k in floors),
+        tuple(rms([out[f"acceleration{k}"] for out in runs]) for k in floors),
+        tuple(s["stiffness"] for s in plain.storeys),
+        tuple(s["damping"] for s in plain.storeys),
+    )
+
+
+def _storeys(rng: np.random.Generator) -> tuple[dict[str, float], ...]:
+    def drawn(value: float) -> float:
+        return value * float(rng.uniform(1 - _SPREAD, 1 + _SPREAD))
+
+    rows = zip(_MASS, _STIFFNESS, _DAMPING, strict=True)
+    return tuple({"mass": drawn(m), "stiffness": drawn(k), "damping": drawn(c)} for m, k, c in rows)
+
+
+def _between(rng: np.random.Generator) -> tuple[int, int]:
+    return (0, 1) if rng.random() < 0.8 else (1, 2)
+
+
+def _structure(plain: Truth) -> dict[str, Any]:
+    names = {"mass": "mass_kg", "stiffness": "stiffness_n_m", "damping": "damping_n_s_m"}
+    structure = {long: [s[short] for s in plain.storeys] for short, long in names.items()}
+    return {"structure": structure, "damper_between": list(plain.between)}
+
+
+def _telling(inputs: Sequence[Excitation]) -> list[Excitation]:
+    """One of each kind that shows something."""
+    return [next(test for test in inputs if test.kind == kind) for kind in _TELLING]
+
+
+def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
+    rng = np.random.default_rng(0)
+    before = [frame_channels(plain, test, rng) for test in tests]
+
+    def gap(size: float) -> float:
+        truth = plain.having(cause.sized(size))
+        return pooled([_error(b, frame_channels(truth, t, rng)) for t, b in zip(tests, before, strict=True)])
+
+    return size_for(gap, wanted)
+
+
+def _believed(
+    rng: np.random.Generator, task: Task, device: dampers.Device, plain: Truth, tests: Sequence[Excitation]
+) -> dict[str, float]:
+    """The simulator's parameters of the damper: wrong where that is the label, slightly so in some other cases."""
+    way = dampers.direction(rng, device.parameters)
+    if task.label == "parameters":
+        none = np.random.default_rng(0)
+        measured = [frame_channels(plain, test, none) for test in tests]
+
+        def gap(size: float) -> float:
+            other = replace(
+                plain, numbers={**plain.numbers, **dampers.perturbed(device.parameters, way, size)}
+            )
+            pairs = zip(tests, measured, strict=True)
+            return pooled([_error(frame_channels(other, test, none), m) for test, m in pairs])
+
+        return dampers.perturbed(device.parameters, way, size_for(gap, goal(rng, weak=False, noise=0.0)))
+    slightly = task.parts and not task.weak and not task.outside and rng.random() < 0.3
+    return dampers.perturbed(device.parameters, way, 0.03 if slightly else 0.0)
+
+
+def _records(
+    rng: np.random.Generator, truth: Truth, inputs: Sequence[Excitation], noise: Mapping[str, Noise]
+) -> dict[str, dict[str, Array]]:
+    """Records by file name; the last one repeats the last ground motion."""
+    records = {}
+    for number, (kind, test) in enumerate([*((t.kind, t) for t in inputs), ("repeat", inputs[-1])], 1):
+        clean = frame_channels(truth, test, rng)
+        records[f"{number:02d}_{kind}.csv.gz"] = {
+            name: noise[name].onto(values, rng) if name in noise else values for name, values in clean.items()
+        }
+    return records
+
+
+def _clean(rng: np.random.Generator, truth: Truth, believed: Truth, test: Excitation) -> dict[str, Array]:
+    channels, nominal = frame_channels(truth, test, rng), frame_channels(believed, test, rng)
+    said = {name.replace("floor", "nominal_floor").removesuffix("_m_s2"): nominal[name] for name in _MEASURED}
+    return {**channels, **said, "nominal_N": nominal["force_N"]}
+
+
+def _error(simulated: Mapping[str, Array], measured: Mapping[str, Array]) -> float:
+    return pooled([relative(simulated[name], measured[name]) for name in _MEASURED])
+
+
+def _gap_of(test: Mapping[str, Array]) -> float:
+    said = (name.replace("floor", "nominal_floor").removesuffix("_m_s2") for name in _MEASURED)
+    return pooled([relative(test[s], test[name]) for s, name in zip(said, _MEASURED, strict=True)])

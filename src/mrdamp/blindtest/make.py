@@ -1,0 +1,76 @@
+"""Makes cases from a seed: `python -m mrdamp.blindtest.make OUT --seed 1 --count 20 --rig damper`.
+
+Writes OUT/cases/NAME (as the contract's case folders), OUT/tests/NAME.npz and OUT/labels.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+
+from mrdamp.blindtest import damper_case, deck
+from mrdamp.blindtest.sizing import Task
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+
+
+def make_one(task: Task, out: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """One case with its tests; returns its label."""
+    from mrdamp.blindtest import frame_case
+
+    maker = damper_case.make if task.rig == "damper" else frame_case.make
+    return maker(task, out / "cases" / task.name, out / "tests" / f"{task.name}.npz", seed)
+
+
+def make(
+    out: Path, seed: int, count: int, rig: str = "both", *, only: Sequence[str] = (), jobs: int = 1
+) -> Iterable[tuple[str, dict[str, Any]]]:
+    """Cases one after another as (name, label); the same for any number of jobs.
+
+    only: labels to make instead of the usual mixture, in turn.
+    """
+    deal, draws = np.random.SeedSequence(seed).spawn(2)
+    if only:
+        tasks = [Task(f"case_{k + 1:03d}", rig, only[k % len(only)]) for k in range(count)]
+    else:
+        tasks = deck.draw(deal, count, rig)
+    seeds = draws.spawn(len(tasks))
+    work = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    done = work(joblib.delayed(make_one)(task, out, s) for task, s in zip(tasks, seeds, strict=True))
+    yield from zip((task.name for task in tasks), done, strict=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line of this module."""
+    p = argparse.ArgumentParser(prog="python -m mrdamp.blindtest.make", description=__doc__.splitlines()[0])
+    p.add_argument("out", type=Path)
+    p.add_argument("--seed", type=int, required=True)
+    p.add_argument("--count", type=int, default=20)
+    p.add_argument("--rig", choices=["damper", "frame", "both"], default="both")
+    p.add_argument(
+        "--only", nargs="*", default=[], help="labels to make, in turn, in place of the usual mixture"
+    )
+    p.add_argument("--jobs", type=int, default=1)
+    a = p.parse_args(arguments)
+    a.out.mkdir(parents=True, exist_ok=True)
+    labels = {}
+    try:
+        for name, label in make(a.out, a.seed, a.count, a.rig, only=a.only, jobs=a.jobs):
+            labels[name] = label
+            print(f"{name} {label['label']} gap {label['gap']:.3f}", flush=True)
+            write_atomic(a.out / "labels.json", json.dumps(labels, indent=1) + "\n")
+    except InputError as error:
+        print(f"make: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

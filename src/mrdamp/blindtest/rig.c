@@ -1,0 +1,450 @@
+/* A reference rig of one magnetorheological damper, on a testing machine or in a shear frame of three storeys.
+ *
+ * It stands in for a laboratory: the blind test draws its records from here. It is written apart from the plugin
+ * and shares nothing with it: classical Runge-Kutta of fourth order with a fixed step over one vector of ordinary
+ * differential equations, the piston of a mount as a small mass, and other exact forms of the effects. Plays, relays
+ * and strokes are updated between steps. SI units; the command in ampere or volt.
+ *
+ * A rig is a table of numbers, one per name in RIG_NUMBERS; zero is neutral for all that is not a law's parameter. */
+#include <math.h>
+#include <string.h>
+
+static const double kPi = 3.14159265358979323846;
+
+#define RIG_NUMBERS(X)                                                                                              \
+  /* law: 0 bingham, 1 bouc_wen, 2 hyperbolic_tangent, 3 modified_bouc_wen */                                       \
+  X(law) X(c0a) X(c0b) X(c1a) X(c1b) X(k0) X(k1) X(x0) X(alpha_a) X(alpha_b) X(gamma) X(beta) X(A) X(n) X(fya) X(fyb) \
+  X(v_ref) X(k0a) X(k0b) X(k1a) X(k1b) X(m0) X(f0a) X(f0b)                                                          \
+  /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2) */                                  \
+  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(sag_share) X(sag_time) X(dead_zone)                              \
+  /* magnetics: saturation 1 Froehlich, 2 error function, 3 arc tangent; remanence 1 plays, 2 relays */             \
+  X(sat_form) X(sat_level) X(rem_form) X(rem_width) X(rem_share) X(rem_span)                                        \
+  /* fluid: heating 1 Arrhenius with two bodies, 2 rational with one; shear thinning 1 Cross, 2 Eyring */           \
+  X(heat_form) X(heat_capacity) X(heat_loss) X(heat_body) X(heat_link) X(heat_visc) X(heat_yield)                                \
+  X(thin_form) X(thin_v) X(thin_m)                                                                                  \
+  /* asymmetry 1 by velocity, 2 by pressure; trapped gas 1 by stroke, 2 as a pocket that is pressed shut */         \
+  X(asym_form) X(asym_share) X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign)                                      \
+  X(wear_loss) X(wear_x) X(wear_width) X(relief_force) X(cavity_force) X(chatter_share) X(chatter_hz)               \
+  X(settle_loss) X(settle_path)                                                                                     \
+  /* mechanics: spring 1 polytropic, 2 cubic; seal 1 LuGre, 2 Dahl, 3 Coulomb and Stribeck without a state */       \
+  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_k3)                                             \
+  X(seal_form) X(seal_coulomb) X(seal_static) X(seal_v) X(seal_slide) X(bent_force) X(stop_k) X(stop_x)             \
+  /* mount: 1 spring and dashpot, 2 stiffening rubber, 3 pin with play, 4 the same with Hertz's contact */          \
+  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_mass)
+
+typedef struct {
+#define X(name) double name;
+  RIG_NUMBERS(X)
+#undef X
+} Rig;
+
+/* A storey and the floor on top of it, ground up. k3, c2: cubic stiffness, quadratic damping. friction: 1 Coulomb,
+ * 2 Dahl. gap, stop: pounding. yield: force at which the storey yields. crack: loss of stiffness in one direction.
+ * hung_*: a mass that hangs from the floor by a spring and a dashpot. */
+#define STOREY_NUMBERS(X)                                                                                           \
+  X(mass) X(stiffness) X(damping) X(k3) X(c2) X(friction_form) X(friction) X(gap) X(stop) X(yield) X(crack)          \
+  X(hung_mass) X(hung_hz) X(hung_ratio)
+
+typedef struct {
+#define X(name) double name;
+  STOREY_NUMBERS(X)
+#undef X
+} Storey;
+
+enum { kStoreys = 3, kPlays = 6, kRelays = 150 };
+/* Places in the state vector: two currents, sag, law (2), fluid and body temperature, bristle, piston, then the frame. */
+enum { I1, I2, SAG, L1, L2, HEAT, BODY, BRISTLE, XP, VP, kDamper };
+enum { FX = kDamper, FV = FX + kStoreys, FQ = FV + kStoreys, HX = FQ + 2 * kStoreys, HV = HX + kStoreys,
+       kStates = HV + kStoreys };
+/* Columns of a damper's run: load cell (N), fluid (N), current, field, temperature rise (K), piston (m). */
+enum { kDamperColumns = 6, kFrameColumns = 2 * kStoreys + 5 };
+
+/* What changes between steps only. */
+typedef struct {
+  double play[kPlays];
+  char relay[kRelays];
+  int on;           /* relays */
+  double start;     /* where the stroke began, m */
+  double furthest;  /* that it has reached */
+  int direction;    /* of the stroke */
+  double pocket;    /* m that the trapped gas is pressed together */
+  double path;      /* m travelled in all */
+  double time;
+} Memory;
+
+typedef struct {
+  double load, fluid, heat;
+} Force;
+
+static double positive(double c) { return c > 0 ? c : 0; }
+static double clip(double c, double low, double high) { return c < low ? low : c > high ? high : c; }
+static double sign(double c) { return (c > 0) - (c < 0); }
+
+/* --- driver and magnetics ---------------------------------------------------------------------------------------- */
+
+static double current(const Rig *r, const double *y, double u) {
+  double i = r->lag_form == 1 ? y[I2] : r->lag_form ? y[I1] : u;
+  if (r->sag_share > 0) i /= 1 + r->sag_share * y[SAG];
+  return i;
+}
+
+static void drive(const Rig *r, const double *y, double u, double *dy) {
+  if (r->lag_form == 1) {
+    dy[I1] = (u - y[I1]) / r->lag_tau;
+    dy[I2] = (y[I1] - y[I2]) / r->lag_tau2;
+  } else if (r->lag_form == 2) {
+    dy[I1] = clip((u - y[I1]) / r->lag_tau, -r->lag_rate, r->lag_rate);
+  } else if (r->lag_form == 3) {
+    dy[I1] = (u - y[I1]) / (fabs(u) > fabs(y[I1]) ? r->lag_tau : r->lag_tau2);
+  }
+  if (r->sag_share > 0) {
+    const double i = current(r, y, u);
+    dy[SAG] = (i * i - y[SAG]) / r->sag_time;
+  }
+}
+
+static double saturate(const Rig *r, double i) {
+  const double s = r->sat_level;
+  if (r->sat_form == 1) return i / (1 + fabs(i) / s);
+  if (r->sat_form == 2) return s * erf(0.5 * sqrt(kPi) * i / s);
+  if (r->sat_form == 3) return s * (2 / kPi) * atan(i / (s * (2 / kPi)));
+  return i;
+}
+
+static double play_width(const Rig *r, int k) { return r->rem_width * (k + 1) / kPlays; }
+static double relay_centre(const Rig *r, int k) { return r->rem_span * (k + 0.5) / kRelays; }
+static double relay_width(const Rig *r, int k) { return r->rem_width * (0.4 + 1.2 * ((k * 37) % kRelays) / kRelays); }
+
+static void magnetise(const Rig *r, Memory *m, double i) {
+  if (r->rem_form == 1)
+    for (int k = 0; k < kPlays; ++k) m->play[k] = clip(m->play[k], i - play_width(r, k), i + play_width(r, k));
+  if (r->rem_form == 2) {
+    m->on = 0;
+    for (int k = 0; k < kRelays; ++k) {
+      if (i > relay_centre(r, k) + relay_width(r, k)) m->relay[k] = 1;
+      if (i < relay_centre(r, k) - relay_width(r, k)) m->relay[k] = 0;
+      m->on += m->relay[k];
+    }
+  }
+}
+
+static double field(const Rig *r, const Memory *m, double i) {
+  double b = i;
+  if (r->dead_zone > 0) b = sign(i) * positive(fabs(i) - r->dead_zone);
+  if (r->rem_form == 1) { /* the field lags by the mean of the stops */
+    double stops = 0;
+    for (int k = 0; k < kPlays; ++k) stops += (i - m->play[k]) / kPlays;
+    b -= r->rem_share * stops;
+  } else if (r->rem_form == 2) {
+    b = (1 - r->rem_share) * i + r->rem_share * r->rem_span * m->on / kRelays;
+  }
+  return saturate(r, b);
+}
+
+/* --- fluid ------------------------------------------------------------------------------------------------------- */
+
+static double viscosity(const Rig *r, double heat, double v) {
+  double factor = 1;
+  if (r->heat_form == 1) factor = exp(r->heat_visc * (1 / (293 + heat) - 1 / 293.0));
+  if (r->heat_form == 2) factor = 1 / (1 + r->heat_visc * heat);
+  if (r->thin_form == 1) factor /= 1 + pow(fabs(v) / r->thin_v, r->thin_m);
+  if (r->thin_form == 2 && v != 0) factor *= asinh(v / r->thin_v) * r->thin_v / v;
+  return factor;
+}
+
+static double yielding(const Rig *r, const Memory *m, double heat) {
+  double factor = 1;
+  if (r->heat_form) factor = positive(1 - r->heat_yield * heat);
+  if (r->settle_loss > 0) factor *= 1 - r->settle_loss * exp(-m->path / r->settle_path);
+  return factor;
+}
+
+static double bouc_wen(const Rig *r, double z, double v) {
+  const double w = pow(fabs(z), r->n - 1);
+  return r->A * v - r->gamma * fabs(v) * z * w - r->beta * v * fabs(z) * w;
+}
+
+/* The law's own force without its accumulator spring; that one goes to *spring. */
+static double law(const Rig *r, const double *y, double x, double v, double b, double thick, double firm,
+                  double *spring, double *dy) {
+  *spring = 0;
+  const double c0 = positive(r->c0a + r->c0b * b) * thick;
+  if (r->law == 0) return c0 * v + positive(r->fya + r->fyb * b) * firm * tanh(v / r->v_ref);
+  if (r->law == 1) {
+    dy[L1] = bouc_wen(r, y[L1], v);
+    *spring = r->k0 * (x - r->x0);
+    return c0 * v + positive(r->alpha_a + r->alpha_b * b) * firm * y[L1];
+  }
+  if (r->law == 2) {
+    const double k0 = positive(r->k0a + r->k0b * b), k1 = positive(r->k1a + r->k1b * b);
+    const double c1 = positive(r->c1a + r->c1b * b), f0 = positive(r->f0a + r->f0b * b) * firm;
+    const double force = k1 * (x - y[L1]) + c1 * (v - y[L2]);
+    dy[L1] = y[L2];
+    dy[L2] = (force - k0 * y[L1] - c0 * y[L2] - f0 * tanh(y[L2] / r->v_ref)) / r->m0;
+    return force;
+  }
+  const double c1 = positive(r->c1a + r->c1b * b) * thick, alpha = positive(r->alpha_a + r->alpha_b * b) * firm;
+  const double inner = (alpha * y[L1] + c0 * v + r->k0 * (x - y[L2])) / (c0 + c1);
+  dy[L1] = bouc_wen(r, y[L1], v - inner);
+  dy[L2] = inner;
+  *spring = r->k1 * (x - r->x0);
+  return c1 * inner;
+}
+
+/* What is lost or added on the way from the fluid to the rod. */
+static double rod_share(const Rig *r, const Memory *m, double x, double v, double force) {
+  if (r->asym_form == 1) force *= 1 + r->asym_share * v / sqrt(v * v + 1.6e-5);
+  if (r->asym_form == 2) force *= 1 + r->asym_share * tanh(force / 40);
+  if (r->gas_form == 1 && m->direction == r->gas_sign)
+    force *= 1 - r->gas_loss * exp(-fabs(x - m->start) / r->gas_stroke);
+  if (r->gas_form == 2 && v * r->gas_sign > 0) {
+    const double open = 1 - m->pocket / r->gas_stroke;
+    force *= 1 - r->gas_loss * open * open * tanh(fabs(v) / 0.002);
+  }
+  if (r->wear_loss != 0) {
+    const double d = (x - r->wear_x) / r->wear_width;
+    force *= 1 - r->wear_loss * exp(-d * d);
+  }
+  if (r->chatter_share > 0) force *= 1 + r->chatter_share * tanh(fabs(v) / 0.02) * sin(2 * kPi * r->chatter_hz * m->time);
+  if (r->relief_force > 0) force /= pow(1 + pow(fabs(force) / r->relief_force, 8), 0.125);
+  if (r->cavity_force > 0 && force < 0) force = -r->cavity_force * tanh(-force / r->cavity_force);
+  return force;
+}
+
+/* --- mechanics --------------------------------------------------------------------------------------------------- */
+
+static double seal(const Rig *r, double q, double v, double *dq) {
+  const double s = v / r->seal_v;
+  const double limit = r->seal_coulomb * (1 + (r->seal_static - 1) * exp(-s * s));
+  const double stiffness = r->seal_coulomb / r->seal_slide;
+  if (r->seal_form == 3) return limit * tanh(v / (0.1 * r->seal_v));
+  if (r->seal_form == 2) {
+    *dq = v * (1 - stiffness * q / r->seal_coulomb * sign(v));
+    return stiffness * q;
+  }
+  *dq = v - stiffness * fabs(v) * q / limit;
+  return stiffness * q + 0.1 * sqrt(stiffness) * *dq;
+}
+
+static double springs(const Rig *r, double x) {
+  double force = 0;
+  if (r->spring_form == 1) force += r->spring_f0 * pow(clip(1 - x / r->spring_length, 0.05, 20), -1.3);
+  if (r->spring_form == 2) force += r->spring_f0 + r->spring_k * x + r->spring_k3 * x * x * x;
+  if (r->stop_k > 0) force += sign(x) * r->stop_k * pow(positive(fabs(x) - r->stop_x), 1.5);
+  return force;
+}
+
+/* Force at the piston, and what it does to the damper's states. */
+static Force piston(const Rig *r, const Memory *m, const double *y, double x, double v, double b, double *dy) {
+  double spring;
+  Force f;
+  f.fluid = law(r, y, x, v, b, viscosity(r, y[HEAT], v), yielding(r, m, y[HEAT]), &spring, dy);
+  f.fluid = rod_share(r, m, x, v, f.fluid);
+  f.load = f.fluid + spring + springs(r, x);
+  if (r->seal_form) f.load += seal(r, y[BRISTLE], v, &dy[BRISTLE]);
+  if (r->bent_force > 0) f.load += r->bent_force * fabs(x) * tanh(v / 0.002);
+  f.heat = fabs(f.fluid * v);
+  if (r->heat_form) {
+    const double out = r->heat_form == 1 ? r->heat_link * (y[HEAT] - y[BODY]) : r->heat_loss * y[HEAT];
+    dy[HEAT] = (f.heat - out) / r->heat_capacity;
+    if (r->heat_form == 1) dy[BODY] = (out - r->heat_loss * y[BODY]) / r->heat_body;
+  }
+  return f;
+}
+
+static double mount(const Rig *r, double d, double rate) {
+  if (r->mount_form == 1) return r->mount_k * d + r->mount_c * rate;
+  if (r->mount_form == 2) return r->mount_k * d * (1 + pow(d / r->mount_scale, 2)) + r->mount_c * rate;
+  const double depth = fabs(d) - 0.5 * r->mount_gap;
+  if (depth <= 0) return 0;
+  const double speed = rate * sign(d);
+  const double force = r->mount_form == 3 ? r->mount_k * depth + r->mount_c * speed
+                                          : r->mount_k * pow(depth, 1.5) * (1 + r->mount_c * speed);
+  return sign(d) * positive(force);
+}
+
+/* The damper between two points that are x apart: its force on the load cell. */
+static Force damper(const Rig *r, const Memory *m, const double *y, double x, double v, double u, double *dy) {
+  drive(r, y, u, dy);
+  const double b = field(r, m, current(r, y, u));
+  if (!r->mount_form) return piston(r, m, y, x, v, b, dy);
+  Force f = piston(r, m, y, y[XP], y[VP], b, dy);
+  const double inner = f.load;
+  f.load = mount(r, x - y[XP], v - y[VP]);
+  dy[XP] = y[VP];
+  dy[VP] = (f.load - inner) / r->mount_mass;
+  return f;
+}
+
+static void remember(const Rig *r, Memory *m, const double *y, double x, double v, double u, double dt) {
+  const double at = r->mount_form ? y[XP] : x, moved = r->mount_form ? y[VP] * dt : v * dt;
+  m->time += dt;
+  m->path += fabs(moved);
+  m->pocket = clip(m->pocket + r->gas_sign * moved, 0, r->gas_stroke);
+  if (m->direction * (at - m->furthest) > 0) m->furthest = at;
+  if (m->direction * (at - m->furthest) < -2e-5) { /* 20 um of way back make a turn */
+    m->direction = -m->direction;
+    m->start = m->furthest;
+    m->furthest = at;
+  }
+  magnetise(r, m, current(r, y, u));
+}
+
+static void begin(const Rig *r, Memory *m, double *y, double x, double v, double u) {
+  memset(m, 0, sizeof *m);
+  memset(y, 0, kStates * sizeof *y);
+  y[I1] = y[I2] = u;
+  y[L2] = r->law == 3 ? x : 0;
+  y[L1] = r->law == 2 ? x : 0;
+  y[XP] = x;
+  y[VP] = v;
+  m->direction = v < 0 ? -1 : 1;
+  m->start = m->furthest = x;
+  for (int k = 0; k < kPlays; ++k) m->play[k] = u; /* as after an alternating field that died out */
+  magnetise(r, m, u);                              /* relays: risen from zero */
+}
+
+/* --- frame ------------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+  const Rig *rig;
+  const Storey *storey;
+  int from, to;
+} Frame;
+
+static double storey_force(const Storey *s, const double *y, int k, double d, double rate, double *dy) {
+  double stiffness = s->stiffness;
+  if (s->crack > 0 && d > 0) stiffness *= 1 - s->crack;
+  double force = stiffness * d * (1 + s->k3 * d * d) + s->damping * rate + s->c2 * fabs(rate) * rate;
+  if (s->friction_form == 1) force += s->friction * tanh(rate / 5e-4);
+  if (s->friction_form == 2) {
+    dy[FQ + k] = rate * (1 - y[FQ + k] * sign(rate));
+    dy[FQ + k] /= 6e-5;
+    force += s->friction * y[FQ + k];
+  }
+  if (s->yield > 0) { /* half of the stiffness is elastic, half flows */
+    double *dq = &dy[FQ + kStoreys + k];
+    const double q = y[FQ + kStoreys + k], limit = s->yield / (0.5 * s->stiffness);
+    *dq = rate * (1 - 0.5 * (1 + sign(rate * q)) * pow(fabs(q) / limit, 2));
+    force += 0.5 * s->stiffness * (q - d);
+  }
+  if (s->gap > 0) force += s->stop * positive(d - s->gap);
+  return force;
+}
+
+/* Absolute accelerations of the floors into acc; states are relative to the ground. */
+static Force frame(const Frame *f, const Memory *m, const double *y, double ground, double u, double *dy, double *acc) {
+  const double *x = y + FX, *v = y + FV;
+  double load[kStoreys + 1] = {0};
+  for (int k = 0; k < kStoreys; ++k) {
+    const double force =
+        storey_force(&f->storey[k], y, k, x[k] - (k ? x[k - 1] : 0), v[k] - (k ? v[k - 1] : 0), dy);
+    load[k + 1] -= force;
+    load[k] += force;
+  }
+  const double xa = f->from ? x[f->from - 1] : 0, xb = f->to ? x[f->to - 1] : 0;
+  const double va = f->from ? v[f->from - 1] : 0, vb = f->to ? v[f->to - 1] : 0;
+  const Force force = damper(f->rig, m, y, xb - xa, vb - va, u, dy);
+  load[f->to] -= force.load;
+  load[f->from] += force.load;
+  for (int k = 0; k < kStoreys; ++k) {
+    const Storey *s = &f->storey[k];
+    if (s->hung_mass > 0) {
+      const double w = 2 * kPi * s->hung_hz, d = y[HX + k] - x[k], rate = y[HV + k] - v[k];
+      const double pull = s->hung_mass * (w * w * d + 2 * s->hung_ratio * w * rate);
+      load[k + 1] += pull;
+      dy[HX + k] = y[HV + k];
+      dy[HV + k] = -pull / s->hung_mass - ground;
+    }
+    acc[k] = load[k + 1] / s->mass;
+    dy[FX + k] = v[k];
+    dy[FV + k] = acc[k] - ground;
+  }
+  return force;
+}
+
+/* --- runs -------------------------------------------------------------------------------------------------------- */
+
+/* Runge-Kutta's four stages; RATES(at, y, dy) with `at` counting half steps from here. */
+#define RUNGE_KUTTA(h, size, y, RATES)                                                    \
+  do {                                                                                    \
+    double k1[kStates] = {0}, k2[kStates] = {0}, k3[kStates] = {0}, k4[kStates] = {0}, w[kStates]; \
+    RATES(0, (y), k1);                                                                    \
+    for (int j_ = 0; j_ < (size); ++j_) w[j_] = (y)[j_] + 0.5 * (h) * k1[j_];              \
+    RATES(1, w, k2);                                                                      \
+    for (int j_ = 0; j_ < (size); ++j_) w[j_] = (y)[j_] + 0.5 * (h) * k2[j_];              \
+    RATES(1, w, k3);                                                                      \
+    for (int j_ = 0; j_ < (size); ++j_) w[j_] = (y)[j_] + (h) * k3[j_];                    \
+    RATES(2, w, k4);                                                                      \
+    for (int j_ = 0; j_ < (size); ++j_)                                                   \
+      (y)[j_] += (h) / 6 * (k1[j_] + 2 * k2[j_] + 2 * k3[j_] + k4[j_]);                    \
+  } while (0)
+
+#define EXPORT __attribute__((visibility("default")))
+
+EXPORT int rig_names(char *text, int size) {
+  static const char names[] =
+#define X(name) #name " "
+      RIG_NUMBERS(X) "| " STOREY_NUMBERS(X)
+#undef X
+      ;
+  if (size < (int)sizeof names) return (int)sizeof names;
+  memcpy(text, names, sizeof names);
+  return 0;
+}
+
+/* x, v, u: (2 n - 1,) at half steps. out: (n, 6). Returns the step at which a number stopped being finite, or -1. */
+EXPORT long rig_damper(const double *numbers, double h, long n, const double *x, const double *v, const double *u,
+                       double *out) {
+  const Rig *r = (const Rig *)numbers;
+  double y[kStates];
+  Memory m;
+  begin(r, &m, y, x[0], v[0], u[0]);
+  for (long k = 0; k < n; ++k) {
+    const long at = 2 * k;
+    double rest[kStates] = {0};
+    const Force f = damper(r, &m, y, x[at], v[at], u[at], rest);
+    double *row = out + kDamperColumns * k;
+    row[0] = f.load, row[1] = f.fluid, row[2] = current(r, y, u[at]);
+    row[3] = field(r, &m, row[2]), row[4] = y[HEAT], row[5] = r->mount_form ? y[XP] : x[at];
+    if (!isfinite(f.load) || !isfinite(y[XP])) return k;
+    if (k == n - 1) break;
+#define RATES(i, state, rate) damper(r, &m, state, x[at + (i)], v[at + (i)], u[at + (i)], rate)
+    RUNGE_KUTTA(h, kDamper, y, RATES);
+#undef RATES
+    remember(r, &m, y, x[at + 2], v[at + 1], u[at + 2], h);
+  }
+  return -1;
+}
+
+/* storeys: (3, numbers of a storey). ground (m/s2), u: (2 n - 1,) at half steps. out: (n, 11): absolute accelerations,
+ * displacements to the ground, force on the structure's load cell, stroke, current, field, temperature rise. */
+EXPORT long rig_frame(const double *numbers, const double *storeys, int from, int to, double h, long n,
+                      const double *ground, const double *u, double *out) {
+  const Frame f = {(const Rig *)numbers, (const Storey *)storeys, from, to};
+  double y[kStates], acc[kStoreys], scratch[kStoreys];
+  Memory m;
+  begin(f.rig, &m, y, 0, 0, u[0]);
+  for (long k = 0; k < n; ++k) {
+    const long at = 2 * k;
+    double rest[kStates] = {0};
+    const Force force = frame(&f, &m, y, ground[at], u[at], rest, acc);
+    double *row = out + kFrameColumns * k;
+    memcpy(row, acc, sizeof acc);
+    memcpy(row + kStoreys, y + FX, kStoreys * sizeof *y);
+    row[2 * kStoreys] = force.load;
+    row[2 * kStoreys + 1] = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
+    row[2 * kStoreys + 2] = current(f.rig, y, u[at]);
+    row[2 * kStoreys + 3] = field(f.rig, &m, row[2 * kStoreys + 2]);
+    row[2 * kStoreys + 4] = y[HEAT];
+    if (!isfinite(force.load) || !isfinite(acc[0]) || !isfinite(y[XP])) return k;
+    if (k == n - 1) break;
+#define RATES(i, state, rate) frame(&f, &m, state, ground[at + (i)], u[at + (i)], rate, scratch)
+    RUNGE_KUTTA(h, kStates, y, RATES);
+#undef RATES
+    const double stroke = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
+    const double speed = (to ? y[FV + to - 1] : 0) - (from ? y[FV + from - 1] : 0);
+    remember(f.rig, &m, y, stroke, speed, u[at + 2], h);
+  }
+  return -1;
+}

@@ -1,0 +1,107 @@
+"""The reference rig's library (`rig.c`): one damper or one frame through one test."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import mrdamp
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+Numbers = Mapping[str, float]
+
+LAWS = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
+#: Steps a second of the integration; the rig takes its inputs at half steps.
+RATE_HZ = 25_000
+INPUT_RATE_HZ = 2 * RATE_HZ
+
+_DAMPER = ("force", "fluid", "current", "field", "heat", "piston")
+_FRAME = (
+    *(f"acceleration{k}" for k in (1, 2, 3)),
+    *(f"displacement{k}" for k in (1, 2, 3)),
+    *("force", "stroke", "current", "field", "heat"),
+)
+_double_p = ctypes.POINTER(ctypes.c_double)
+
+
+@functools.cache
+def _library() -> tuple[ctypes.CDLL, tuple[str, ...], tuple[str, ...]]:
+    """The library, the names of a rig's numbers and of a storey's."""
+    lib = ctypes.CDLL(str(_path()))
+    for name in ("rig_damper", "rig_frame"):
+        getattr(lib, name).restype = ctypes.c_long
+    text = ctypes.create_string_buffer(4096)
+    lib.rig_names(text, len(text))
+    rig, storey = text.value.decode().split("|")
+    return lib, tuple(rig.split()), tuple(storey.split())
+
+
+def _path() -> Path:
+    # An editable install keeps the compiled library in site-packages and the Python files where they stand.
+    for folder in mrdamp.__path__:
+        path = Path(folder) / "blindtest" / "librig.so"
+        if path.is_file():
+            return path
+    raise InputError("mrdamp: blindtest/librig.so is missing from the package; install again: pip install .")
+
+
+def run_damper(numbers: Numbers, x: Array, v: Array, u: Array) -> dict[str, Array]:
+    """A rod that is moved by a machine.
+
+    numbers: names as in `rig.c`, with `law` one of `LAWS` by its place; those left out are zero (neutral).
+    x (m), v (m/s), u (command): (2 n - 1,) at half steps. Returns (n,) arrays at `RATE_HZ`: force on the load cell (N),
+    the fluid's share, current, field, heat (K over the surroundings), piston (m).
+
+    Raises InputError for an unknown number and where a run blows up.
+    """
+    lib, names, _ = _library()
+    n = (len(x) + 1) // 2
+    out = np.empty((n, len(_DAMPER)))
+    held = [_row(names, numbers), *(np.ascontiguousarray(a, dtype=float) for a in (x, v, u))]
+    table, *inputs = (_pointer(a) for a in held)
+    step = ctypes.c_double(1 / RATE_HZ)
+    _finite(lib.rig_damper(table, step, ctypes.c_long(n), *inputs, _pointer(out)))
+    return dict(zip(_DAMPER, out.T, strict=True))
+
+
+def run_frame(
+    numbers: Numbers, storeys: Sequence[Numbers], between: tuple[int, int], ground: Array, u: Array
+) -> dict[str, Array]:
+    """A shear frame of three storeys on a shaking table with the damper between two floors (0 is the ground).
+
+    storeys: their numbers from the ground up. ground (m/s2), u: (2 n - 1,) at half steps. Returns (n,) arrays at
+    `RATE_HZ`: acceleration1..3 (absolute, m/s2), displacement1..3 (to the ground, m), force (N), stroke (m), current,
+    field, heat (K).
+    """
+    lib, names, storey_names = _library()
+    n = (len(ground) + 1) // 2
+    out = np.empty((n, len(_FRAME)))
+    table = np.concatenate([_row(storey_names, s) for s in storeys])
+    held = [_row(names, numbers), table, *(np.ascontiguousarray(a, dtype=float) for a in (ground, u))]
+    rig, frame, *inputs = (_pointer(a) for a in held)
+    ends = (ctypes.c_int(between[0]), ctypes.c_int(between[1]))
+    step = ctypes.c_double(1 / RATE_HZ)
+    _finite(lib.rig_frame(rig, frame, *ends, step, ctypes.c_long(n), *inputs, _pointer(out)))
+    return dict(zip(_FRAME, out.T, strict=True))
+
+
+def _row(names: tuple[str, ...], numbers: Numbers) -> Array:
+    unknown = set(numbers) - set(names)
+    if unknown:
+        raise InputError(f"reference rig: no number {sorted(unknown)}; there are {', '.join(names)}")
+    return np.array([numbers.get(name, 0.0) for name in names], dtype=float)
+
+
+def _pointer(array: Array) -> object:
+    return array.ctypes.data_as(_double_p)
+
+
+def _finite(step: int) -> None:
+    if step >= 0:
+        raise InputError(f"reference rig: the run blows up after {step / RATE_HZ:.4f} s")

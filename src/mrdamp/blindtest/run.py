@@ -1,0 +1,170 @@
+"""A blind test: cases from a secret seed, labels sealed, every case diagnosed, labels opened, figures."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+
+from mrdamp.blindtest import damper_case, deck, frame_case, score, seal
+from mrdamp.blindtest.score import Row
+from mrdamp.blindtest.sizing import Task
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+from mrdamp.model import Model
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Where things of a blind test lie."""
+
+    root: Path
+
+    @property
+    def cases(self) -> Path:
+        return self.root / "cases"
+
+    @property
+    def sealed(self) -> Path:
+        """Labels, seed and the tests that no case holds."""
+        return self.root / "sealed"
+
+    @property
+    def tests(self) -> Path:
+        return self.sealed / "tests"
+
+    @property
+    def answers(self) -> Path:
+        return self.root / "answers"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a blind test consists of."""
+
+    count: int
+    rig: str = "both"
+    timeout: float = 300.0
+    jobs: int = 1
+
+
+def make_cases(out: Folders, plan: Plan, seed: int, progress: Progress) -> str:
+    """Makes the cases that are still missing and seals all labels; returns their hash.
+
+    The seed is sealed with the first call; a later one goes on with that, whatever seed it is given.
+    """
+    if seal.is_sealed(out.sealed, "labels"):
+        return seal.digest_of(out.sealed, "labels")
+    if not seal.is_sealed(out.sealed, "seed"):
+        seal.seal(out.sealed, "seed", {"seed": {"entropy": seed, "count": plan.count, "rig": plan.rig}})
+    drawn = seal.open_labels(out.sealed, "seed")[1]["seed"]
+    if (drawn["count"], drawn["rig"]) != (plan.count, plan.rig):
+        raise InputError(
+            f"{out.root}: holds a blind test of {drawn['count']} cases, rig {drawn['rig']}; name another folder"
+        )
+    deal, draws = np.random.SeedSequence(drawn["entropy"]).spawn(2)
+    tasks = deck.draw(deal, plan.count, plan.rig)
+    left = [
+        (task, own)
+        for task, own in zip(tasks, draws.spawn(len(tasks)), strict=True)
+        if not seal.is_sealed(out.sealed, task.name)
+    ]
+    work = joblib.Parallel(n_jobs=plan.jobs, return_as="generator_unordered")
+    for done, _ in enumerate(work(joblib.delayed(_make_sealed)(out, task, own) for task, own in left), 1):
+        ready = plan.count - len(left) + done
+        progress(f"cases {ready}/{plan.count}", ready / plan.count)
+    labels = {task.name: seal.open_labels(out.sealed, task.name)[1][task.name] for task in tasks}
+    digest = seal.seal(out.sealed, "labels", labels)
+    write_atomic(out.root / "labels.sha256", f"{digest}\n")
+    return digest
+
+
+def diagnose_cases(out: Folders, plan: Plan, progress: Progress) -> None:
+    """Runs `mrdamp diagnose` on each case that has no answer yet, each in a process of its own."""
+    cases = sorted(path.name for path in out.cases.iterdir() if (path / "case.json").is_file())
+    left = [name for name in cases if not (out.answers / name / "run.json").is_file()]
+    work = joblib.Parallel(n_jobs=plan.jobs, return_as="generator_unordered")
+    runs = work(joblib.delayed(diagnose_one)(out.cases / n, out.answers / n, plan.timeout) for n in left)
+    for done, _ in enumerate(runs, 1):
+        ready = len(cases) - len(left) + done
+        progress(f"diagnoses {ready}/{len(cases)}", ready / len(cases))
+
+
+def diagnose_one(case: Path, out: Path, timeout: float) -> None:
+    """One diagnosis; run.json says how it went and how long it took."""
+    out.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "mrdamp.cli", "diagnose", str(case), "-o", str(out)]
+    quiet = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    start = time.monotonic()
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, **quiet},
+    )
+    try:
+        told = process.communicate(timeout=timeout)[1]
+        verdict = "done" if process.returncode == 0 else "failed"
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        told, verdict = process.communicate()[1], "timeout"
+    last = told.strip().splitlines()[-1:] if verdict != "done" else []
+    run = {"verdict": verdict, "seconds": round(time.monotonic() - start, 2), "error": "".join(last)[:300]}
+    write_atomic(out / "run.json", json.dumps(run) + "\n")
+
+
+def open_and_score(out: Folders) -> list[Row]:
+    """Opens the labels, which are written to labels.json then, and judges every answer."""
+    salt, labels = seal.open_labels(out.sealed, "labels")
+    write_atomic(out.root / "labels.json", json.dumps(labels, indent=1, sort_keys=True) + "\n")
+    write_atomic(out.root / "labels.salt", f"{salt}\n")
+    return [
+        judge(name, label, out.answers / name, out.tests / f"{name}.npz") for name, label in labels.items()
+    ]
+
+
+def judge(case: str, label: dict[str, Any], answers: Path, tests: Path) -> Row:
+    """The row of a case whose answer lies in a folder."""
+    run = json.loads((answers / "run.json").read_text())
+    if run["verdict"] != "done":
+        return score.failed(case, label, run["verdict"], run["seconds"], run["error"])
+    try:
+        answer = score.read_answer(answers)
+        model = Model.read(answers / "corrected.json")
+        gaps = score.gaps(tests, lambda inputs: model.simulate(_sample_time(inputs), inputs))
+        return score.row(case, label, answer, gaps, run["seconds"])
+    except (OSError, KeyError, ValueError) as error:
+        return score.failed(case, label, "failed", run["seconds"], str(error)[:300])
+
+
+def answers_digest(out: Folders) -> str:
+    """SHA-256 over all answers: what was answered before the labels were opened."""
+    total = hashlib.sha256()
+    for path in sorted(out.answers.glob("*/diagnosis.json")):
+        total.update(path.read_bytes())
+    return total.hexdigest()
+
+
+def _sample_time(inputs: Any) -> float:
+    return float(inputs["time_s"][1] - inputs["time_s"][0])
+
+
+def _make_sealed(out: Folders, task: Task, seed: np.random.SeedSequence) -> None:
+    maker = damper_case.make if task.rig == "damper" else frame_case.make
+    label = maker(task, out.cases / task.name, out.tests / f"{task.name}.npz", seed)
+    seal.seal(out.sealed, task.name, {task.name: label})

@@ -1,0 +1,264 @@
+"""How right the answers are: the rows of a blind test and its figures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.blindtest.rig import Array
+
+NOT_EFFECTS = ("none", "parameters")
+#: Simulated channels for a test's inputs.
+Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
+Cause = tuple[str, str | None]
+_SKIP = 50
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case: what it is and what was answered.
+
+    before, after: the gap of the nominal and of the corrected model on tests that no case holds (NaN where there is
+    no corrected model). probability: what the answer said of itself, NaN where it said nothing.
+    """
+
+    case: str
+    rig: str
+    label: str
+    stages: tuple[str, ...]
+    weak: bool
+    verdict: str
+    named: frozenset[Cause]
+    tied: tuple[frozenset[str], ...]
+    stage: str | None
+    probability: float
+    before: float
+    after: float
+    seconds: float
+    error: str = ""
+
+    @property
+    def want(self) -> str:
+        """The right verdict."""
+        if self.label in NOT_EFFECTS:
+            return self.label
+        return "unknown" if self.label.startswith("~") else "effect"
+
+    @property
+    def causes(self) -> frozenset[Cause]:
+        """The right effects with their places."""
+        if self.want != "effect":
+            return frozenset()
+        parts = (part.partition("@") for part in self.label.split("+"))
+        return frozenset((name, place or None) for name, _, place in parts)
+
+    @property
+    def right(self) -> bool:
+        """Verdict and effects with their places are right."""
+        return self.verdict == self.want and (self.want != "effect" or self.named == self.causes)
+
+    @property
+    def right_or_tied(self) -> bool:
+        """Right, or one effect that was declared to be one of two or three that cannot be told apart."""
+        effects, named = {name for name, _ in self.causes}, {name for name, _ in self.named}
+        declared = any(len(tie) <= 3 and effects <= tie and named <= tie for tie in self.tied)
+        return self.right or (self.want == "effect" and len(self.causes) == 1 and declared)
+
+    @property
+    def stage_right(self) -> bool:
+        """The stage with the largest share is one of the causes'; right too where no stage was given."""
+        return self.want == "none" or self.stage is None or self.stage in self.stages
+
+    @property
+    def shrink(self) -> float:
+        """Share of the gap that the correction takes away on unseen tests."""
+        return 1 - self.after / self.before if self.before > 0 else math.nan
+
+
+def row(
+    case: str, label: Mapping[str, Any], answer: Mapping[str, Any], gaps: tuple[float, float], seconds: float
+) -> Row:
+    """A row out of a label and what `diagnosis.json` says."""
+    named = frozenset(
+        (e["name"], None if e.get("place") is None else str(e["place"])) for e in answer["effects"]
+    )
+    stages = answer.get("where", {}).get("stages", {})
+    return Row(
+        case,
+        str(label.get("rig", "")),
+        label["label"],
+        tuple(label["stages"]),
+        bool(label.get("weak", False)),
+        answer["verdict"],
+        named,
+        tuple(frozenset(tie) for tie in answer.get("indistinguishable", [])),
+        max(stages, key=stages.get) if stages else None,
+        stated(answer),
+        *gaps,
+        seconds,
+    )
+
+
+def failed(case: str, label: Mapping[str, Any], verdict: str, seconds: float, error: str) -> Row:
+    """A row of a case without an answer."""
+    return Row(
+        case,
+        str(label.get("rig", "")),
+        label["label"],
+        tuple(label["stages"]),
+        bool(label.get("weak", False)),
+        verdict,
+        named=frozenset(),
+        tied=(),
+        stage="",
+        probability=math.nan,
+        before=math.nan,
+        after=math.nan,
+        seconds=seconds,
+        error=error,
+    )
+
+
+def stated(answer: Mapping[str, Any]) -> float:
+    """The probability that an answer gives itself: that of its verdict, or of its set of effects; NaN if none."""
+    if answer["verdict"] != "effect":
+        return float(answer.get("probabilities", {}).get(answer["verdict"], math.nan))
+    names = sorted(_written(e) for e in answer["effects"])
+    for candidate in answer.get("candidates", []):
+        if sorted(candidate["effects"]) == names:
+            return float(candidate["probability"])
+    return float(min((e["probability"] for e in answer["effects"]), default=math.nan))
+
+
+def _written(effect: Mapping[str, Any]) -> str:
+    return effect["name"] if effect.get("place") is None else f"{effect['name']}@{effect['place']}"
+
+
+def gaps(tests: Path, predict: Predict) -> tuple[float, float]:
+    """Gap of the nominal model and of a corrected one, over all tests and channels of a file (root of the sum of
+    squared relative errors, as the shared scorer has it)."""
+    arrays = np.load(tests)
+    before = after = 0.0
+    for test in sorted({key.split("/")[0] for key in arrays.files}):
+        own = {k.split("/")[1]: arrays[k].astype(float) for k in arrays.files if k.startswith(f"{test}/")}
+        simulated = predict(own)
+        if "ground_acceleration_m_s2" in own:
+            names = [(f"floor{k}_acceleration_m_s2", f"nominal_floor{k}_acceleration") for k in (1, 2, 3)]
+        else:
+            names = [("force_N", "nominal_N")]
+        for name, nominal in names:
+            truth = own[name][_SKIP:]
+            size = np.mean(truth**2)
+            before += float(np.mean((own[nominal][_SKIP:] - truth) ** 2) / size)
+            after += float(np.mean((simulated[name][_SKIP:] - truth) ** 2) / size)
+    return math.sqrt(before), math.sqrt(after)
+
+
+@dataclass(frozen=True)
+class Share:
+    """So many of so many, with the 95 % interval of Wilson 1927, doi:10.1080/01621459.1927.10502953."""
+
+    right: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        return self.right / self.of if self.of else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        if not self.of:
+            return math.nan, math.nan
+        z, n, p = 1.96, self.of, self.value
+        middle, half = p + z**2 / (2 * n), z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+        return (middle - half) / (1 + z**2 / n), (middle + half) / (1 + z**2 / n)
+
+
+def shares(rows: Sequence[Row]) -> dict[str, Share]:
+    """The figures that are counts."""
+
+    def share(of: Callable[[Row], bool], right: Callable[[Row], bool] = lambda r: r.right) -> Share:
+        chosen = [r for r in rows if of(r)]
+        return Share(sum(map(right, chosen)), len(chosen))
+
+    def single(r: Row) -> bool:
+        return r.want == "effect" and len(r.causes) == 1
+
+    return {
+        "single effects named": share(single),
+        "single effects named, or in a declared tie of 2 or 3": share(single, lambda r: r.right_or_tied),
+        "weak single effects named": share(lambda r: single(r) and r.weak),
+        "pairs named": share(lambda r: len(r.causes) == 2),
+        "no false alarm (none, parameters)": share(lambda r: r.want in NOT_EFFECTS),
+        "nothing invented (no effect where there is none)": share(
+            lambda r: r.want in NOT_EFFECTS, lambda r: r.verdict in NOT_EFFECTS
+        ),
+        "unknown said": share(lambda r: r.want == "unknown"),
+        "stage": share(lambda r: r.want not in NOT_EFFECTS, lambda r: r.stage_right),
+        "all": share(lambda r: True),
+    }
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The figures that are not counts: shrink on unseen tests, expected calibration error, seconds a case."""
+
+    shrink_median: float
+    shrink_worst_tenth: float
+    shrink_count: int
+    calibration_error: float
+    seconds_median: float
+    seconds_worst: float
+
+
+def numbers(rows: Sequence[Row]) -> Numbers:
+    """Shrink of the cases with an effect, calibration of all, time of all."""
+    shrink = [r.shrink for r in rows if r.want == "effect" and math.isfinite(r.shrink)]
+    seconds = [r.seconds for r in rows] or [math.nan]
+    return Numbers(
+        float(np.median(shrink)) if shrink else math.nan,
+        float(np.quantile(shrink, 0.1)) if shrink else math.nan,
+        len(shrink),
+        calibration_error(rows),
+        float(np.median(seconds)),
+        float(np.max(seconds)),
+    )
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Answers of like probability: mean of what they stated, and how many of how many were right."""
+
+    stated: float
+    share: Share
+
+
+def reliability(rows: Sequence[Row], bins: int = 10) -> list[Bin]:
+    """Answers by the probability that they gave themselves, in bins of equal width; empty ones are left out."""
+    said = [r for r in rows if math.isfinite(r.probability)]
+    out = []
+    for k in range(bins):
+        inside = [r for r in said if k == min(int(r.probability * bins), bins - 1)]
+        if inside:
+            mean = float(np.mean([r.probability for r in inside]))
+            out.append(Bin(mean, Share(sum(r.right for r in inside), len(inside))))
+    return out
+
+
+def calibration_error(rows: Sequence[Row]) -> float:
+    """Expected calibration error: mean over answers of |stated - found| of their bin (Naeini et al. 2015)."""
+    found = reliability(rows)
+    total = sum(b.share.of for b in found)
+    return sum(b.share.of * abs(b.stated - b.share.value) for b in found) / total if total else math.nan
+
+
+def read_answer(folder: Path) -> dict[str, Any]:
+    """`diagnosis.json` of a folder."""
+    answer: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text())
+    return answer

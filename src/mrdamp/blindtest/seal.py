@@ -1,0 +1,72 @@
+"""Labels that nobody reads before the answers are in: a commitment by hash, and a file that has to be opened.
+
+The hash of salt and labels is printed before any diagnosis starts, so that labels cannot be changed afterwards. The
+file is masked so that nothing reads it in passing; its key lies beside it, and `open_labels` unmasks and checks it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+from pathlib import Path
+from typing import Any
+
+from mrdamp.errors import InputError
+from mrdamp.files import read_bytes, write_atomic
+
+Labels = dict[str, dict[str, Any]]
+
+
+def seal(folder: Path, name: str, content: Labels) -> str:
+    """Masks labels into folder/NAME.sealed and returns the SHA-256 of salt and labels."""
+    folder.mkdir(parents=True, exist_ok=True)
+    key_file = folder / "key"
+    if not key_file.exists():
+        write_atomic(key_file, secrets.token_hex(32) + "\n")
+    salt = secrets.token_hex(16)
+    text = salt + json.dumps(content, indent=1, sort_keys=True)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    masked = _mask(text.encode(), _key(folder, name, digest))
+    write_atomic(folder / f"{name}.sealed", f"{digest}\n{masked.hex()}\n")
+    return digest
+
+
+def is_sealed(folder: Path, name: str) -> bool:
+    """Whether there are labels of that name."""
+    return (folder / f"{name}.sealed").is_file()
+
+
+def digest_of(folder: Path, name: str) -> str:
+    """The hash that was given when the labels were sealed."""
+    return _parts(folder, name)[0]
+
+
+def open_labels(folder: Path, name: str) -> tuple[str, Labels]:
+    """Salt and labels; raises InputError where they are not those that were sealed."""
+    digest, masked = _parts(folder, name)
+    text = _mask(masked, _key(folder, name, digest))
+    if hashlib.sha256(text).hexdigest() != digest:
+        raise InputError(f"{folder / name}.sealed: the labels are not those whose hash was given: {digest}")
+    salt, content = text[:32].decode(), json.loads(text[32:])
+    return salt, content
+
+
+def _parts(folder: Path, name: str) -> tuple[str, bytes]:
+    path = folder / f"{name}.sealed"
+    lines = read_bytes(path).decode().split("\n")
+    try:
+        return lines[0], bytes.fromhex(lines[1])
+    except (IndexError, ValueError):
+        raise InputError(f"{path}: damaged; a hash and a line of hexadecimal digits are needed") from None
+
+
+def _key(folder: Path, name: str, digest: str) -> bytes:
+    return hashlib.sha256(read_bytes(folder / "key") + f"{name} {digest}".encode()).digest()
+
+
+def _mask(data: bytes, key: bytes) -> bytes:
+    """Exclusive or with a stream of SHA-256 blocks; its own inverse."""
+    blocks = range(-(-len(data) // 32))
+    stream = b"".join(hashlib.sha256(key + block.to_bytes(8)).digest() for block in blocks)
+    return bytes(a ^ b for a, b in zip(data, stream[: len(data)], strict=True))

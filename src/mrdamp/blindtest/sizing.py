@@ -1,0 +1,75 @@
+"""How strong a cause is made: the size at which it opens the gap that was drawn for the case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.blindtest.rig import Array
+
+_SKIP = 50  # samples at the start that no gap counts
+_SMALLEST, _STEPS = 0.004, 8
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a case is about.
+
+    label: `none`, `parameters`, an effect, two joined by `+`, or `~` and a cause outside the catalogue; in a frame
+    with `@` and its place. weak: a gap just above the noise.
+    """
+
+    name: str
+    rig: str
+    label: str
+    weak: bool = False
+
+    @property
+    def parts(self) -> list[str]:
+        """The causes of the label."""
+        return [] if self.label in ("none", "parameters") else self.label.removeprefix("~").split("+")
+
+    @property
+    def mounted(self) -> bool:
+        """The damper hangs on something that gives way."""
+        return any(part in ("mount_compliance", "backlash") for part in self.parts)
+
+    @property
+    def outside(self) -> bool:
+        """The cause is not in the catalogue."""
+        return self.label.startswith("~")
+
+
+def relative(simulated: Array, measured: Array) -> float:
+    """RMS error over the RMS of the measurement."""
+    error = (simulated - measured)[_SKIP:]
+    return float(np.sqrt(np.mean(error**2) / np.mean(measured[_SKIP:] ** 2)))
+
+
+def pooled(gaps: list[float]) -> float:
+    """Root mean square of gaps."""
+    return float(np.sqrt(np.mean(np.square(gaps))))
+
+
+def goal(rng: np.random.Generator, *, weak: bool, noise: float) -> float:
+    """The gap to open, of the RMS; `noise`: that of the measurement, of the RMS too."""
+    low, high = (1.5 * noise, 3.0 * noise) if weak else (max(0.05, 4 * noise), 0.3)
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def size_for(gap: Callable[[float], float], wanted: float) -> float:
+    """The size from 0.004 to 1 at which a growing gap is the wanted one to 15 %; an end where it is out of reach."""
+    low, high = (np.log(_SMALLEST), np.log(1e-6)), (0.0, np.log(gap(1.0)))
+    if high[1] <= np.log(wanted):
+        return 1.0
+    size = -1.0
+    for step in range(_STEPS):
+        found = size, float(np.log(max(gap(float(np.exp(size))), 1e-6)))
+        if abs(found[1] - np.log(wanted)) < 0.15:
+            break
+        low, high = (found, high) if found[1] < np.log(wanted) else (low, found)
+        share = (np.log(wanted) - low[1]) / (high[1] - low[1]) if step % 2 == 0 and low[1] > -13 else 0.5
+        size = low[0] + float(np.clip(share, 0.1, 0.9)) * (high[0] - low[0])
+    return float(np.exp(size))

@@ -1,0 +1,83 @@
+"""The command `mrdamp blindtest`: cases whose causes are withheld, diagnosed, then opened and judged."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+from pathlib import Path
+from typing import Any
+
+from mrdamp.commands import add_command
+from mrdamp.commands.output import progress_bar
+from mrdamp.errors import InputError
+
+
+def add_to(commands: Any) -> None:
+    """Adds `blindtest`."""
+    p = add_command(
+        commands,
+        "blindtest",
+        run_blindtest,
+        "check the diagnosis on cases of a reference rig whose causes are sealed until it has answered",
+        "mrdamp blindtest out/blind --cases 200 --jobs 2",
+    )
+    p.add_argument("out", type=Path, help="folder to write; an interrupted run goes on there")
+    p.add_argument("--cases", type=int, default=200, help="(default: %(default)s)")
+    p.add_argument(
+        "--rig", choices=["damper", "frame", "both"], default="both", help="(default: %(default)s)"
+    )
+    seed = p.add_mutually_exclusive_group()
+    seed.add_argument("--seed-from-os", action="store_true", help="a secret seed (the default)")
+    seed.add_argument("--seed", type=int, help="a known seed: for development; no evidence")
+    p.add_argument("--jobs", type=int, default=1, help="cases at a time (default: %(default)s)")
+    p.add_argument(
+        "--timeout", type=float, default=300.0, help="seconds a diagnosis may take (default: %(default)s)"
+    )
+    p.add_argument("--cases-only", action="store_true", help="make and seal the cases, and stop there")
+    p.add_argument(
+        "--baselines", action="store_true", help="simpler methods beside the diagnosis, on the same cases"
+    )
+
+
+def run_blindtest(a: argparse.Namespace) -> int:
+    """Makes the cases, prints the hash of their labels, diagnoses, opens, judges; writes index.html and tables."""
+    from mrdamp.blindtest import report, score
+    from mrdamp.blindtest import run as blind
+
+    if a.cases < 1 or a.jobs < 1 or a.timeout <= 0:
+        raise InputError("--cases and --jobs must be at least 1, and --timeout positive")
+    if a.seed is not None and a.seed < 0:
+        raise InputError(f"--seed {a.seed}: it must not be negative")
+    out = blind.Folders(a.out)
+    plan = blind.Plan(a.cases, a.rig, a.timeout, a.jobs)
+    try:
+        a.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    with progress_bar() as progress:
+        digest = blind.make_cases(out, plan, secrets.randbits(64) if a.seed is None else a.seed, progress)
+    print(f"labels sealed; SHA-256 of salt and labels: {digest}", flush=True)
+    if a.cases_only:
+        return 0
+    with progress_bar() as progress:
+        blind.diagnose_cases(out, plan, progress)
+    print(f"answers given; SHA-256 of all answers:     {blind.answers_digest(out)}", flush=True)
+    rows = blind.open_and_score(out)
+    others = {}
+    if a.baselines:
+        from mrdamp.blindtest import baselines
+
+        with progress_bar() as progress:
+            others = baselines.run_all(out, plan.jobs, progress)
+    report.write(a.out, rows, digest, others)
+    for r in rows:
+        print(f"{'ok ' if r.right else 'NO '} {r.case}  {r.label:34s} -> {report.said(r)}")
+    for name, share in score.shares(rows).items():
+        if share.of:
+            print(f"{name}: {share.right}/{share.of} = {share.value:.3f}")
+    n = score.numbers(rows)
+    print(f"shrink on unseen tests: median {n.shrink_median:.3f}, worst tenth {n.shrink_worst_tenth:.3f}")
+    print(f"expected calibration error {n.calibration_error:.3f}")
+    print(f"seconds a case: median {n.seconds_median:.1f}, worst {n.seconds_worst:.1f}")
+    print(f"page: {a.out / 'index.html'}")
+    return 0

@@ -1,0 +1,223 @@
+"""Cases of the blind test: their files, what they are made of, and that the diagnosis knows nothing of them."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mrdamp
+from mrdamp.blindtest import causes, damper_case, deck, frame_case, frame_causes, recorder, unknown
+from mrdamp.blindtest.bench import Truth
+from mrdamp.blindtest.causes import Scale
+from mrdamp.blindtest.make import main
+from mrdamp.blindtest.rig import Array
+from mrdamp.blindtest.sizing import Task, goal, relative, size_for
+from mrdamp.model import Model, damper_effects
+from mrdamp.records import read_record
+
+PACKAGE = Path(mrdamp.__file__).parent
+SCALE = Scale(force=500.0, power=40.0, stroke=0.005, acceleration=1.0, command=1.0)
+
+
+def made(task: Task, folder: Path, seed: int) -> tuple[Path, dict[str, dict[str, Array]], dict[str, object]]:
+    """Case folder, tests by name and channel, label."""
+    maker = damper_case.make if task.rig == "damper" else frame_case.make
+    label = maker(task, folder / "case", folder / "tests.npz", np.random.SeedSequence(seed))
+    arrays, tests = np.load(folder / "tests.npz"), dict[str, dict[str, Array]]()
+    for key in arrays.files:
+        test, channel = key.split("/")
+        tests.setdefault(test, {})[channel] = arrays[key].astype(float)
+    return folder / "case", tests, label
+
+
+# --- one case ---------------------------------------------------------------------------------
+def test_damper_case_without_a_gap(tmp_path: Path) -> None:
+    case, tests, label = made(Task("x", "damper", "none"), tmp_path, 3)
+    model, told = Model.read(case), json.loads((case / "case.json").read_text())
+    assert label["gap"] == pytest.approx(0.0, abs=1e-6)
+    assert told["rig"] == "damper"
+    assert told["records"] == sorted(path.name for path in case.glob("*.csv.gz"))
+    for channels in tests.values():  # the plugin agrees with the rig
+        force = model.simulate(0.002, channels)["force_N"]
+        assert relative(force, channels["nominal_N"]) < 0.01
+        assert relative(channels["nominal_N"], channels["force_N"]) < 1e-6
+    level = label["noise"]
+    assert isinstance(level, float)
+    for name in told["records"]:
+        record = read_record(case / name)
+        assert list(record.channels) == told["channels"]
+        assert record.sample_time == pytest.approx(0.002)
+    again = read_record(case / told["records"][-1])
+    first = read_record(case / next(name for name in told["records"] if "sine_random" in name))
+    assert again.command == pytest.approx(first.command)
+    difference = again.channel("force_N") - first.channel("force_N")
+    size = float(np.sqrt(np.mean(first.channel("force_N") ** 2)))
+    assert np.std(difference) / np.sqrt(2) / size == pytest.approx(level, rel=0.6)
+
+
+def test_effect_opens_a_gap_and_repeats(tmp_path: Path) -> None:
+    case, tests, label = made(Task("x", "damper", "seal_friction"), tmp_path / "a", 7)
+    assert label["stages"] == ["mechanics"]
+    assert 0.02 < float(str(label["gap"])) < 0.6
+    found = [relative(c["nominal_N"], c["force_N"]) for c in tests.values()]
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(label["gap"], rel=1e-3)
+    other, _, _ = made(Task("x", "damper", "seal_friction"), tmp_path / "b", 7)
+    for path in sorted(case.iterdir()):
+        assert path.read_bytes() == (other / path.name).read_bytes()
+
+
+def test_frame_case(tmp_path: Path) -> None:
+    case, tests, label = made(Task("x", "frame", "storey_stiffness@2"), tmp_path, 2)
+    model = Model.read(case)
+    assert model.structure is not None
+    assert label["stages"] == ["structure"]
+    assert 0.02 < float(str(label["gap"])) < 0.8
+    for channels in tests.values():
+        inputs = {name: channels[name] for name in ("ground_acceleration_m_s2", "command")}
+        simulated = model.simulate(0.002, inputs)
+        for floor in (1, 2, 3):
+            nominal = channels[f"nominal_floor{floor}_acceleration"]
+            assert relative(simulated[f"floor{floor}_acceleration_m_s2"], nominal) < 0.05
+            truth = channels[f"floor{floor}_acceleration_m_s2"]
+            assert relative(nominal, truth) > 0.01
+    told = json.loads((case / "case.json").read_text())
+    assert [name.split("_", 1)[1].split(".")[0] for name in told["records"]][-1] == "repeat"
+    ground = [read_record(case / name).channel("ground_acceleration_m_s2") for name in told["records"][-2:]]
+    assert np.array_equal(ground[0], ground[1])
+
+
+def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
+    case, tests, label = made(Task("x", "damper", "parameters"), tmp_path, 5)
+    believed = Model.read(case)
+    true = label["true_parameters"]
+    assert isinstance(true, dict)
+    wrong = [name for name, value in true.items() if believed.parameters[name] != value]
+    assert 3 <= len(wrong) < len(true)
+    right = Model(believed.law, true)
+    for channels in tests.values():
+        assert relative(believed.simulate(0.002, channels)["force_N"], channels["force_N"]) > 0.02
+        assert relative(right.simulate(0.002, channels)["force_N"], channels["force_N"]) < 0.01
+
+
+def test_command_line_and_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def run(out: Path, jobs: str) -> bytes:
+        only = ["--rig", "frame", "--only", "none", "sensor_offset@2"]
+        assert main([str(out), "--seed", "3", "--count", "2", "--jobs", jobs, *only]) == 0
+        return b"".join(path.read_bytes() for path in sorted(out.rglob("*.csv.gz")))
+
+    assert run(tmp_path / "one", "1") == run(tmp_path / "two", "2")
+    assert json.loads((tmp_path / "one" / "labels.json").read_text()).keys() == {"case_001", "case_002"}
+    assert "sensor_offset@2" in capsys.readouterr().out
+
+
+# --- what there is to draw ----------------------------------------------------------------------
+def test_every_effect_of_the_catalogue_is_there() -> None:
+    structure = {"storey_stiffness", "storey_damping", "joint_friction", "floor_mass"}
+    assert set(causes.EFFECTS) == set(damper_effects())
+    assert structure < set(frame_causes.PLACED)
+    assert all(len(forms) >= 2 for _, forms in causes.EFFECTS.values())
+    assert not {f"~{name}" for name in unknown.DAMPER} & set(causes.EFFECTS)
+
+
+def test_every_cause_grows_from_nothing() -> None:
+    """Numbers of the rig exist, and the size moves at least one of them."""
+    rng = np.random.default_rng(0)
+    forms = [form for _, drawn in causes.EFFECTS.values() for form in drawn]
+    for form in [*forms, *(form for _, form in unknown.DAMPER.values())]:
+        sized = form(rng, SCALE)
+        small, large = sized(0.01), sized(1.0)
+        assert small.keys() == large.keys()
+        assert any(small[name] != large[name] for name in small)
+        Truth({"law": 0.0}).having(large)
+
+
+def test_deck() -> None:
+    tasks = deck.draw(np.random.SeedSequence(4), 200)
+    assert len({task.name for task in tasks}) == len(tasks) == 200
+    assert Counter(task.rig for task in tasks) == {"damper": 150, "frame": 50}
+    labels = Counter(part for task in tasks if task.rig == "damper" for part in task.parts)
+    assert set(causes.EFFECTS) <= set(labels)
+    assert min(labels[name] for name in causes.EFFECTS) >= 4
+    pairs = [task for task in tasks if len(task.parts) == 2]
+    assert len(pairs) == 32
+    assert {task.label for task in tasks if not task.parts} == {"none", "parameters"}
+    assert sum(task.outside for task in tasks) == 22
+    assert any(task.weak for task in tasks)
+    assert deck.draw(np.random.SeedSequence(4), 200) == tasks
+    assert deck.draw(np.random.SeedSequence(5), 200) != tasks
+
+
+def test_pairs_are_of_different_stages() -> None:
+    tasks = deck.draw(np.random.SeedSequence(1), 600, "damper")
+    for task in tasks:
+        if len(task.parts) == 2:
+            first, second = (causes.EFFECTS[part][0] for part in task.parts)
+            assert first != second
+
+
+def test_size_is_found() -> None:
+    assert 0.4 * size_for(lambda s: 0.4 * s, 0.05) == pytest.approx(0.05, rel=0.16)
+    assert 3 * size_for(lambda s: 3 * s**0.5, 0.2) ** 0.5 == pytest.approx(0.2, rel=0.16)
+    assert size_for(lambda s: 0.01 * s, 0.2) == 1.0
+    rng = np.random.default_rng(0)
+    assert all(0.015 <= goal(rng, weak=True, noise=0.01) <= 0.03 for _ in range(50))
+    assert all(0.05 <= goal(rng, weak=False, noise=0.01) <= 0.3 for _ in range(50))
+
+
+def test_noise_is_as_stated() -> None:
+    rng = np.random.default_rng(0)
+    written = recorder.Noise(2.0, 0.9).onto(np.zeros(40_000), rng)
+    assert np.std(written) == pytest.approx(2.0, rel=0.05)
+    assert np.corrcoef(written[1:], written[:-1])[0, 1] == pytest.approx(0.9, abs=0.02)
+    stepped = recorder.Noise(0.0, step=0.5).onto(np.array([0.2, 0.3, 1.1]), rng)
+    assert list(stepped) == [0.0, 0.5, 1.0]
+
+
+# --- apart -------------------------------------------------------------------------------------------
+def fresh(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_rig_shares_no_code_with_the_plugin() -> None:
+    names = "rig bench causes unknown frame_causes damper_case frame_case dampers deck recorder make".split()
+    imports = "; ".join(f"import mrdamp.blindtest.{name}" for name in names)
+    loaded = fresh(
+        f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"
+    ).split()
+    allowed = ("mrdamp.blindtest", "mrdamp.sets", "mrdamp.errors", "mrdamp.files")
+    assert [m for m in loaded if not m.startswith(allowed)] == []
+    source = (PACKAGE / "blindtest" / "rig.c").read_text()
+    assert {line for line in source.splitlines() if line.startswith("#include")} == {
+        "#include <math.h>",
+        "#include <string.h>",
+    }
+
+
+DIAGNOSIS = PACKAGE / "diagnosis"
+
+
+@pytest.mark.skipif(not (DIAGNOSIS / "__init__.py").is_file(), reason="there is no diagnosis in this package")
+def test_diagnosis_does_not_know_the_rig() -> None:
+    """Neither imports it, nor names it or a label file anywhere in its source."""
+    modules = [f"mrdamp.diagnosis.{path.stem}" for path in DIAGNOSIS.glob("*.py") if path.stem != "__init__"]
+    listed = "; ".join(f"import {name}" for name in modules)
+    assert fresh(f"import sys; {listed}; print(*(m for m in sys.modules if 'blindtest' in m))").strip() == ""
+    commands = PACKAGE / "commands" / "diagnose.py"
+    for path in [*DIAGNOSIS.rglob("*.py"), *([commands] if commands.is_file() else [])]:
+        tree = ast.parse(path.read_text())
+        imported = [
+            name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names
+        ]
+        imported += [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        texts = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+        assert not [name for name in imported if "blindtest" in name], path
+        assert not [text for text in texts if "labels" in text and (".json" in text or "sealed" in text)], (
+            path
+        )
