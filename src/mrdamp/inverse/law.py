@@ -1,0 +1,114 @@
+"""The inverse of an identified law in its present state: the command whose force, a horizon ahead, is the wanted one.
+
+A copy of the damper follows the measured motion under the commands given. At each sample it is looked at a horizon
+ahead under trial commands, through driver lag, delay and hysteresis, and the command that brings the wanted force is
+searched between the smallest and the largest one. So a lagging driver is led: the command goes beyond the wanted
+current, as far as it may, so that the current has arrived when the horizon ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from mrdamp.errors import InputError
+from mrdamp.inverse.base import check_period, command_range, previewed
+from mrdamp.inverse.shadow import Motion, Shadow
+from mrdamp.model import Model
+
+_TOLERANCE = 2e-3  # of the force between the smallest and the largest command
+_MOST = 6  # trial commands besides these two
+
+
+class LawInverse:
+    """Inverse of a model of any law and any effects, by search in its present state.
+
+    Attributes: name; period, s; horizon, s; low, high, the range of the command; force, the model's own force at the
+    last sample, N; bias, measured less modelled force as the correction has it, N.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        period: float = 1e-3,
+        horizon: float | None = None,
+        commands: tuple[float, float] | None = None,
+        correction: float | None = None,
+        preview: bool = True,
+        name: str = "law inverse",
+    ) -> None:
+        """model: as identified, rig `damper`. period: of control, s. horizon: how far ahead the force is to be the
+        wanted one, s; None: the command's delay and half the driver's lag, at least one period. A shorter one leads
+        the driver harder. commands: range; None: 0 and up to the model's command_max. correction: time constant (s)
+        over which the measured force's difference from the model's is taken off; None: the measured force is not
+        used. preview: the wanted force goes on over the horizon as it changed last (`previewed`). Raises InputError.
+        """
+        self.name = name
+        self.period = check_period(name, period)
+        self.low, self.high = command_range(model, commands)
+        delay, *lags = (
+            model.attributes.get(key, 0.0) for key in ("command_delay_d", "driver_lag_tau", "driver_lag_tau2")
+        )
+        self.horizon = delay + max(period, 0.5 * sum(lags)) if horizon is None else horizon
+        if not delay < self.horizon < math.inf:
+            raise InputError(
+                f"inverse {name}: horizon is {horizon} s; allowed: longer than the command's delay of {delay:g} s"
+            )
+        if correction is not None and not 0 < correction < math.inf:
+            raise InputError(f"inverse {name}: correction is {correction} s; allowed: > 0 s, or none")
+        self._preview = preview
+        self._gain = 0.0 if correction is None else -math.expm1(-period / correction)
+        self._shadow = Shadow(model, period)
+        self.reset()
+
+    def reset(self) -> None:
+        self._shadow.reset()
+        self.force = self.bias = 0.0
+        self._velocity: float | None = None
+        self._wanted: float | None = None
+        self._last = self.low
+
+    def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
+        x, v = y["stroke"], y["stroke_velocity"]
+        before, self._velocity = self._velocity, v
+        a = 0.0 if before is None else (v - before) / self.period
+        self.force, read = self._shadow.follow((x, v, a))
+        if self._gain:
+            self.bias += self._gain * (y["force"] - read - self.bias)
+        s = self.horizon
+        ahead: Motion = x + v * s + 0.5 * a * s * s, v + a * s, a
+        aim = previewed(wanted_force, self._wanted, s / self.period) if self._preview else wanted_force
+        self._wanted = wanted_force
+        self._last = search(
+            lambda u: self._shadow.ahead(ahead, s, u) + self.bias,
+            aim, self.low, self.high, self._last,
+        )  # fmt: skip
+        self._shadow.hold(self._last)
+        return self._last
+
+
+def search(force: Callable[[float], float], wanted: float, low: float, high: float, last: float) -> float:
+    """The command between low and high whose force is the wanted one; the nearer end where none is.
+
+    force: continuous in the command. last: what is returned where the command does not matter. Illinois' variant of
+    the false position, which is exact in one step for a force that is linear in the command.
+    """
+    f_low, f_high = force(low) - wanted, force(high) - wanted
+    authority = abs(f_high - f_low)
+    if authority <= 1e-9 * max(abs(f_low), abs(f_high), abs(wanted)):
+        return last
+    if f_low * f_high >= 0:
+        return low if abs(f_low) <= abs(f_high) else high
+    a, b = low, high
+    u = a
+    for _ in range(_MOST):
+        u = (a * f_high - b * f_low) / (f_high - f_low)
+        f = force(u) - wanted
+        if abs(f) <= _TOLERANCE * authority:
+            break
+        if f * f_high < 0:
+            a, f_low = b, f_high
+        else:
+            f_low *= 0.5
+        b, f_high = u, f
+    return min(max(u, low), high)

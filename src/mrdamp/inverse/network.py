@@ -1,0 +1,189 @@
+"""The inverse as a network: commands learnt from records, with force and command in each other's place.
+
+The network is that of `mrdamp.narx` with the force `lead` samples later (what was to come: the wanted force) where a
+model has the command, and the command where a model has the force. Trained by Levenberg-Marquardt with Bayesian
+regularisation. This is the inverse that Zapateiro, Luo, Taylor and Dyke leave for future work.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.inverse.base import check_period, previewed
+from mrdamp.narx.data import Series
+from mrdamp.narx.network import Network
+from mrdamp.narx.train import Progress, train_narx
+
+FORMAT = 1
+#: Lags (samples) of displacement, velocity and measured force. The force now tells how much current there is, but a
+#: network that learns to go by it holds on to the command that it gave; so one without it is tried as well.
+LAGS: tuple[Mapping[str, tuple[int, ...]], ...] = (
+    {"x": (0,), "v": (0, 1, 2, 4), "F": ()},
+    {"x": (0,), "v": (0, 1, 2, 4), "F": (0,)},
+)
+HIDDEN = (20,)
+
+Judge = Callable[["NetworkInverse"], float]
+
+
+@dataclass(eq=False)
+class NetworkInverse:
+    """A trained inverse; a controller keeps its own past, so one object serves one run at a time.
+
+    Attributes: network, whose channel i is the force (lag 0: wanted, lags from `lead` on: measured) and whose
+    output is the command; lead, samples; low, high: range of the command; error: of the command on records held
+    out, over its standard deviation; name.
+    """
+
+    network: Network
+    lead: int
+    low: float
+    high: float
+    error: float
+    name: str = "network inverse"
+    preview: bool = True
+
+    def __post_init__(self) -> None:
+        early = any(0 < lag < self.lead for channel, lag in self.network.inputs if channel == "i")
+        if self.lead < 1 or early or self.network.feedback:
+            raise InputError(
+                f"inverse {self.name}: lead {self.lead} and its inputs do not fit; allowed: x, v, and i at lag 0 and "
+                "from a lead of at least 1 on"
+            )
+        if not -np.inf < self.low < self.high < np.inf:
+            raise InputError(f"inverse {self.name}: command from {self.low:g} to {self.high:g}")
+        self.reset()
+
+    @property
+    def period(self) -> float:
+        """Control period, s: the network's sample time."""
+        return self.network.sample_time
+
+    def reset(self) -> None:
+        self._past: dict[str, Array] = {}
+        self._wanted: float | None = None
+
+    def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
+        now = {"x": y["stroke"], "v": y["stroke_velocity"], "i": y["force"]}
+        past = self._past
+        if not past:  # as the network was trained: at rest where it stands, at the force that it has
+            past |= {
+                channel: np.full(self.network.max_lag + 1, 0.0 if channel == "v" else value)
+                for channel, value in now.items()
+            }
+        for channel, value in now.items():
+            past[channel][1:] = past[channel][:-1].copy()
+            past[channel][0] = value
+        wanted = previewed(wanted_force, self._wanted, self.lead) if self.preview else wanted_force
+        self._wanted = wanted_force
+        values = np.array([self._input(past, channel, lag, wanted) for channel, lag in self.network.inputs])
+        return float(np.clip(self.network.forward(values[None])[0], self.low, self.high))
+
+    def _input(self, past: Mapping[str, Array], channel: str, lag: int, wanted: float) -> float:
+        if channel == "i":
+            return wanted if lag == 0 else float(past["i"][lag - self.lead])
+        return float(past[channel][lag])
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `write` puts into a file."""
+        return {
+            "inverse": "network", "format": FORMAT, "lead": self.lead, "command": [self.low, self.high],
+            "held_out_error": self.error, "weights": self.network.to_text(),
+        }  # fmt: skip
+
+    def write(self, path: Path | str) -> None:
+        """Writes a JSON file in one go."""
+        write_atomic(Path(path), json.dumps(self.to_dict(), indent=1) + "\n")
+
+    @classmethod
+    def read(cls, path: Path | str) -> NetworkInverse:
+        """Reads what `write` wrote; InputError names the file."""
+        path = Path(path)
+        try:
+            data = json.loads(decode(str(path), read_bytes(path)))
+            if data["inverse"] != "network" or data["format"] != FORMAT:
+                raise InputError(
+                    f"inverse {data['inverse']!r}, format {data['format']!r}; allowed: network, {FORMAT}"
+                )
+            low, high = map(float, data["command"])
+            network = Network.from_text(data["weights"])
+            return cls(network, int(data["lead"]), low, high, float(data["held_out_error"]), path.stem)
+        except json.JSONDecodeError as error:
+            raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: no network inverse: {error}") from None
+
+
+def swapped(s: Series, lead: int) -> Series:
+    """A series with the force `lead` samples later in the command's place, and the command in the force's."""
+    keep = slice(0, s.n - lead)
+    return Series(s.name, s.sample_time, s.x[keep], s.v[keep], s.force[lead:], s.i[keep])
+
+
+def network_inputs(lead: int, lags: Mapping[str, Sequence[int]]) -> tuple[tuple[str, int], ...]:
+    """Inputs of the network for `train_narx`: motion, wanted force, measured forces."""
+    return (
+        *(("x", lag) for lag in lags["x"]),
+        *(("v", lag) for lag in lags["v"]),
+        ("i", 0),
+        *(("i", lead + lag) for lag in lags["F"]),
+    )
+
+
+def train_inverse(
+    train: Sequence[Series],
+    validation: Sequence[Series],
+    *,
+    leads: Sequence[int] = (1, 2, 3, 4),
+    lags: Sequence[Mapping[str, Sequence[int]]] = LAGS,
+    hidden: Sequence[int] = HIDDEN,
+    commands: tuple[float, float] | None = None,
+    judge: Judge | None = None,
+    initialisations: int = 1,
+    seed: int = 0,
+    most: int | None = 6_000,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> NetworkInverse:
+    """Trains network inverses on records whose command varies and returns the best.
+
+    train, validation: stretches at the control period. leads: samples ahead to try. lags: sets of them to try, as in
+    `LAGS`. hidden: tanh units per layer. commands: range; None: from 0 to the largest of the training. judge: smaller
+    is better; None: the error of the command on the validation stretches, which does not see what a command does to
+    the next one: a force tracking in simulation is the better judge. Raises InputError.
+    """
+    if not train or not validation:
+        raise InputError("an inverse needs records to train on and others to choose by")
+    for s in (*train, *validation):
+        check_period(s.name, s.sample_time)
+    values = np.concatenate([s.i for s in train])
+    varying = [s for s in validation if np.ptp(s.i) > 0]
+    if not np.ptp(values) > 0 or not varying:
+        raise InputError(f"{train[0].name}: the command never varies; an inverse cannot be learnt from it")
+    low, high = commands or (0.0, float(values.max()))
+    say = progress or (lambda what, share: None)
+    best: tuple[float, NetworkInverse] | None = None
+    trials = list(product(lags, leads))
+    for count, (chosen, lead) in enumerate(trials):
+        say(f"{1e3 * lead * train[0].sample_time:g} ms ahead", count / len(trials))
+        fit = train_narx(
+            [swapped(s, lead) for s in train], [swapped(s, lead) for s in varying],
+            inputs=network_inputs(lead, chosen), hidden=hidden, initialisations=initialisations, horizons=(),
+            seed=seed, most=most, workers=workers,
+        )  # fmt: skip
+        found = NetworkInverse(fit.network, lead, low, high, fit.one_step.pooled[1])
+        cost = judge(found) if judge else found.error
+        if best is None or cost < best[0]:
+            best = cost, found
+    assert best is not None
+    return best[1]

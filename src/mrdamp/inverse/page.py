@@ -1,0 +1,77 @@
+"""The page of a trial of inverses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from mrdamp.files import write_atomic
+from mrdamp.inverse.trial import Trial
+from mrdamp.pictures.tracking import force_tracking
+from mrdamp.report import Page
+
+_KINDS: Mapping[str, str] = {
+    "between": "Wanted: a force between those of the least and the largest command",
+    "unrelated": "Wanted: a random force that knows nothing of the motion, cut off at the damper's reach",
+}
+
+
+def write_page(result: Trial, out: Path, command_unit: str) -> Path:
+    """Writes index.html, a CSV table by kind of wanted force and network.json into a folder; returns the page."""
+    out.mkdir(parents=True, exist_ok=True)
+    best = {
+        kind: min(tracks, key=lambda t: t.error) for kind, tracks in result.tracks.items()
+    }  # fmt: skip
+    summary = (
+        f"Force tracking in MuJoCo over {result.tracks['between'][0].time[-1]:.0f} s of random motion: the least RMS "
+        f"error is {best['between'].relative_error:.1%} of the wanted force ({best['between'].name}), "
+        f"on/off switching has {_switching(result):.1%}."
+    )
+    page = Page(f"mrdamp: inverses of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
+    for kind, heading in _KINDS.items():
+        tracks = result.tracks[kind]
+        page.figure(
+            heading,
+            force_tracking([t for t in tracks if not t.name.startswith("constant")], command_unit),
+            "The part with the largest wanted force. " + _noise(result),
+            "Wanted and true force over time, and the command, for each inverse.",
+        )
+        page.table("", result.columns, result.rows(kind))
+        lines = [",".join(f'"{c}"' for c in result.columns)]
+        lines += [",".join([f'"{row[0]}"', *(f"{v:.6g}" for v in row[1:])]) for row in result.rows(kind)]
+        write_atomic(out / f"{kind}.csv", "\n".join(lines) + "\n")
+    _models(page, result)
+    if result.network:
+        result.network.write(out / "network.json")
+    path = out / "index.html"
+    page.write(path)
+    return path
+
+
+def _models(page: Page, result: Trial) -> None:
+    effects = ", ".join(effect.name for effect in result.plant.effects) or "none"
+    said = [f"Steered: {result.plant.name}, law {result.plant.law}, effects: {effects}."]
+    if result.fit:
+        said.append(
+            f"Law inverse: {result.model.law} identified from records, free-run error on those held out "
+            f"{result.fit.held_out_nrmse:.3f} of the force's standard deviation."
+        )
+    else:
+        own = ", ".join(effect.name for effect in result.model.effects) or "none"
+        said.append(f"Law inverse: {result.model.name}, law {result.model.law}, effects: {own}.")
+    if result.network:
+        net = result.network
+        said.append(
+            f"Network inverse: {net.network.topology}, the force {1e3 * net.lead * net.period:.0f} ms ahead; error of "
+            f"the command on records held out {net.error:.3f} of its standard deviation."
+        )
+    page.text("What was steered and by what", said)
+
+
+def _switching(result: Trial) -> float:
+    return next(t.relative_error for t in result.tracks["between"] if t.name == "on/off switching")
+
+
+def _noise(result: Trial) -> str:
+    x, v, f = result.sizes.noise
+    return f"Measured with noise of {1e6 * x:.2g} um, {1e3 * v:.2g} mm/s and {f:.2g} N."

@@ -1,0 +1,170 @@
+"""Inverses judged against each other: the same motion and wanted force, a damper with the effects of a real rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.identify import Fit, identify
+from mrdamp.inverse.base import Inverse, command_range
+from mrdamp.inverse.baselines import Fixed, Switching
+from mrdamp.inverse.law import LawInverse
+from mrdamp.inverse.network import NetworkInverse, train_inverse
+from mrdamp.inverse.rig import Sizes, records_of, with_effects_of_a_rig
+from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, track
+from mrdamp.model import Model
+from mrdamp.narx.data import series
+from mrdamp.records import RecordSet
+
+Progress = Callable[[str, float], None]
+
+#: Kinds of wanted force: between what the least and the largest command would bring, or another random force cut off
+#: at these two, as an optimal controller wants it that knows nothing of the damper's motion.
+WANTED = ("between", "unrelated")
+NETWORK_PERIOD = 2e-3  # s
+_LEVEL_HZ = 2.0  # highest frequency of a wanted force
+_UNRELATED = 0.4  # its RMS over that of the force under the largest command
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Tracks by kind of wanted force, and what was tried.
+
+    Attributes: tracks: kind -> one per inverse. plant: what was steered. model: of the law inverse, as believed.
+    network: the trained one. fit: where the model was identified for the trial. sizes: of the plant under the motion.
+    """
+
+    tracks: dict[str, tuple[Track, ...]]
+    plant: Model
+    model: Model
+    network: NetworkInverse | None
+    fit: Fit | None
+    sizes: Sizes
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Heads of `rows`."""
+        return (
+            "inverse", "RMS error (N)", "over the wanted force (%)", "way of the command (full ranges per s)",
+            "mean command",
+        )  # fmt: skip
+
+    def rows(self, kind: str) -> list[tuple[str, float, float, float, float]]:
+        """One row an inverse."""
+        return [
+            (t.name, t.error, 100 * t.relative_error, t.switching(self.sizes.command), t.mean_command)
+            for t in self.tracks[kind]
+        ]
+
+
+def trial(
+    model: Model,
+    *,
+    plant: Model | None = None,
+    records: RecordSet | None = None,
+    law: str | None = None,
+    network: NetworkInverse | bool = True,
+    exact: bool = False,
+    commands: tuple[float, float] | None = None,
+    motion: RandomMotion | None = None,
+    seconds: float = 20.0,
+    period: float = 1e-3,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Trial:
+    """Tracks random forces with every kind of inverse.
+
+    model: what is believed of the damper, for the law inverse. plant: the damper that is steered; None: the model
+    with the effects of a rig that it does not know of. records: measured ones, for `law` and the network; None: made
+    of the plant, with noise. law: identified from the records in place of the model. network: a trained one, or
+    whether to train one. exact: also an inverse that knows the plant. commands: range. motion: None: that of the
+    records, or 3 mm RMS from 0.5 to 5 Hz. seconds: of each run. Raises InputError.
+    """
+    say = progress or (lambda what, share: None)
+    low, high = command_range(model, commands)
+    motion = motion or (RandomMotion(3e-3, 0.5, 5.0, seed) if records is None else motion_like(records, seed))
+    sizes = Sizes.of(model, motion, high)
+    plant = plant or with_effects_of_a_rig(model, sizes)
+    fit = None
+    if records is None and (law or network is True):
+        say("making records of the damper", 0.0)
+        records = records_of(plant, motion, sizes, seed=seed + 1)
+    if law:
+        assert records is not None
+        fit = identify(
+            law, records.train, records.validation, extras=("offset", "driver_lag"), starts=2, seed=seed,
+            progress=lambda what, share: say(f"identifying: {what}", 0.3 * share),
+        )  # fmt: skip
+        model = fit.model
+    net = None if isinstance(network, bool) else network
+    if network is True:
+        assert records is not None
+        train, held = (
+            [series(r, NETWORK_PERIOD) for r in part] for part in (records.train, records.validation)
+        )
+        net = train_inverse(
+            train, held, commands=(low, high), judge=tracking_judge(model, motion, low, high), seed=seed,
+            workers=workers,
+            progress=lambda what, share: say(f"network: {what}", 0.3 + 0.4 * share),
+        )  # fmt: skip
+    inverses: list[Inverse] = [
+        Fixed(low, period, "constant, least"), Fixed(high, period, "constant, largest"), Switching(high, period),
+        LawInverse(model, period, commands=(low, high)),
+    ]  # fmt: skip
+    if net is not None:
+        inverses.append(net)
+    if exact:
+        inverses.append(LawInverse(plant, period, commands=(low, high), name="law inverse, exact"))
+    shown = replace(motion, seed=seed + 100)  # none that a record has
+    off, on = _passive(plant, shown, low, high, seconds)
+    tracks: dict[str, tuple[Track, ...]] = {}
+    for count, kind in enumerate(WANTED):
+        wanted = wanted_force(kind, off, on, seed + 200)
+        found = []
+        for k, inverse in enumerate(inverses):
+            say(f"tracking: {kind}, {inverse.name}", 0.7 + 0.15 * (count + k / len(inverses)))
+            found.append(track(plant, shown, wanted, inverse, noise=sizes.noise, seed=seed + 300))
+        tracks[kind] = tuple(found)
+    return Trial(tracks, plant, model, net, fit, sizes)
+
+
+def wanted_force(kind: str, off: Array, on: Array, seed: int) -> Array:
+    """A random force (n,) N, a sample every `STEP`, within the reach of the passive forces off and on (n,)."""
+    time = STEP * np.arange(len(off), dtype=np.float64)
+    if kind == "between":
+        return np.asarray(off + random_level(time, _LEVEL_HZ, seed) * (on - off))
+    free, _, _ = RandomMotion(_UNRELATED * float(np.std(on)), 0.1 * _LEVEL_HZ, _LEVEL_HZ, seed).steady(time)
+    return np.clip(free, np.minimum(off, on), np.maximum(off, on))
+
+
+def motion_like(records: RecordSet, seed: int) -> RandomMotion:
+    """A random motion with the RMS displacement and velocity of the training records."""
+    x = float(np.mean([np.var(r.displacement) for r in records.train])) ** 0.5
+    v = float(np.mean([np.mean(r.velocity() ** 2) for r in records.train])) ** 0.5
+    # A flat spectrum from f / 10 to f has an RMS frequency of 0.61 f.
+    top = v / x / (2 * np.pi) / 0.61
+    return RandomMotion(x, 0.1 * top, top, seed)
+
+
+def tracking_judge(
+    model: Model, motion: RandomMotion, low: float, high: float, seconds: float = 4.0
+) -> Callable[[NetworkInverse], float]:
+    """Judges inverses by their tracking of random forces in simulation, on the model: relative errors summed up.
+
+    low, high: range of the command.
+    """
+    off, on = _passive(model, motion, low, high, seconds)
+    wanted = [wanted_force(kind, off, on, motion.seed) for kind in WANTED]
+    return lambda inverse: sum(track(model, motion, w, inverse).relative_error for w in wanted)
+
+
+def _passive(
+    model: Model, motion: RandomMotion, low: float, high: float, seconds: float
+) -> tuple[Array, Array]:
+    """Forces (n,) N under the smallest and the largest command."""
+    none = np.zeros(round(seconds / STEP))
+    return track(model, motion, none, Fixed(low)).force, track(model, motion, none, Fixed(high)).force

@@ -1,0 +1,66 @@
+"""Pictures of force tracking: wanted and true force, and the command, of several inverses under each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from mrdamp.errors import InputError
+from mrdamp.inverse.tracking import Track
+from mrdamp.pictures.series import force_unit, held, padded, thinned
+from mrdamp.pictures.style import COLOURS, INK, MUTED, axes_grid, figure, legend, row_title, styled, ticks
+
+_SECONDS = 1.5
+
+
+@styled
+def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: float = _SECONDS) -> Figure:
+    """Each run's force over the wanted one, its command below: the part of so many seconds with the largest force.
+
+    tracks: of one wanted force. Raises InputError where there is none.
+    """
+    if not tracks:
+        raise InputError("picture: force_tracking has nothing to show; give at least one run")
+    first = tracks[0]
+    step = float(first.time[1] - first.time[0])
+    count = min(len(first.time), round(seconds / step))
+    energy = np.concatenate([[0.0], np.cumsum(first.wanted**2)])
+    start = int(np.argmax(energy[count:] - energy[:-count]))
+    window = slice(start, start + count)
+    part = thinned(window, 1200)
+    scale, unit = force_unit(*(t.force for t in tracks))
+    top = max(float(t.command.max()) for t in tracks)
+    fig = figure(0.7 + 1.75 * len(tracks))
+    heights = [height for _ in tracks for height in (1.0, 0.5)]
+    axes = [row[0] for row in axes_grid(fig, 2 * len(tracks), 1, sharex=True, height_ratios=heights)]
+    for k, run in enumerate(tracks):
+        above, below = axes[2 * k], axes[2 * k + 1]
+        above.plot(run.time[part], scale * run.wanted[part], color=INK, linewidth=0.9)
+        above.plot(
+            run.time[part],
+            scale * run.force[part],
+            color=COLOURS[k % len(COLOURS)],
+            linewidth=1.5,
+            zorder=1.9,
+        )
+        row_title(above, above, run.name, f"RMS error {100 * run.relative_error:.1f} %")
+        above.set_ylabel(f"force, {unit}")
+        # Held between samples: a corner where it changes.
+        below.step(*held(run.time[window], run.command[window]), where="post", color=COLOURS[k % len(COLOURS)],
+                   linewidth=1.0)  # fmt: skip
+        below.set_ylim(*padded(0.0, top))
+        below.set_ylabel(command_unit)
+        ticks(above, 6, 4)
+        ticks(below, 6, 2)
+    axes[-1].set_xlim(float(first.time[start]), float(first.time[start + count - 1]))
+    axes[-1].set_xlabel("time, s; below each force the command")
+    fig.align_ylabels(axes)
+    legend(
+        fig,
+        [Line2D([], [], color=INK, linewidth=0.9), Line2D([], [], color=MUTED, linewidth=1.5)],
+        ["wanted", "true force, in colour"],
+    )
+    return fig

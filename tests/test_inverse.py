@@ -1,0 +1,202 @@
+"""The law inverse against closed forms, and its force tracking on dampers integrated apart from the package."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import pytest
+
+from excitation import Array
+from mrdamp import sets
+from mrdamp.errors import InputError
+from mrdamp.inverse import Inverse, LawInverse
+from mrdamp.inverse.base import command_range, previewed
+from mrdamp.inverse.baselines import Fixed, Switching
+from mrdamp.inverse.law import search
+from mrdamp.model import Effect, Model
+from twin_laws import BoucWen, Law, ModifiedBoucWen, Softening
+
+PERIOD = 1e-3
+BINGHAM = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_min": 0.0,
+           "command_max": 2.0}  # fmt: skip
+
+
+def bingham(v: float, u: float) -> float:
+    return (400.0 + 150.0 * u) * v + (50.0 + 600.0 * u) * math.tanh(v / 0.01)
+
+
+def damper(*effects: Effect) -> Model:
+    return Model("bingham", BINGHAM, effects)
+
+
+def steadily(inverse: Inverse, v: float, wanted: list[float]) -> list[float]:
+    """Commands while the rod is drawn out at one velocity (m/s)."""
+    inverse.reset()
+    return [
+        inverse.command(k * PERIOD, w, {"stroke": v * k * PERIOD, "stroke_velocity": v, "force": 0.0})
+        for k, w in enumerate(wanted)
+    ]
+
+
+@pytest.mark.parametrize("v", [0.003, 0.05, -0.2])
+def test_a_law_without_memory_is_inverted_in_closed_form(v: float) -> None:
+    wanted = [bingham(v, u) for u in (0.0, 0.3, 1.1, 1.9, 2.0)]
+    got = steadily(LawInverse(damper(), PERIOD, preview=False), v, [wanted[0], *wanted])
+    assert got[1:] == pytest.approx([0.0, 0.3, 1.1, 1.9, 2.0], abs=0.01)
+
+
+def test_what_is_out_of_reach_gets_the_nearer_end() -> None:
+    got = steadily(LawInverse(damper(), PERIOD, preview=False), 0.1, [0.0, -500.0, 10.0, 1e5])
+    assert got == [0.0, 0.0, 0.0, 2.0]
+
+
+def test_a_lagging_driver_is_led() -> None:
+    tau, v, horizon = 0.008, 0.1, 0.004
+    model = damper(Effect("driver_lag", {"tau": tau}))
+    inverse = LawInverse(model, PERIOD, horizon, preview=False)
+    # Within reach, then a step that asks for more than the range: the range is what it gets.
+    levels = (0.2, 0.3, 0.35, 0.3, 1.9, 1.9)
+    current, expected = 0.2, []  # the chain starts with the current that is first commanded
+    for level in levels:
+        led = current + (level - current) / -math.expm1(-horizon / tau)
+        expected.append(min(max(led, 0.0), 2.0))
+        current += (expected[-1] - current) * -math.expm1(-PERIOD / tau)
+    assert expected[1] > 0.44
+    assert expected[-1] == 2.0
+    assert steadily(inverse, v, [bingham(v, level) for level in levels]) == pytest.approx(expected, abs=0.01)
+
+
+def test_what_is_on_its_way_through_a_delay_is_counted() -> None:
+    tau, delay, v, horizon = 0.006, 0.003, 0.1, 0.005
+    model = damper(Effect("driver_lag", {"tau": tau}), Effect("command_delay", {"d": delay}))
+    rng = np.random.default_rng(2)
+    levels = 0.8 + 0.05 * np.cumsum(rng.uniform(-1, 1, 40))
+    got = steadily(LawInverse(model, PERIOD, horizon, preview=False), v, [bingham(v, u) for u in levels])
+    # The coil, a millisecond at a time: what was commanded three before now, then what the horizon leaves.
+    late, current = deque([got[0]] * round(delay / PERIOD)), got[0]
+    share = -math.expm1(-PERIOD / tau)
+    reached = []
+    for command in got:
+        ahead = current
+        for waiting in late:
+            ahead += (waiting - ahead) * share
+        reached.append(ahead + (command - ahead) * -math.expm1(-(horizon - delay) / tau))
+        late.append(command)
+        current += (late.popleft() - current) * share
+    inside = (np.array(got) > 0.0) & (np.array(got) < 2.0)
+    assert inside[5:].mean() > 0.6
+    np.testing.assert_allclose(np.array(reached)[5:][inside[5:]], levels[5:][inside[5:]], atol=0.01)
+
+
+def steer(law: Law, tau: float, inverse: Inverse, wanted: Array, x: Array, v: Array) -> Array:
+    """Force (n,) of a law from its paper behind a first-order driver, RK4 at a quarter of the period."""
+    soft, state, current = Softening(), law.start(0.0), 0.0
+    inverse.reset()
+    force = np.empty(len(wanted))
+    for k in range(len(wanted)):
+        force[k] = sum(law.forces(state, x[k], v[k], current, soft))
+        y = {"stroke": float(x[k]), "stroke_velocity": float(v[k]), "force": float(force[k])}
+        command = inverse.command(k * PERIOD, float(wanted[k]), y)
+        if k + 1 == len(wanted):
+            break
+        h, start = PERIOD / 8, current
+        for j in range(8):
+            t = np.array([j, j + 0.5, j + 1]) / 8
+            xs, vs = x[k] + t * (x[k + 1] - x[k]), v[k] + t * (v[k + 1] - v[k])
+            us = command + (start - command) * np.exp(-t * PERIOD / tau)
+            k1 = law.rates(state, xs[0], vs[0], us[0], soft)
+            k2 = law.rates([s + h / 2 * r for s, r in zip(state, k1, strict=True)], xs[1], vs[1], us[1], soft)
+            k3 = law.rates([s + h / 2 * r for s, r in zip(state, k2, strict=True)], xs[1], vs[1], us[1], soft)
+            k4 = law.rates([s + h * r for s, r in zip(state, k3, strict=True)], xs[2], vs[2], us[2], soft)
+            state = [
+                s + h / 6 * (a + 2 * b + 2 * c + d)
+                for s, a, b, c, d in zip(state, k1, k2, k3, k4, strict=True)
+            ]
+        current = float(us[2])
+    return force
+
+
+@pytest.mark.parametrize("id", ["dyke1996_3kN", "bw_50kN_amini"])
+def test_hysteretic_laws_track_three_times_as_well_as_switching(id: str) -> None:
+    found = sets.load(id)
+    tau = 0.005
+    p = dict(found.parameters)
+    model = Model(found.law, p, (Effect("driver_lag", {"tau": tau}),))
+    law: Law = ModifiedBoucWen(p) if found.law == "modified_bouc_wen" else BoucWen(p)
+    size = 0.004 if id.startswith("dyke") else 0.02
+    t = PERIOD * np.arange(1200)
+    x = size * (np.sin(9 * t) + 0.5 * np.sin(17 * t + 1)) - size * 0.5 * np.sin(1)
+    v = size * (9 * np.cos(9 * t) + 8.5 * np.cos(17 * t + 1))
+    none = steer(law, tau, Fixed(0.0), np.zeros(1200), x, v)
+    full = steer(law, tau, Fixed(found.command.max), np.zeros(1200), x, v)
+    wanted = none + (0.5 + 0.35 * np.sin(6.3 * t) + 0.1 * np.sin(23 * t)) * (full - none)
+    runs = [
+        steer(law, tau, inverse, wanted, x, v)
+        for inverse in (LawInverse(model, PERIOD), Switching(found.command.max))
+    ]
+    inverse, switching = (float(np.sqrt(np.mean((f - wanted)[100:] ** 2) / np.mean(wanted**2))) for f in runs)
+    assert inverse < 0.05
+    assert switching > 3 * inverse
+
+
+def test_the_measured_force_corrects_a_wrong_model() -> None:
+    """The real yield force is 100 N above the model's: with the correction the right force comes."""
+    v, wanted = 0.1, 500.0
+    errors = []
+    for correction in (None, 0.02):
+        inverse = LawInverse(damper(), PERIOD, correction=correction)
+        inverse.reset()
+        force = 0.0
+        for k in range(200):
+            y = {"stroke": v * k * PERIOD, "stroke_velocity": v, "force": force}
+            command = inverse.command(k * PERIOD, wanted, y)
+            force = bingham(v, command) + 100.0
+        errors.append(abs(force - wanted))
+    assert errors[0] == pytest.approx(100.0, abs=5.0)
+    assert errors[1] < 5.0
+
+
+def test_reset_forgets() -> None:
+    inverse = LawInverse(damper(Effect("driver_lag", {"tau": 0.01})), PERIOD)
+    wanted = [bingham(0.1, u) for u in (0.5, 1.0, 0.2, 0.8)]
+    first = steadily(inverse, 0.1, wanted)
+    assert steadily(inverse, 0.1, wanted) == first
+
+
+@pytest.mark.parametrize(
+    ("wanted", "before", "expected"),
+    [
+        (100.0, None, 100.0),
+        (100.0, 95.0, 115.0),
+        (100.0, 0.0, 200.0),
+        (-50.0, 200.0, -100.0),
+        (20.0, 60.0, 0.0),
+    ],
+)
+def test_a_preview_neither_turns_the_force_round_nor_more_than_doubles_it(
+    wanted: float, before: float | None, expected: float
+) -> None:
+    assert previewed(wanted, before, 3.0) == pytest.approx(expected)
+
+
+def test_search_finds_a_bent_root_and_keeps_the_last_command_without_authority() -> None:
+    assert search(lambda u: math.tanh(2 * u), 0.5, 0.0, 3.0, 0.0) == pytest.approx(0.2747, abs=0.01)
+    assert search(lambda u: 7.0, 3.0, 0.0, 3.0, 1.3) == 1.3
+    assert search(lambda u: -u, -2.0, 0.0, 3.0, 0.0) == pytest.approx(2.0)
+
+
+def test_bad_input_is_told() -> None:
+    open_range = Model("bingham", {k: v for k, v in BINGHAM.items() if not k.startswith("command")})
+    with pytest.raises(InputError, match="no command_max"):
+        command_range(open_range)
+    assert command_range(open_range, (0.0, 1.5)) == (0.0, 1.5)
+    with pytest.raises(InputError, match="from 1 to 0"):
+        command_range(open_range, (1.0, 0.0))
+    with pytest.raises(InputError, match="longer than the command's delay"):
+        LawInverse(damper(Effect("command_delay", {"d": 0.01})), PERIOD, 0.005)
+    with pytest.raises(InputError, match="period"):
+        LawInverse(damper(), 0.0)
+    with pytest.raises(InputError, match="correction"):
+        LawInverse(damper(), PERIOD, correction=0.0)
