@@ -1,0 +1,53 @@
+"""The command `mrdamp diagnose`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from mrdamp.commands import add_command
+from mrdamp.errors import InputError
+
+
+def add_to(commands: Any) -> None:
+    """Adds diagnose to the subparsers of an argparse parser."""
+    p = add_command(
+        commands,
+        "diagnose",
+        run_diagnose,
+        "why the simulator and the rig differ: where, which cause, and the corrected simulator",
+        "mrdamp diagnose case/ -o out/case",
+    )
+    p.add_argument("case", type=Path, help="folder with a case.json and its records")
+    p.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
+    p.add_argument("--jobs", type=int, default=None, help="workers (default: the machine's cores); the answer is the same")
+
+
+def run_diagnose(a: argparse.Namespace) -> int:
+    """Diagnoses a case, writes diagnosis.json and corrected.json, prints the sentence and the table."""
+    from mrdamp.diagnosis.case import read_case
+    from mrdamp.diagnosis.run import diagnose
+    from mrdamp.diagnosis.words import table
+    from mrdamp.files import write_atomic
+
+    if a.jobs is not None and a.jobs < 1:
+        raise InputError(f"--jobs is {a.jobs}; at least 1")
+    case = read_case(a.case)
+    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_tell)
+    try:
+        a.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    found.corrected.write(a.out / "corrected.json")
+    write_atomic(a.out / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
+    print(found.sentence)
+    print(table(found))
+    return 0
+
+
+def _tell(what: str, share: float) -> None:
+    print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)

@@ -1,0 +1,118 @@
+"""A case folder: the simulator as its owner believes it, and the records it should match."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes
+from mrdamp.model import Model
+from mrdamp.records import Record, read_record
+
+#: Samples that a record needs to say anything.
+LEAST = 100
+_INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
+#: Two tests have the same input where their inputs differ by no more than this share of their RMS.
+_SAME = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A case as read: nominal model, records (repeats apart), and which of the records each repeat repeats."""
+
+    name: str
+    folder: Path
+    model: Model
+    records: tuple[Record, ...]
+    repeats: tuple[tuple[Record, int | None], ...]
+
+
+def read_case(folder: Path | str) -> Case:
+    """Reads a case folder.
+
+    Raises InputError, one line with the file: no such folder or no case.json in it, a missing record or channel, a
+    clock that is not uniform or not the one of case.json, NaN, fewer than 100 samples, no output to compare with.
+    """
+    folder = Path(folder)
+    path = folder / "case.json"
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; a case is a folder with a case.json")
+    if not path.is_file():
+        raise InputError(f"{folder}: no case: there is no case.json in it")
+    try:
+        data = json.loads(decode(str(path), read_bytes(path)))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
+    model = Model.from_dict(data, str(path))
+    channels, names = _lists(path, data, model.rig)
+    found = [_record(folder, path, name, channels, data.get("sample_rate_hz")) for name in names]
+    records = tuple(r for r in found if "repeat" not in r.name.lower())
+    if not records:
+        raise InputError(f"{path}: every record is a repeat of another one; at least one test is needed")
+    repeats = tuple((r, _original(r, records)) for r in found if "repeat" in r.name.lower())
+    return Case(str(data.get("name", folder.name)), folder, model, records, repeats)
+
+
+def _lists(path: Path, data: Mapping[str, Any], rig: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    channels, names = data.get("channels"), data.get("records")
+    for key, value in (("channels", channels), ("records", names)):
+        if not isinstance(value, list) or not value or not all(isinstance(v, str) for v in value):
+            raise InputError(f"{path}: '{key}' must be a list of names, got {value!r}")
+    assert isinstance(channels, list)
+    assert isinstance(names, list)
+    if len(set(names)) != len(names):
+        raise InputError(f"{path}: 'records' names a file twice")
+    for name in channels:
+        if not is_channel(name):
+            raise InputError(f"{path}: channels: {name!r} is not a channel")
+    outputs = [c for c in channels if c.endswith("force_N") or c.startswith("floor")]
+    if not outputs or (rig == "damper" and not any(c.endswith("force_N") for c in outputs)):
+        raise InputError(
+            f"{path}: channels: nothing that was measured can be compared with the simulator; a damper needs force_N"
+            f" or reference_force_N, a frame a floor's channel; channels are {listed(channels)}"
+        )
+    return tuple(dict.fromkeys((*_INPUTS[rig], *channels))), tuple(names)
+
+
+def _record(folder: Path, case: Path, name: str, channels: tuple[str, ...], rate: Any) -> Record:
+    file = folder / name
+    if Path(name).name != name:
+        raise InputError(f"{case}: record {name!r}: a file name in the case's own folder is needed")
+    if not file.is_file():
+        raise InputError(f"{file}: no such record; {case} lists it")
+    record = read_record(file, required=channels)
+    if record.n < LEAST:
+        raise InputError(f"{file}: {record.n} samples; at least {LEAST} are needed")
+    if rate is not None:
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not rate > 0:
+            raise InputError(f"{case}: sample_rate_hz is {rate!r}; a positive number is needed")
+        if abs(record.sample_time * rate - 1) > 1e-3:
+            raise InputError(
+                f"{file}: the clock runs at {1 / record.sample_time:g} Hz, but {case} says {float(rate):g} Hz"
+            )
+    for channel in channels:
+        if channel.endswith("force_N") and not float(np.ptp(record.channel(channel))) > 0:
+            raise InputError(f"{file}: channel {channel} is constant ({record.channel(channel)[0]:g})")
+    return record
+
+
+def _original(repeat: Record, records: tuple[Record, ...]) -> int | None:
+    """Number of the record whose input a repeat has; None where there is none."""
+    names = [n for n in ("displacement_m", "ground_acceleration_m_s2", "command") if n in repeat.channels]
+    for k, record in enumerate(records):
+        if record.n != repeat.n or any(n not in record.channels for n in names):
+            continue
+        size = [max(float(np.std(record.channels[n])), 1e-12 + 1e-3 * float(np.ptp(record.channels[n]))) for n in names]
+        if all(
+            float(np.std(repeat.channels[n] - record.channels[n])) <= _SAME * s or np.ptp(record.channels[n]) == 0
+            for n, s in zip(names, size, strict=True)
+        ):
+            return k
+    return None

@@ -1,0 +1,147 @@
+"""The rig `damper`: a record's motion imposed on the damper, its force read by its own sensor and a load cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.problem import SKIP
+from mrdamp.diagnosis.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.model import Model, effects_from
+from mrdamp.records import Record
+from mrdamp.sampling import derivative
+
+_COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
+_NOISE_SEED = 20
+#: s, the chain's inner step while searching; behind a mount every step is solved for, and twice as short.
+_COARSE, _COARSE_MOUNT = 1e-3, 2e-3
+
+
+@dataclass(frozen=True, eq=False)
+class DamperRig:
+    """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.rig.Rig`)."""
+
+    nominal_model: Model
+    records: tuple[Record, ...]
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        return tuple(c for c in _COLUMNS if all(c in r.channels for r in self.records))
+
+    @cached_property
+    def motions(self) -> tuple[tuple[Array, Array | None, Array | None], ...]:
+        """Displacement (m), velocity (m/s) and acceleration (m/s2) where measured, of each record."""
+        out = []
+        for r in self.records:
+            x = smoothed(r.displacement)
+            out.append((x, r.channels.get("velocity_m_s"), r.channels.get("acceleration_m_s2")))
+        return tuple(out)
+
+    def velocity(self, record: int) -> Array:
+        """(n,) m/s, measured or of the smoothed displacement."""
+        x, v, _ = self.motions[record]
+        return derivative(x, self.records[record].sample_time) if v is None else v
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """What the records span."""
+        force = [r.channel(self.channels[-1]) for r in self.records]
+        v = [self.velocity(k) for k in range(len(self.records))]
+        a = [derivative(v[k], r.sample_time) for k, r in enumerate(self.records)]
+        heat = max(
+            float(np.sum(np.abs(f * w)) * r.sample_time) for f, w, r in zip(force, v, self.records, strict=True)
+        )
+        return Sizes(
+            force=rms(np.concatenate(force)),
+            stroke=max(float(np.ptp(r.displacement)) for r in self.records) / 2,
+            velocity=rms(np.concatenate(v)),
+            acceleration=rms(np.concatenate(a)),
+            command=max(float(np.abs(r.command).max()) for r in self.records) or 1.0,
+            heat=heat,
+            sample_time=max(r.sample_time for r in self.records),
+        )
+
+    @cached_property
+    def nominal(self) -> tuple[Coordinate, ...]:
+        s = self.sizes
+        return nominal_coordinates(
+            self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
+        )
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        return damper_terms(self.sizes)
+
+    @cached_property
+    def _base(self) -> dict[str, float]:
+        return dict(self.nominal_model.attributes)
+
+    def measured(self, record: int) -> Array:
+        return np.vstack([self.records[record].channel(c) for c in self.channels])
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
+        step = (_COARSE_MOUNT if mount else _COARSE) if coarse else None
+        return self._run(self._vectors(settings), record, self.motions[record][0], step)
+
+    def _vectors(self, settings: Sequence[Settings]) -> Array:
+        return np.array([core.vector(self.nominal_model.law, self._base | s) for s in settings])
+
+    def _run(self, vectors: Array, record: int, x: Array, substep: float | None = None) -> Array:
+        r = self.records[record]
+        _, v, a = self.motions[record]
+        return core.run_many(
+            self.nominal_model.law,
+            vectors,
+            r.sample_time,
+            x,
+            r.command,
+            v=v,
+            a=a,
+            substep=substep,
+            narx=self.nominal_model.narx,
+            columns=[_COLUMNS[c] for c in self.channels],
+        )
+
+    def input_noise(self, settings: Settings, record: int) -> Array:
+        """(channels,) N: what the noise of the displacement, as far as smoothing leaves it, does to the force."""
+        r = self.records[record]
+        x = self.motions[record][0]
+        level = noise_level(r.displacement)
+        rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
+        again = smoothed(x + level * rng.standard_normal(r.n), level)
+        skip = round(SKIP / r.sample_time)
+        change = self._run(self._vectors([settings]), record, again) - self._run(self._vectors([settings]), record, x)
+        return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        """What the gap is mapped over: name with unit -> (n,)."""
+        r, v = self.records[record], self.velocity(record)
+        return {
+            "velocity (m/s)": v,
+            "command": np.asarray(r.command),
+            "command rate (1/s)": derivative(r.command, r.sample_time),
+            "displacement (m)": self.motions[record][0],
+            "acceleration (m/s2)": derivative(v, r.sample_time),
+            "time (s)": np.asarray(r.time),
+        }
+
+    def model(self, settings: Mapping[str, float]) -> Model:
+        own = set(self.nominal_model.parameters)
+        parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
+        effects = effects_from({k: value for k, value in settings.items() if k not in own})
+        return Model(
+            self.nominal_model.law,
+            parameters,
+            effects,
+            weights=self.nominal_model.weights,
+            name=self.nominal_model.name,
+            sample_rate_hz=self.nominal_model.sample_rate_hz,
+        )

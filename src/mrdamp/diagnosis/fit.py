@@ -1,0 +1,151 @@
+"""Bounded least squares with priors: Levenberg-Marquardt whose trial steps run in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.terms import Hypothesis, Settings
+
+#: What the priors' sum of squares counts in units of a cost (gap squared): they settle what records leave open.
+PRIOR_WEIGHT = 3e-6
+#: Dampings tried at once, times the present one.
+_DAMPINGS = (0.03, 1.0, 30.0)
+#: Gauss-Newton steps are no longer than this in any coordinate, in units of search.
+_LONGEST = 8.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis fitted to the records of a problem.
+
+    point (coordinates,), cost: sum of squares of the residuals (a sum over records of gaps squared; the priors'
+    share is not in it), residual (samples,) and jacobian (samples, coordinates) at the point.
+    """
+
+    hypothesis: Hypothesis
+    point: Array
+    cost: float
+    residual: Array = field(repr=False)
+    jacobian: Array = field(repr=False)
+    iterations: int = 0
+    converged: bool = True
+
+    @property
+    def settings(self) -> Settings:
+        return self.hypothesis.settings(self.point)
+
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Names of the settings that stand at an end of their range."""
+        low, high = self.hypothesis.bounds()
+        slack = 1e-6 * np.maximum(high - low, 1e-12)
+        at = (self.point <= low + slack) | (self.point >= high - slack)
+        return tuple(c.name for c, is_at in zip(self.hypothesis.coordinates, at, strict=True) if is_at)
+
+
+def fit(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    start: Array,
+    *,
+    most: int = 12,
+    tolerance: float = 2e-3,
+    known: Array | None = None,
+    frozen: bool = False,
+) -> Fit:
+    """Fits from a point. most: iterations; tolerance: relative fall of the cost that ends it.
+
+    known (samples, columns): columns of the Jacobian for the first coordinates, used in the first step, or in all of
+    them where `frozen` (signatures of the nominal parameters change little with an effect).
+    """
+    low, high = hypothesis.bounds()
+    prior = np.sqrt(PRIOR_WEIGHT) * hypothesis.prior()
+    q = np.clip(start, low, high)
+    r = problem.residuals(hypothesis, q)[0]
+    cost = float(r @ r)
+    total = cost + float(np.sum((prior * q) ** 2))
+    damping, converged, fresh, k = 1e-2, False, known is None, 0
+    j = _jacobian(problem, hypothesis, q, r, known)
+    for k in range(1, most + 1):
+        steps = np.array([_step(j, r, prior, q, low, high, damping * d) for d in _DAMPINGS])
+        trials = np.clip(q + steps, low, high)
+        rows = problem.residuals(hypothesis, trials)
+        costs = np.sum(rows**2, axis=1)
+        totals = costs + np.sum((prior * trials) ** 2, axis=1)
+        best = int(np.argmin(totals))
+        gain = 1 - totals[best] / total if total > 0 else 0.0
+        if gain > 0:
+            q, r, cost, total = trials[best], rows[best], float(costs[best]), float(totals[best])
+            damping = float(np.clip(damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
+        if gain < tolerance:
+            if fresh or frozen:
+                if damping >= 1e3 or gain > 0:
+                    converged = True
+                    break
+                damping *= 1e3
+                continue
+            known, fresh = None, True  # the known columns may be what holds it up
+        j = _jacobian(problem, hypothesis, q, r, known if frozen or not fresh else None)
+        fresh = known is None
+    return Fit(hypothesis, q, cost, r, j, k, converged)
+
+
+def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:
+    """Gaps (blocks,) on records that the parameters were not fitted to.
+
+    groups: records (numbers) left out together. One Gauss-Newton step takes the fit to the optimum of the others,
+    and the records left out are simulated there.
+    """
+    prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
+    low, high = found.hypothesis.bounds()
+    gaps = np.full(len(problem.blocks), np.nan)
+    for group in groups:
+        keep = np.ones(problem.samples, dtype=bool)
+        for b in problem.blocks:
+            if b.record in group:
+                keep[b.span] = False
+        q = found.point
+        step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-6)
+        inside = [k for k in problem.records if k in group]
+        part = Problem(problem.rig, inside, stride=problem.stride, coarse=problem.coarse)
+        rows = part.gaps(part.residuals(found.hypothesis, np.clip(q + step, low, high))[0])
+        for b, value in zip(part.blocks, rows, strict=True):
+            at = next(i for i, o in enumerate(problem.blocks) if (o.record, o.channel) == (b.record, b.channel))
+            gaps[at] = value
+    return gaps
+
+
+def _jacobian(problem: Problem, hypothesis: Hypothesis, q: Array, r: Array, known: Array | None) -> Array:
+    if known is None:
+        return problem.jacobian(hypothesis, q, r)
+    rest = problem.jacobian(hypothesis, q, r, range(known.shape[1], len(q)))
+    return np.hstack([known, rest])
+
+
+def _step(j: Array, r: Array, prior: Array, q: Array, low: Array, high: Array, damping: float) -> Array:
+    """A damped Gauss-Newton step within the bounds: coordinates that would leave stay at their end."""
+    matrix = j.T @ j + np.diag(prior**2)
+    vector = -(j.T @ r + prior**2 * q)
+    floor = 1e-9 * max(float(np.max(np.diag(matrix), initial=0.0)), 1e-30)
+    matrix = matrix + np.diag(damping * np.diag(matrix) + floor)
+    free = np.ones(len(q), dtype=bool)
+    step = np.zeros(len(q))
+    for _ in range(len(q) + 1):
+        step = np.where(q + step < low, low - q, np.where(q + step > high, high - q, step))
+        index = np.flatnonzero(free)
+        if len(index) == 0:
+            break
+        held = np.flatnonzero(~free)
+        right = vector[index] - matrix[np.ix_(index, held)] @ step[held]
+        step[index] = np.linalg.solve(matrix[np.ix_(index, index)], right)
+        out = free & ((q + step < low - 1e-12) | (q + step > high + 1e-12))
+        if not out.any():
+            break
+        free &= ~out
+    longest = float(np.max(np.abs(step), initial=0.0))
+    return step * min(1.0, _LONGEST / longest) if longest > 0 else step

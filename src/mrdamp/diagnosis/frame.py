@@ -1,0 +1,181 @@
+"""The rig `frame`: a shear frame on a shaken table, one damper in it, its floors' accelerometers and displacements.
+
+Settings with a place carry it behind an `@`: `storey_stiffness_e@2`, `sensor_lag_tau@3`, and the structure's own
+numbers `mass@1`, `stiffness@1`, `damping@1` (SI).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array, FrameInput
+from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
+from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.errors import InputError
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
+from mrdamp.records import Record
+from mrdamp.sampling import derivative
+from mrdamp.structures import ShearFrame
+
+#: s, the chain's inner step while searching; the frame is stepped with half of it.
+_COARSE = 2e-3
+_STRUCTURE = ("mass", "stiffness", "damping")
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRig:
+    """A frame case's simulator and records (see `mrdamp.diagnosis.rig.Rig`).
+
+    threads: of the C entry. block: so many samples are averaged into one, of what is measured and of what is
+    simulated alike: a frame moves below some 20 Hz, and noise is white.
+    """
+
+    nominal_model: Model
+    records: tuple[Record, ...]
+    threads: int = 1
+    block: int = 1
+
+    @cached_property
+    def structure(self) -> ShearFrame:
+        if self.nominal_model.structure is None:
+            raise InputError(f"{self.nominal_model.name}: rig frame needs a structure")
+        return self.nominal_model.structure
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Accelerations, then displacements of the floors, the ground up, then the force: those all records have."""
+        floors = range(1, self.structure.storeys + 1)
+        names = [f"floor{j}_acceleration_m_s2" for j in floors] + [f"floor{j}_displacement_m" for j in floors]
+        return tuple(c for c in (*names, "force_N") if all(c in r.channels for r in self.records))
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """The C entry's names of the channels."""
+        return tuple(
+            "force" if c == "force_N" else f"{c.split('_')[1]}_{c.split('_')[0].removeprefix('floor')}"
+            for c in self.channels
+        )
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """What the damper goes through in the nominal simulator's free runs."""
+        runs = [self._run([{}], k, coarse=True)[0] for k in range(len(self.records))]
+        x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
+        dt = max(r.sample_time for r in self.records)
+        heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o in runs)
+        return Sizes(
+            force=rms(f) or 1.0,
+            stroke=2 * rms(x),
+            velocity=rms(v),
+            acceleration=rms(np.concatenate([derivative(o["stroke_velocity"], dt) for o in runs])),
+            command=max(float(np.abs(r.command).max()) for r in self.records) or 1.0,
+            heat=heat,
+            sample_time=dt,
+        )
+
+    @cached_property
+    def nominal(self) -> tuple[Coordinate, ...]:
+        """The law's numbers, then the structure's."""
+        s = self.sizes
+        law = nominal_coordinates(self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke)
+        return (*law, *structure_coordinates(self.structure))
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        return (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes))
+
+    def measured(self, record: int) -> Array:
+        return self._blocks(np.vstack([self.records[record].channel(c) for c in self.channels]))
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        r = self.records[record]
+        runs = self._run(settings, record, coarse=coarse)
+        out = np.array([[o[c] for c in self.columns] for o in runs])
+        late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
+        t = r.sample_time * np.arange(r.n)
+        for row, setting in zip(out, settings, strict=True):
+            shift = setting.get("channel_shift_d", self._base.get("channel_shift_d", 0.0))
+            if shift:
+                for k in late:
+                    row[k] = np.interp(t - shift, t, row[k])
+        return self._blocks(out)
+
+    def input_noise(self, settings: Settings, record: int) -> Array:
+        """(channels,), nothing: a table's motion and the command are taken as they were sent."""
+        return np.zeros(len(self.channels))
+
+    def model(self, settings: Mapping[str, float]) -> Model:
+        own, s = set(self.nominal_model.parameters), self.structure
+        parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
+        floors = range(1, s.storeys + 1)
+        mass, stiffness, damping = (
+            np.array([settings.get(f"{kind}@{j}", float(getattr(s, kind)[j - 1])) for j in floors])
+            for kind in _STRUCTURE
+        )
+        effects = list(effects_from({k: v for k, v in settings.items() if k not in own and "@" not in k}))
+        effects += placed_effects(settings)
+        return replace(
+            self.nominal_model,
+            parameters=parameters,
+            effects=(*self.nominal_model.effects, *effects),
+            structure=ShearFrame(mass, stiffness, damping, s.damper_between),
+        )
+
+    def _blocks(self, channels: Array) -> Array:
+        """Means over blocks of samples (..., n / block)."""
+        n = channels.shape[-1] // self.block * self.block
+        return np.asarray(channels[..., :n].reshape(*channels.shape[:-1], -1, self.block).mean(axis=-1))
+
+    @cached_property
+    def _base(self) -> dict[str, float]:
+        return dict(self.nominal_model.attributes)
+
+    def _run(self, settings: Sequence[Settings], record: int, *, coarse: bool) -> list[dict[str, Array]]:
+        r = self.records[record]
+        vectors = [
+            core.vector(self.nominal_model.law, self._base | {k: v for k, v in s.items() if "@" not in k})
+            for s in settings
+        ]
+        return core.run_frame_many(
+            self.nominal_model.law,
+            np.array(vectors),
+            [self._frame(s) for s in settings],
+            r.sample_time,
+            r.channel("ground_acceleration_m_s2"),
+            r.command,
+            substep=_COARSE if coarse else None,
+            threads=self.threads,
+            narx=self.nominal_model.narx,
+        )
+
+    def _frame(self, settings: Settings) -> FrameInput:
+        s = self.structure
+        values = {kind: getattr(s, kind).copy() for kind in _STRUCTURE}
+        for key, value in settings.items():
+            kind, _, place = key.partition("@")
+            if kind in _STRUCTURE:
+                values[kind][int(place) - 1] = value
+        effects = (*self.nominal_model.effects, *placed_effects(settings))
+        frame = ShearFrame(values["mass"], values["stiffness"], values["damping"], s.damper_between)
+        return Model("bingham", _NO_DAMPER, tuple(e for e in effects if e.place), "frame", frame).frame
+
+
+#: `Model.frame` asks for a law; the frame does not depend on it.
+_NO_DAMPER = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), 0.0)
+
+
+def placed_effects(settings: Mapping[str, float]) -> list[Effect]:
+    """The effects that have a place, of settings `EFFECT_PARAMETER@PLACE`."""
+    found: dict[tuple[str, int], dict[str, float]] = {}
+    for key, value in settings.items():
+        head, _, place = key.partition("@")
+        for name in (*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS):
+            if place and head.startswith(f"{name}_"):
+                found.setdefault((name, int(place)), {})[head.removeprefix(f"{name}_")] = value
+    return [Effect(name, parameters, place) for (name, place), parameters in found.items()]

@@ -1,0 +1,167 @@
+"""What a diagnosis finds, and its JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from mrdamp.model import Model
+
+VERDICTS = ("none", "parameters", "effect", "unknown")
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that is named: its share of the gap's excess over the noise, parameters in SI units."""
+
+    effect: str
+    stage: str
+    place: int | None
+    probability: float
+    parameters: Mapping[str, float]
+    share: float
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.effect,
+            "stage": self.stage,
+            "place": self.place,
+            "probability": self.probability,
+            "parameters": dict(self.parameters),
+            "share": self.share,
+            "intervals": {k: list(v) for k, v in self.intervals.items()},
+        }
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of causes that was fitted: probability, gap on records its parameters were not fitted to."""
+
+    causes: tuple[str, ...]
+    probability: float
+    heldout_gap: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"effects": list(self.causes), "probability": self.probability, "heldout_gap": self.heldout_gap}
+
+
+@dataclass(frozen=True)
+class Step:
+    """A bar of the waterfall: what was added, the gap after it on held-out records, and its interval (95 %)."""
+
+    name: str
+    gap: float
+    interval: tuple[float, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"name": self.name, "gap": self.gap, "interval": list(self.interval)}
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A region of the records with more than its share of the gap."""
+
+    what: str
+    share_of_gap: float
+    share_of_samples: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "what": self.what,
+            "share_of_gap": self.share_of_gap,
+            "share_of_samples": self.share_of_samples,
+        }
+
+
+@dataclass(frozen=True)
+class Where:
+    """Shares of the gap by stage (adding up to 1), by record, and the regimes that stand out."""
+
+    stages: Mapping[str, float]
+    records: Mapping[str, float] = field(default_factory=dict)
+    regimes: tuple[Regime, ...] = ()
+    places: Mapping[str, float] = field(default_factory=dict)  # frame: storeys, floors, sensors
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of the stages' shares
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "stages": dict(self.stages),
+            "intervals": {k: list(v) for k, v in self.intervals.items()},
+            "records": dict(self.records),
+            "regimes": [r.to_dict() for r in self.regimes],
+            "places": dict(self.places),
+        }
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS error over the RMS of the measurement, records pooled: on records that no parameter was fitted to."""
+
+    nominal: float
+    recalibrated: float
+    corrected: float
+    noise_floor: float
+    interval: tuple[float, float]
+    ceiling: float | None = None  # what a model of any form would leave
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "nominal": self.nominal,
+            "recalibrated": self.recalibrated,
+            "corrected": self.corrected,
+            "noise_floor": self.noise_floor,
+            "ceiling": self.ceiling,
+            "interval": list(self.interval),
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer for a case. `pictures`: arrays by name, for the page (see `mrdamp.diagnosis.pictures_data`)."""
+
+    case: str
+    rig: str
+    verdict: str
+    sentence: str
+    effects: tuple[Named, ...]
+    candidates: tuple[Candidate, ...]
+    indistinguishable: tuple[tuple[str, ...], ...]
+    where: Where
+    gap: Gap
+    waterfall: tuple[Step, ...]
+    next_experiment: Mapping[str, Any]
+    corrected: Model
+    unseen: tuple[Mapping[str, Any], ...] = ()  # effects these records cannot show, and the size they could hide
+    notes: tuple[str, ...] = ()  # audit, bounds, failed fits
+    corrections: tuple[str, ...] = ()  # terms in the corrected model that mend a form and are not named
+    probabilities: Mapping[str, float] = field(default_factory=dict)  # by cause, and of none, parameters, unknown
+    seconds: float = 0.0
+    pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def with_sentence(self, text: str) -> Diagnosis:
+        """The same with its sentence."""
+        return replace(self, sentence=text)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `diagnosis.json` holds."""
+        return {
+            "case": self.case,
+            "format": 1,
+            "rig": self.rig,
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "effects": [e.to_dict() for e in self.effects],
+            "candidates": [c.to_dict() for c in self.candidates],
+            "probabilities": dict(self.probabilities),
+            "indistinguishable": [list(t) for t in self.indistinguishable],
+            "unseen": [dict(u) for u in self.unseen],
+            "where": self.where.to_dict(),
+            "gap": self.gap.to_dict(),
+            "waterfall": [s.to_dict() for s in self.waterfall],
+            "corrections": list(self.corrections),
+            "next_experiment": dict(self.next_experiment),
+            "notes": list(self.notes),
+            "seconds": round(self.seconds, 1),
+        }

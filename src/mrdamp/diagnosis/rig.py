@@ -1,0 +1,47 @@
+"""What the diagnosis needs of a rig: its records, its free nominal parameters, its catalogue and its simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.model import Model
+from mrdamp.records import Record
+
+
+class Rig(Protocol):
+    """A damper on a machine, or a frame; picklable, for workers.
+
+    channels: names of the measured channels that the simulator answers for. nominal: coordinates of the nominal
+    parameters, free in every hypothesis. terms: the catalogue.
+    """
+
+    records: tuple[Record, ...]
+    channels: tuple[str, ...]
+    nominal: tuple[Coordinate, ...]
+    terms: tuple[Term, ...]
+
+    def measured(self, record: int) -> Array:
+        """(channels, n) of a record."""
+        ...
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        """(sets, channels, n): free runs with settings in place of (or beside) the nominal ones.
+
+        coarse: a longer inner step will do, as in a search. May raise InputError; NaN where a run diverged.
+        """
+        ...
+
+    def input_noise(self, settings: Settings, record: int) -> Array:
+        """(channels,): RMS change of the simulated channels by the noise that is on the measured inputs."""
+        ...
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        """What the gap is mapped over: name with unit -> (n,)."""
+        ...
+
+    def model(self, settings: Mapping[str, float]) -> Model:
+        """The simulator with these settings, as a file holds it."""
+        ...

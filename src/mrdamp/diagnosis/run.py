@@ -1,0 +1,229 @@
+"""A diagnosis from case to answer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.audit import audit
+from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.noise import Noise, channel_noise, floors
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
+from mrdamp.diagnosis.rig import Rig
+from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.settle import Settled, heldout, settle
+from mrdamp.diagnosis.ties import tie_classes, unseen
+from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
+from mrdamp.diagnosis.where import record_shares, regimes, stage_shares
+from mrdamp.diagnosis.words import sentence
+
+Progress = Callable[[str, float], None]
+
+#: Samples of residuals that a search keeps, a channel of a record counted each.
+_SAMPLES = 20_000
+_RESAMPLES, _SEED = 2000, 3
+
+
+def make_rig(case: Case) -> Rig:
+    """The rig of a case."""
+    if case.model.rig == "frame":
+        from mrdamp.diagnosis.frame import FrameRig
+
+        return FrameRig(case.model, case.records)
+    return DamperRig(case.model, case.records)
+
+
+def diagnose(
+    case: Case, *, jobs: int = 1, progress: Progress = lambda what, share: None, limits: Limits | None = None
+) -> Diagnosis:
+    """The answer for a case; the same for any number of jobs. Raises InputError."""
+    begun = time.monotonic()
+    rig = make_rig(case)
+    notes = list(audit(case))
+    total = sum(r.n for r in case.records) * len(rig.channels)
+    problem = Problem(rig, stride=max(1, round(total / _SAMPLES)), coarse=True)
+    noise = channel_noise(case, rig)
+    floor = floors(problem, noise, {})
+    progress("recalibrating the nominal parameters", 0.02)
+    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits or Limits(), jobs)
+    search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
+    fits, decision = judge(search)
+    chosen = fits[decision.chosen.index]
+    progress("fitting the corrected simulator", 0.7)
+    settled = settle(search, chosen, mend=decision.verdict != "none")
+    progress("looking at what is tied and unseen", 0.85)
+    return _assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
+
+
+def judge(search: Search) -> tuple[list[Fit], Decision]:
+    """All fits of a search and the decision over them."""
+    fits = [*search.ranked(False), *search.ranked(True)]
+    scored = [
+        Scored(
+            f.hypothesis.causes,
+            bool(f.hypothesis.nominal),
+            f.cost,
+            len(f.point) - len(f.hypothesis.nominal),
+            index,
+        )
+        for index, f in enumerate(fits)
+    ]
+    return fits, decide(scored, search.floor)
+
+
+def _assemble(
+    case: Case,
+    rig: Rig,
+    search: Search,
+    fits: list[Fit],
+    decision: Decision,
+    settled: Settled,
+    noise: Noise,
+    floor: Array,
+    notes: list[str],
+    begun: float,
+) -> Diagnosis:
+    chosen = fits[decision.chosen.index]
+    sets = by_causes([_scored_of(f) for f in fits], decision.probabilities)
+    causes = of_cause(sets)
+    channels = len(rig.channels)
+    rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
+    nominal_gaps = search.problem.gaps(search.residual)
+    recalibrated = heldout(search.problem, search.base)
+    waterfall = [_step("nominal", nominal_gaps), _step("recalibrated", recalibrated)]
+    free = bool(chosen.hypothesis.nominal)
+    for k in range(1, len(chosen.hypothesis.causes)):
+        part = search.smallest(free, chosen.hypothesis.causes[:k])
+        if part is not None:
+            waterfall.append(_step("+ " + " + ".join(part.hypothesis.causes), heldout(search.problem, part)))
+    label = " + ".join(chosen.hypothesis.causes) or "recalibrated"
+    last = _step(f"+ {label}" if chosen.hypothesis.causes else label, settled.heldout)
+    waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
+    named = _named(search, chosen, settled.fit, causes) if decision.verdict == "effect" else ()
+    for name in settled.fit.at_bounds:
+        notes.append(f"{name} stands at an end of its range")
+    if not settled.fit.converged:
+        notes.append("the final fit was still moving when its iterations were used up")
+    notes += search.failed
+    if noise.source != "repeat":
+        notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
+    gap = Gap(
+        nominal=pooled(nominal_gaps),
+        recalibrated=pooled(recalibrated),
+        corrected=rms["heldout"],
+        noise_floor=rms["floor"],
+        interval=last.interval,
+    )
+    residual = settled.fit.residual
+    conditions, halves = _conditions(search.problem)
+    where = Where(
+        stages=stage_shares(search, chosen, decision.verdict),
+        records=record_shares(search.problem, search.residual),
+        regimes=regimes(conditions, search.residual, halves),
+    )
+    candidates = tuple(
+        Candidate(c, p, _candidate_gap(search, fits, c)) for c, p in list(sets.items())[:6] if p > 1e-4 or not c
+    )
+    pictures: dict[str, Any] = {
+        "nominal": search.residual / search.problem.weights,
+        "corrected": residual / settled.problem.weights,
+        "measured": search.problem.measured(),
+        **{f"condition {k}": v for k, v in conditions.items()},
+        "blocks": [[b.record, b.channel, b.span.start, b.span.stop] for b in search.problem.blocks],
+        "records": [r.name for r in rig.records],
+        "channels": list(rig.channels),
+    }
+    model = rig.model(settled.fit.settings if decision.verdict != "none" else {})
+    ties = tie_classes(search, chosen, sets) if decision.verdict == "effect" else ()
+    found = Diagnosis(
+        case=case.name,
+        rig=case.model.rig,
+        verdict=decision.verdict,
+        sentence="",
+        effects=named,
+        candidates=candidates,
+        indistinguishable=ties,
+        where=where,
+        gap=gap,
+        waterfall=tuple(waterfall),
+        next_experiment={"why": "nothing is tied", "signal": "none needed"},
+        corrected=model,
+        unseen=unseen(search, chosen),
+        notes=tuple(notes),
+        corrections=settled.corrections,
+        probabilities=causes,
+        seconds=time.monotonic() - begun,
+        pictures=pictures,
+    )
+    del channels
+    return found.with_sentence(sentence(found))
+
+
+def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, float]) -> tuple[Named, ...]:
+    from mrdamp.diagnosis.verdict import shapley
+
+    free = bool(chosen.hypothesis.nominal)
+    costs = {frozenset(f.hypothesis.causes): f.cost for f in reversed(search.ranked(free))}
+    shares = shapley(costs, chosen.hypothesis.causes)
+    settings, out = final.settings, []
+    for term in chosen.hypothesis.terms:
+        names = [c.name for c in term.coordinates]
+        short = {n.removeprefix(f"{term.effect}_"): settings[n] for n in names if n in settings}
+        out.append(
+            Named(
+                term.effect,
+                term.stage,
+                term.place,
+                min(probabilities.get(term.cause, 0.0), 1.0),
+                short,
+                shares[term.cause] / search.excess,
+            )
+        )
+    return tuple(out)
+
+
+def _scored_of(f: Fit) -> Scored:
+    return Scored(f.hypothesis.causes, bool(f.hypothesis.nominal), f.cost, 0)
+
+
+def _candidate_gap(search: Search, fits: list[Fit], causes: tuple[str, ...]) -> float:
+    wanted = set() if causes == ("parameters",) else set(causes)
+    free_only = causes == ("parameters",)
+    found = min(
+        (f for f in fits if set(f.hypothesis.causes) == wanted and (f.hypothesis.nominal or not free_only)),
+        key=lambda f: f.cost,
+    )
+    return pooled(heldout(search.problem, found))
+
+
+def pooled(gaps: Array) -> float:
+    """Gap of all blocks together: records and channels count the same."""
+    return float(np.sqrt(np.mean(gaps**2)))
+
+
+def _step(name: str, gaps: Array) -> Step:
+    """A bar with its interval by resampling blocks of records."""
+    rng = np.random.default_rng(_SEED)
+    picks = rng.integers(0, len(gaps), (_RESAMPLES, len(gaps)))
+    low, high = np.percentile(np.sqrt(np.mean(gaps[picks] ** 2, axis=1)), [2.5, 97.5])
+    return Step(name, pooled(gaps), (float(low), float(high)))
+
+
+def _conditions(problem: Problem) -> tuple[dict[str, Array], Array]:
+    """Conditions in the order of the residuals (samples,), and one half of the samples: every other second."""
+    parts: dict[str, list[Array]] = {}
+    halves = []
+    for b in problem.blocks:
+        record = problem.rig.records[b.record]
+        take = problem.taken(b.record)
+        for name, values in problem.rig.conditions(b.record).items():
+            parts.setdefault(name, []).append(values[take])
+        halves.append(np.floor(record.time[take]) % 2 == 0)
+    return {name: np.concatenate(v) for name, v in parts.items()}, np.concatenate(halves)

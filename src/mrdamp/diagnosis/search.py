@@ -1,0 +1,214 @@
+"""Which causes explain the gap: screening by signatures, fits of what is promising, forward steps, drops, a beam.
+
+Every set of causes is tried twice: with the nominal parameters held where their owner believes them, and with all of
+them free. Held is the simpler statement by as many numbers as the law has, and where the owner is right it parts
+causes that a free law would blur; free is what counts where he is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.fit import Fit, fit
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.terms import Hypothesis, Term
+
+Progress = Callable[[str, float], None]
+
+#: A signature is stretched by no more than this when it is screened.
+_STRETCH = 4.0
+#: A term is fitted where its signature promises at least this relative fall of the cost.
+_PROMISE = 0.03
+#: Nothing material is left for another cause below this unexplained share.
+_SOLVED = 0.003
+#: The noise floor is known to about this share of itself (sampling of the motion, start states).
+_FLOOR_DOUBT = 0.3
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How wide the search goes. singles: terms fitted alone of those screened, for each flavour; beam: sets carried
+    on; additions: terms fitted to each of them; depth: most causes at once; polished: fits with free nominal parameters
+    that get a full Jacobian of their own."""
+
+    singles: int = 8
+    beam: int = 3
+    additions: int = 4
+    depth: int = 3
+    polished: int = 3
+
+
+@dataclass
+class Search:
+    """Fits of hypotheses on one problem. floor: the cost that noise alone leaves."""
+
+    problem: Problem
+    floor: float
+    limits: Limits = field(default_factory=Limits)
+    jobs: int = 1
+    fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        rig = self.problem.rig
+        self.residual = self.problem.residuals(Hypothesis(()), np.zeros(0))[0]
+        self.nominal_cost = float(self.residual @ self.residual)
+        held = Hypothesis(())
+        self._keep(Fit(held, np.zeros(0), self.nominal_cost, self.residual, np.zeros((self.problem.samples, 0))))
+        free = Hypothesis(rig.nominal)
+        self._keep(fit(self.problem, free, np.zeros(len(rig.nominal)), most=15))
+
+    @property
+    def excess(self) -> float:
+        """Cost of the nominal simulator beyond the noise."""
+        return max(self.nominal_cost - self.floor, 1e-3 * self.floor, 1e-12)
+
+    @property
+    def base(self) -> Fit:
+        """The nominal parameters alone, fitted."""
+        return self.fits[True, frozenset()]
+
+    def unexplained(self, found: Fit) -> float:
+        """Share of the excess that a fit leaves."""
+        return max(found.cost - self.floor, 0.0) / self.excess
+
+    def start_from(self, found: Fit, term: Term, k: int) -> tuple[Hypothesis, Array]:
+        """A fit with a term added at one of its starts."""
+        hypothesis = found.hypothesis.plus(term)
+        own = Hypothesis((), (term,)).start((k,))
+        return hypothesis, np.concatenate([found.point, own])
+
+    def screen(self, found: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, int]]:
+        """Costs that each term promises on top of a fit, the best start of each, best first.
+
+        A score test with a signature of finite size: the change that the term makes at a start, less what the free
+        coordinates can make themselves, scaled to the residual.
+        """
+        jobs = [(term, k) for term in terms for k in range(len(term.starts))]
+
+        def change(term: Term, k: int) -> Array:
+            hypothesis, point = self.start_from(found, term, k)
+            return self.problem.residuals(hypothesis, point)[0] - found.residual
+
+        basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else found.jacobian
+        left = found.residual - basis @ (basis.T @ found.residual)
+        best: dict[str, tuple[float, Term, int]] = {}
+        for (term, k), d in zip(jobs, self._map(change, jobs), strict=True):
+            own = d - basis @ (basis.T @ d)
+            size = float(own @ own)
+            if size <= 1e-6 * float(d @ d) or size == 0:
+                promise = found.cost
+            else:
+                by = min(max(-float(own @ left) / size, 0.0), _STRETCH)
+                promise = found.cost + by * (2 * float(own @ left) + by * size)
+            if term.name not in best or promise < best[term.name][0]:
+                best[term.name] = (promise, term, k)
+        return sorted(best.values(), key=lambda item: (item[0], item[1].name))
+
+    def run(self, progress: Progress = lambda what, share: None) -> None:
+        """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
+        for number, (free, depth) in enumerate(product((False, True), range(1, self.limits.depth + 1))):
+            if self.solved(self.base) and (free or depth > 1):
+                break
+            before = self.best(False)
+            if before is not None and self.solved(before):
+                break
+            progress(
+                f"{('one cause', 'two causes', 'three causes')[depth - 1]}, nominal parameters {'free' if free else 'held'}",
+                number / (2 * self.limits.depth),
+            )
+            self.extend(free, depth)
+
+    def solved(self, found: Fit) -> bool:
+        """True where nothing material is left for another cause to explain."""
+        return found.cost - self.floor < _SOLVED * self.excess + _FLOOR_DOUBT * self.floor
+
+    def extend(self, free: bool, depth: int) -> None:
+        parents = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1][: self.limits.beam]
+        tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array]] = {}
+        for parent in parents:
+            taken = set(parent.hypothesis.causes)
+            terms = [t for t in self.problem.rig.terms if t.cause not in taken]
+            ranked = self.screen(parent, terms)
+            chosen = self._choose([r for r in ranked if r[0] < (1 - _PROMISE) * parent.cost], depth)
+            for _, term, k in chosen:
+                hypothesis, start = self.start_from(parent, term, k)
+                key = frozenset(t.name for t in hypothesis.terms)
+                if (free, key) not in self.fits:
+                    tasks.setdefault(key, (hypothesis, start, parent.jacobian))
+        for found in self._map(self._try, list(tasks.values())):
+            if found is not None:
+                self._keep(found)
+        if free:
+            best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: self.limits.polished]
+            for found in self._map(self._polish, [(f,) for f in best]):
+                self._keep(found)
+
+    def _polish(self, found: Fit) -> Fit:
+        return fit(self.problem, found.hypothesis, found.point, most=4)
+
+    def _choose(self, ranked: list[tuple[float, Term, int]], depth: int) -> list[tuple[float, Term, int]]:
+        """The most promising terms; of singles also the best of every stage."""
+        count = self.limits.singles if depth == 1 else self.limits.additions
+        chosen = list(ranked[:count])
+        if depth == 1:
+            seen = {term.stage for _, term, _ in chosen}
+            for item in ranked[count:]:
+                if item[1].stage not in seen:
+                    seen.add(item[1].stage)
+                    chosen.append(item)
+        return chosen
+
+    def _try(self, hypothesis: Hypothesis, start: Array, known: Array) -> Fit | None:
+        try:
+            if hypothesis.nominal:
+                return fit(self.problem, hypothesis, start, most=8, known=known, frozen=True)
+            return fit(self.problem, hypothesis, start, most=15)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            self.failed.append(f"{hypothesis.name}: the fit failed ({error})")
+            return None
+
+    def _keep(self, found: Fit) -> None:
+        key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))
+        if key not in self.fits or found.cost < self.fits[key].cost:
+            self.fits[key] = found
+
+    def ranked(self, free: bool) -> list[Fit]:
+        """Fits of a flavour by cost."""
+        return sorted(
+            (f for (is_free, _), f in self.fits.items() if is_free == free),
+            key=lambda f: (f.cost, f.hypothesis.name),
+        )
+
+    def smallest(self, free: bool, causes: Iterable[str]) -> Fit | None:
+        """The best fit of exactly these causes."""
+        wanted = set(causes)
+        return next((f for f in self.ranked(free) if set(f.hypothesis.causes) == wanted), None)
+
+    def best(self, free: bool, causes: int | None = None) -> Fit | None:
+        """The best fit of a flavour, with so many causes."""
+        return next((f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None)
+
+    def _map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
+        tasks = list(jobs)
+        if self.jobs == 1 or len(tasks) < 2:
+            return [function(*task) for task in tasks]
+        # The work is done in the C entry, outside the interpreter's lock.
+        return list(Parallel(n_jobs=self.jobs, prefer="threads")(delayed(function)(*task) for task in tasks))
+
+
+def evidence(unexplained: float, resolution: float, numbers: int, independent: float, price: float) -> float:
+    """Log evidence (nats) of a fit: what it leaves unexplained, at the price of its free numbers.
+
+    The misfit is a form error of unknown size, so its logarithm counts, once for each of `independent` samples, down
+    to the resolution below which shares cannot be told apart.
+    """
+    return -0.5 * independent * math.log(unexplained + resolution) - price * numbers

@@ -1,0 +1,134 @@
+"""What a diagnosis may change in a simulator: coordinates with ranges and priors, the effects' terms, hypotheses.
+
+A coordinate is searched in its own unit: q = 0 is where it begins, q = 1 one `scale` further (of the logarithm, where
+it is a positive number over decades). A prior is a standard deviation in that unit and enters a fit as a residual.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrdamp.core import Array
+
+#: Stages of the signal chain, in order; `structure` is a frame's.
+STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor", "structure")
+
+Settings = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One free number: setting `name`, its start and bounds in SI units.
+
+    scale: size of a unit of search (in the setting's unit; of its logarithm where `log`). prior: standard deviation
+    about the start, in units of search; None: none.
+    """
+
+    name: str
+    start: float
+    low: float
+    high: float
+    scale: float
+    log: bool = False
+    prior: float | None = None
+
+    def value(self, q: float) -> float:
+        """The setting at a point of the search."""
+        if self.log:
+            return min(max(self.start * math.exp(q * self.scale), self.low), self.high)
+        return min(max(self.start + q * self.scale, self.low), self.high)
+
+    def point(self, value: float) -> float:
+        """The way back of `value`; outside the bounds the nearer one."""
+        value = min(max(value, self.low), self.high)
+        return math.log(value / self.start) / self.scale if self.log else (value - self.start) / self.scale
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """In units of search."""
+        return self.point(self.low), self.point(self.high)
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect of the catalogue in one of its forms.
+
+    starts: values of the coordinates (starts, coordinates) that a fit and a screening begin from, SI units; the
+    coordinates' own start is their middle. fixed: settings that make the form. neutral: what switches it off
+    without a jump (for signatures): the settings that differ from an absent term, empty for plain absence.
+    """
+
+    effect: str
+    stage: str
+    coordinates: tuple[Coordinate, ...]
+    starts: tuple[tuple[float, ...], ...]
+    place: int | None = None
+    form: str = ""
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def cause(self) -> str:
+        """The effect with its place, as labels write it: `floor_mass@2`."""
+        return self.effect if self.place is None else f"{self.effect}@{self.place}"
+
+    @property
+    def name(self) -> str:
+        """The cause with its form; unique in a catalogue."""
+        return f"{self.cause}:{self.form}" if self.form else self.cause
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The nominal parameters, all free, and some terms."""
+
+    nominal: tuple[Coordinate, ...]
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        return self.nominal + tuple(c for term in self.terms for c in term.coordinates)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Different causes, in the order in which they were added."""
+        return tuple(dict.fromkeys(term.cause for term in self.terms))
+
+    @property
+    def name(self) -> str:
+        return " + ".join(term.name for term in self.terms) or "parameters"
+
+    def plus(self, term: Term) -> Hypothesis:
+        return Hypothesis(self.nominal, (*self.terms, term))
+
+    def without(self, cause: str) -> Hypothesis:
+        return Hypothesis(self.nominal, tuple(t for t in self.terms if t.cause != cause))
+
+    def settings(self, q: Array) -> Settings:
+        """Settings (those that are free, and those the forms fix) at a point (coordinates,)."""
+        out: Settings = {}
+        for term in self.terms:
+            out |= term.fixed
+        for c, value in zip(self.coordinates, q, strict=True):
+            out[c.name] = c.value(float(value))
+        return out
+
+    def start(self, starts: Sequence[int] = ()) -> Array:
+        """The point with the nominal parameters at their own and each term at one of its starts."""
+        chosen = starts or (0,) * len(self.terms)
+        q = [0.0] * len(self.nominal)
+        for term, k in zip(self.terms, chosen, strict=True):
+            q += [c.point(v) for c, v in zip(term.coordinates, term.starts[k], strict=True)]
+        return np.array(q)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper ends (coordinates,) in units of search."""
+        pairs = np.array([c.bounds for c in self.coordinates]).reshape(-1, 2)
+        return pairs.min(axis=1), pairs.max(axis=1)
+
+    def prior(self) -> Array:
+        """One over the prior's standard deviation (coordinates,), 0 where there is none."""
+        return np.array([1 / c.prior if c.prior else 0.0 for c in self.coordinates])

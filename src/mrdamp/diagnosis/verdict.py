@@ -1,0 +1,110 @@
+"""From fits to an answer: evidence of each set of causes, probabilities, and when none of them will do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Independent samples that a form error counts for, the price (nats) of a free law, of a cause, of a coordinate.
+INDEPENDENT, FREE_PRICE, CAUSE_PRICE, NUMBER_PRICE = 24.0, 6.0, 3.0, 0.5
+#: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
+RESOLUTION, FLOOR_DOUBT = 0.01, 0.05
+#: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, is none.
+NONE_ABOVE, REDUCIBLE = 1.75, 0.06
+#: More than this share of the excess left by the best set of causes: the cause is not in the catalogue.
+UNKNOWN_ABOVE = 0.12
+#: A cause that explains less than this share of the excess is a correction of another's form.
+MATERIAL = 0.04
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A fitted set of causes. cost: sum of squares of its residuals; numbers: free coordinates of its effects."""
+
+    causes: tuple[str, ...]
+    free: bool
+    cost: float
+    numbers: int
+    index: int = -1
+
+
+@dataclass(frozen=True)
+class Decision:
+    """verdict; chosen: the fit behind it; probabilities: of each fit given, in their order; unexplained: the share
+    of the excess that the chosen fit leaves; floor: the cost that is taken for noise."""
+
+    verdict: str
+    chosen: Scored
+    probabilities: tuple[float, ...]
+    unexplained: float
+    floor: float
+    excess: float
+
+
+def decide(fits: Sequence[Scored], floor: float) -> Decision:
+    """The verdict over fits, of which the nominal simulator (no causes, not free) is one. floor: cost of the noise."""
+    nominal = next(f for f in fits if not f.causes and not f.free)
+    least = min(f.cost for f in fits)
+    # What no fit gets below counts as noise, up to a point: motion between samples and start states are in it.
+    floor = min(max(least, floor), NONE_ABOVE**2 / 2 * floor)
+    excess = max(nominal.cost - floor, 1e-12)
+    resolution = RESOLUTION + FLOOR_DOUBT * floor / excess
+    scores = np.array([_evidence(f, floor, excess, resolution) for f in fits])
+    weights = np.exp(scores - scores.max())
+    probabilities = tuple(float(p) for p in weights / weights.sum())
+    chosen = fits[int(np.argmax(scores))]
+    left = max(chosen.cost - floor, 0.0) / excess
+    if nominal.cost <= NONE_ABOVE * floor and least >= (1 - REDUCIBLE) * nominal.cost:
+        return Decision("none", nominal, probabilities, 1.0, floor, excess)
+    if not chosen.causes and not chosen.free:
+        return Decision("unknown", chosen, probabilities, 1.0, floor, excess)
+    if left > UNKNOWN_ABOVE:
+        return Decision("unknown", chosen, probabilities, left, floor, excess)
+    return Decision("effect" if chosen.causes else "parameters", chosen, probabilities, left, floor, excess)
+
+
+def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
+    left = max(found.cost - floor, 0.0) / excess
+    price = FREE_PRICE * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers
+    return -0.5 * INDEPENDENT * math.log(left + resolution) - price
+
+
+def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:
+    """Probability of each set of causes, over held and free and over forms; largest first."""
+    out: dict[tuple[str, ...], float] = {}
+    for f, p in zip(fits, probabilities, strict=True):
+        key = tuple(sorted(f.causes)) if f.causes or not f.free else ("parameters",)
+        out[key] = out.get(key, 0.0) + p
+    return dict(sorted(out.items(), key=lambda item: (-item[1], item[0])))
+
+
+def of_cause(sets: Mapping[tuple[str, ...], float]) -> dict[str, float]:
+    """Probability that a cause is among those at work; largest first."""
+    out: dict[str, float] = {}
+    for causes, p in sets.items():
+        for cause in causes or ("none",):
+            out[cause] = out.get(cause, 0.0) + p
+    return dict(sorted(out.items(), key=lambda item: (-item[1], item[0])))
+
+
+def shapley(costs: Mapping[frozenset[str], float], causes: Sequence[str]) -> dict[str, float]:
+    """Share of each cause in the fall of the cost from none to all of them, averaged over the orders of adding.
+
+    costs: by set of causes, the empty one included; a set that was not fitted counts as the best of its subsets.
+    """
+
+    def cost(members: frozenset[str]) -> float:
+        return min(value for key, value in costs.items() if key <= members)
+
+    out = dict.fromkeys(causes, 0.0)
+    n = len(causes)
+    for cause in causes:
+        others = [c for c in causes if c != cause]
+        for bits in range(2 ** len(others)):
+            inside = frozenset(c for k, c in enumerate(others) if bits >> k & 1)
+            weight = math.factorial(len(inside)) * math.factorial(n - len(inside) - 1) / math.factorial(n)
+            out[cause] += weight * (cost(inside) - cost(inside | {cause}))
+    return out

@@ -1,0 +1,80 @@
+"""The sentence and the table that a person reads first."""
+
+from __future__ import annotations
+
+from mrdamp.diagnosis.result import Diagnosis
+
+_PLAIN = {
+    "driver_lag": "the coil current follows the command late",
+    "command_delay": "the command arrives late",
+    "saturation": "the magnetic circuit saturates",
+    "remanence": "the magnetic circuit remembers",
+    "heating": "the fluid warms up",
+    "asymmetry": "extension and compression differ",
+    "shear_thinning": "the fluid thins with velocity",
+    "trapped_gas": "trapped gas swallows the start of a stroke",
+    "gas_spring": "the accumulator acts as a spring",
+    "seal_friction": "the seal rubs",
+    "moving_mass": "a mass moves between damper and load cell",
+    "mount_compliance": "the mount gives way",
+    "backlash": "the mount has play",
+    "sensor_gain": "the force sensor's sensitivity is off",
+    "sensor_offset": "the force sensor has a bias",
+    "sensor_leakage": "the sensor's charge leaks away",
+    "sensor_lag": "the force channel is slow",
+    "channel_shift": "the displacement and force channels are shifted in time",
+    "storey_stiffness": "a storey's stiffness is off",
+    "storey_damping": "a storey's damping is off",
+    "joint_friction": "a storey rubs",
+    "floor_mass": "a floor carries another mass",
+}
+
+
+def percent(x: float) -> str:
+    return f"{100 * x:.1f} %"
+
+
+def sentence(d: Diagnosis) -> str:
+    """What was found, in one plain sentence."""
+    g = d.gap
+    shrink = f"the gap on records held out goes from {percent(g.nominal)} to {percent(g.corrected)}"
+    if d.verdict == "none":
+        return f"The simulator matches the rig: its gap of {percent(g.nominal)} is the noise of the records."
+    if d.verdict == "parameters":
+        return f"The model's form is right and its numbers are not: recalibrated, {shrink} (noise {percent(g.noise_floor)})."
+    if d.verdict == "unknown":
+        stage = max(d.where.stages, key=lambda s: d.where.stages[s])
+        return (
+            f"There is a gap of {percent(g.nominal)} that nothing in the catalogue explains; it looks most like the"
+            f" stage {stage}, and the best correction leaves {percent(g.corrected)}."
+        )
+    parts = []
+    for e in d.effects:
+        place = f" {e.place}" if e.place is not None else ""
+        parts.append(f"{e.effect}{place} ({_PLAIN.get(e.effect, e.stage)})")
+    return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} (noise {percent(g.noise_floor)})."
+
+
+def table(d: Diagnosis) -> str:
+    """The waterfall, the effects, the candidates and what is tied."""
+    lines = ["  gap on held-out records (RMS error over RMS)"]
+    lines += [f"    {s.name:40s} {percent(s.gap):>8s}   {percent(s.interval[0])} to {percent(s.interval[1])}" for s in d.waterfall]
+    lines.append(f"    {'noise floor':40s} {percent(d.gap.noise_floor):>8s}")
+    if d.effects:
+        lines.append("  effects")
+        for e in d.effects:
+            numbers = ", ".join(f"{k} = {v:.4g}" for k, v in e.parameters.items())
+            place = f"@{e.place}" if e.place is not None else ""
+            lines.append(f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}")
+    lines.append("  candidates")
+    for c in d.candidates:
+        lines.append(f"    {' + '.join(c.causes) or 'none':40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
+    stages = sorted(d.where.stages.items(), key=lambda item: -item[1])
+    lines.append("  stages: " + ", ".join(f"{s} {v:.2f}" for s, v in stages if v > 0.005))
+    for tie in d.indistinguishable:
+        lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
+    if d.corrections:
+        lines.append(f"  in the corrected simulator besides, to mend a form: {', '.join(d.corrections)}")
+    lines.append(f"  next test: {d.next_experiment.get('signal', '')} ({d.next_experiment.get('why', '')})")
+    lines += [f"  note: {n}" for n in d.notes]
+    return "\n".join(lines)

@@ -1,0 +1,230 @@
+"""Pictures of a diagnosis: where in chain and regime the gap lies, what causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from mrdamp.errors import InputError
+from mrdamp.pictures.series import Array, busiest, clock, finite, outline
+from mrdamp.pictures.style import (
+    COLOURS,
+    GRID,
+    INK,
+    MUTED,
+    REFERENCE,
+    axes_grid,
+    elide,
+    figure,
+    legend,
+    styled,
+    ticks,
+)
+
+BEFORE, AFTER = COLOURS[1], COLOURS[0]
+_BINS = 7  # of the gap map, a side
+_FEWEST = 20  # samples of a bin that is drawn
+_HEAT = LinearSegmentedColormap.from_list("gap", ["#f4f6f8", "#f3b27a", COLOURS[1], "#7d2e00"])
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualData:
+    """A record's channel, measured and simulated before and after the correction.
+
+    time (n,) s; velocity (n,) m/s of the piston; command (n,); measured, nominal, corrected (n,) in `unit`.
+    """
+
+    name: str
+    time: Array
+    velocity: Array
+    command: Array
+    measured: Array
+    nominal: Array
+    corrected: Array
+    unit: str = "N"
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        time = clock(f"{self.name}: time", self.time)
+        object.__setattr__(self, "time", time)
+        for name in ("velocity", "command", "measured", "nominal", "corrected"):
+            object.__setattr__(self, name, finite(f"{self.name}: {name}", getattr(self, name), time.shape))
+
+
+@styled
+def waterfall(
+    steps: Sequence[tuple[str, float, tuple[float, float]]], floor: float, ceiling: float | None = None
+) -> Figure:
+    """Gap on held-out records, step by step: name, gap, 95 % interval; lines for noise floor and ceiling."""
+    if not steps:
+        raise InputError("waterfall: no steps")
+    fig = figure(0.75 + 0.36 * len(steps))
+    ax = fig.subplots()
+    y = np.arange(len(steps))
+    gaps = 100 * np.array([gap for _, gap, _ in steps])
+    ends = 100 * np.array([interval for *_, interval in steps])
+    ax.barh(y, gaps, height=0.6, color=[REFERENCE, *[AFTER] * (len(steps) - 1)])
+    ax.hlines(y, ends[:, 0], ends[:, 1], color=INK, linewidth=1.4)
+    ax.axvline(100 * floor, color=MUTED, linestyle="--", linewidth=1.0)
+    handles = [Line2D([], [], color=MUTED, linestyle="--"), Line2D([], [], color=INK)]
+    labels = ["noise floor", "95 % interval"]
+    if ceiling is not None:
+        ax.axvline(100 * ceiling, color=COLOURS[2], linestyle=":", linewidth=1.4)
+        handles.append(Line2D([], [], color=COLOURS[2], linestyle=":"))
+        labels.append("any model")
+    top = max(float(ends.max()), float(gaps.max())) or 1.0
+    for k, gap in enumerate(gaps):
+        ax.text(max(gap, ends[k, 1]) + 0.015 * top, k, f"{gap:.2g} %", va="center", color=INK, fontsize=9)
+    ax.set_yticks(y, [elide(name, 120) for name, *_ in steps])
+    ax.set_xlim(0, 1.18 * top)
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel("gap on held-out records, % of the RMS")
+    legend(fig, handles, labels)
+    return fig
+
+
+@styled
+def probabilities(values: Mapping[str, float], most: int = 6) -> Figure:
+    """Probability of each cause, the likeliest first, at most so many and the rest together."""
+    ranked = sorted(values.items(), key=lambda item: -item[1])
+    shown, rest = ranked[:most], sum(p for _, p in ranked[most:])
+    if len(ranked) > most:
+        shown = [*shown, (f"{len(ranked) - most} others", rest)]
+    fig = figure(0.45 + 0.3 * len(shown))
+    ax = fig.subplots()
+    y = np.arange(len(shown))
+    p = np.array([value for _, value in shown])
+    ax.barh(y, p, height=0.6, color=[AFTER, *[REFERENCE] * (len(shown) - 1)])
+    for k, value in enumerate(p):
+        ax.text(value + 0.015, k, f"{value:.2f}", va="center", color=INK, fontsize=9)
+    ax.set_yticks(y, [elide(name, 130) for name, _ in shown])
+    ax.set_xlim(0, 1.12)
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel("probability")
+    return fig
+
+
+@styled
+def chain(shares: Mapping[str, float], intervals: Mapping[str, tuple[float, float]] | None = None) -> Figure:
+    """The signal chain with each stage's share of the gap over it; intervals where there are any."""
+    names = list(shares)
+    fig = figure(2.0)
+    ax = fig.subplots()
+    x = np.arange(len(names))
+    values = 100 * np.array([shares[name] for name in names])
+    ax.bar(
+        x,
+        values,
+        width=0.62,
+        color=[_HEAT(0.15 + 0.6 * v / 100) for v in values],
+        edgecolor=MUTED,
+        linewidth=0.6,
+    )
+    top = float(values.max())
+    for k, name in enumerate(names):
+        reach = values[k]
+        if intervals and name in intervals:
+            low, high = (100 * end for end in intervals[name])
+            ax.vlines(k, low, high, color=INK, linewidth=1.4)
+            reach = max(reach, high)
+        top = max(top, reach)
+        ax.text(k, reach + 2, f"{values[k]:.0f} %", ha="center", color=INK, fontsize=9)
+    for k in range(len(names) - 1):
+        ax.annotate(
+            "", (k + 0.66, -0.02), (k + 0.34, -0.02), xycoords=("data", "axes fraction"),
+            arrowprops={"arrowstyle": "->", "color": MUTED, "linewidth": 0.9}, annotation_clip=False,
+        )  # fmt: skip
+    ax.set_xticks(x, names, fontsize=8)
+    ax.tick_params(axis="x", length=0, pad=5)
+    ax.set_ylim(0, 1.15 * max(top, 10.0))
+    ax.set_ylabel("share of the gap")
+    ax.set_yticks([])
+    ax.grid(visible=False)
+    return fig
+
+
+@styled
+def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
+    """RMS residual over velocity and command, before and after, on one scale: % of the measurement's RMS."""
+    if not records:
+        raise InputError("gap map: no records")
+    velocity, command = (np.concatenate([getattr(r, k) for r in records]) for k in ("velocity", "command"))
+    size = [np.sqrt(np.mean(r.measured**2)) or 1.0 for r in records]
+    before, after = (
+        np.concatenate([(getattr(r, k) - r.measured) / s for r, s in zip(records, size, strict=True)])
+        for k in ("nominal", "corrected")
+    )
+    v_edges, u_edges = _edges(velocity, symmetric=True), _edges(command, symmetric=False)
+    maps = [100 * _binned(velocity, command, e, v_edges, u_edges) for e in (before, after)]
+    fig = figure(2.5)
+    axes = axes_grid(fig, 1, 2, sharey=True)[0]
+    top = float(np.nanmax(maps[0])) if np.isfinite(maps[0]).any() else 1.0
+    mesh = None
+    for ax, values, title in zip(axes, maps, ("nominal", "corrected"), strict=True):
+        ax.set_title(title)
+        mesh = ax.pcolormesh(
+            v_edges, u_edges, values.T, cmap=_HEAT, vmin=0, vmax=top, edgecolor=GRID, linewidth=0.3
+        )
+        ax.set_xlabel("velocity, m/s")
+        ax.grid(visible=False)
+        ticks(ax, 4, 5)
+    axes[0].set_ylabel(f"command, {command_unit}")
+    assert mesh is not None
+    bar = fig.colorbar(mesh, ax=axes, pad=0.01, aspect=18)
+    bar.set_label("RMS residual, %")
+    bar.outline.set_visible(False)
+    return fig
+
+
+@styled
+def residuals(records: Sequence[ResidualData], periods: float = 8.0) -> Figure:
+    """Measured less simulated over time, before and after, where the piston moves fastest; a row a record."""
+    if not records:
+        raise InputError("residuals: no records")
+    fig = figure(0.6 + 1.05 * len(records))
+    axes = axes_grid(fig, len(records), 1)
+    for r, (ax,) in zip(records, axes, strict=True):
+        part = busiest(r.time, r.velocity, periods)
+        _line(ax, r.time[part], (r.measured - r.nominal)[part], BEFORE, 1.0)
+        _line(ax, r.time[part], (r.measured - r.corrected)[part], AFTER, 1.0)
+        ax.set_title(elide(" · ".join(x for x in (r.name, r.note) if x), 330))
+        ax.set_ylabel(r.unit)
+        ticks(ax, 6, 4)
+    axes[-1][0].set_xlabel("time, s")
+    legend(fig, [Patch(color=BEFORE), Patch(color=AFTER)], ["nominal", "corrected"])
+    return fig
+
+
+def _line(ax: Axes, time: Array, values: Array, colour: str, width: float) -> None:
+    t, v = outline(time, values, 400)
+    ax.plot(t, v, color=colour, linewidth=width)
+
+
+def _edges(values: Array, *, symmetric: bool) -> Array:
+    """Edges of bins over all but the outermost values; one bin where the values hardly differ."""
+    low, high = np.quantile(values, [0.005, 0.995])
+    if symmetric:
+        high = max(abs(low), abs(high))
+        low = -high
+    if high - low < 1e-9 * max(abs(high), 1e-9):
+        middle = float(values.mean())
+        half = 0.5 * abs(middle) or 0.5
+        return np.array([middle - half, middle + half])
+    return np.linspace(low, high, _BINS + 1)
+
+
+def _binned(x: Array, y: Array, e: Array, x_edges: Array, y_edges: Array) -> Array:
+    """RMS of e (columns x, rows y), NaN where there are too few samples."""
+    inside = (np.clip(x, x_edges[0], x_edges[-1]), np.clip(y, y_edges[0], y_edges[-1]))
+    count = np.histogram2d(*inside, bins=(x_edges, y_edges))[0]
+    total = np.histogram2d(*inside, bins=(x_edges, y_edges), weights=e**2)[0]
+    return np.asarray(np.where(count >= _FEWEST, np.sqrt(total / np.maximum(count, 1)), np.nan))
