@@ -1,7 +1,23 @@
-"""Baseline controllers of MR dampers in frames: constant commands and clipped-optimal control."""
+"""Controllers of MR dampers: constant commands, clipped-optimal and its kin, Lyapunov, skyhook, force tracking."""
 
 from mrdamp.control.base import Controller
-from mrdamp.control.clipped_optimal import ClippedOptimal, clipped_optimal
+from mrdamp.control.clipped_optimal import clipped_optimal, force_tracking, ideal_active, modulated_optimal
+from mrdamp.control.following import ForceController
+from mrdamp.control.lyapunov import lyapunov, max_dissipation
 from mrdamp.control.passive import Constant, passive_off, passive_on
+from mrdamp.control.skyhook import skyhook
 
-__all__ = ["ClippedOptimal", "Constant", "Controller", "clipped_optimal", "passive_off", "passive_on"]
+__all__ = [
+    "Constant",
+    "Controller",
+    "ForceController",
+    "clipped_optimal",
+    "force_tracking",
+    "ideal_active",
+    "lyapunov",
+    "max_dissipation",
+    "modulated_optimal",
+    "passive_off",
+    "passive_on",
+    "skyhook",
+]

@@ -1,4 +1,4 @@
-"""Clipped-optimal control: an LQG force to aim at, and a bang-bang law that follows it.
+"""Clipped-optimal control: an LQG force to aim at, and a law that follows it.
 
 Dyke, Spencer, Sain and Carlson, Smart Materials and Structures 5 (1996) 565-575, doi
 10.1088/0964-1726/5/5/006. With s = [x; x'] and the sign of f as in mrdamp.structures:
@@ -8,71 +8,111 @@ Dyke, Spencer, Sain and Carlson, Smart Materials and Structures 5 (1996) 565-575
     v  = v_max H((fc - f) f)                                            (clipping)
 
 H is the unit step: the field is on where the damper's force has the sign of the wanted one and
-is smaller. Departure: the continuous filter is stepped exactly for measurements that run straight
-between the samples (first-order hold), where the paper had a digital controller of its own.
+is smaller. Departure: the filter is stepped as in mrdamp.control.estimator, where the paper had a
+digital controller of its own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrdamp.control.lqg import first_order_hold, kalman_gain, regulator_gain
-from mrdamp.control.plant import outputs, plant
+from mrdamp.control.estimator import Estimator
+from mrdamp.control.following import Direct, ForceController, Modulated, OnOff, Tracking, clip
+from mrdamp.control.lqg import regulator_gain
+from mrdamp.control.plant import Plant, outputs, plant
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray, ShearFrame
 
+if TYPE_CHECKING:
+    from mrdamp.inverse import Inverse
 
-def clip(wanted: float, force: float, command_max: float) -> float:
-    """command_max * H((wanted - force) * force); H(0) = 0. Forces in N."""
-    return command_max if (wanted - force) * force > 0 else 0.0
+__all__ = [
+    "OptimalForce", "clip", "clipped_optimal", "force_tracking", "frame_estimator", "ideal_active",
+    "modulated_optimal", "optimal_force",
+]  # fmt: skip
+
+#: Rows c (p, n) and feedthrough d (p,) of named measurements of a plant.
+Outputs = Callable[[Sequence[str]], tuple[FloatArray, FloatArray]]
 
 
-class ClippedOptimal:
-    """The controller above; built by `clipped_optimal`.
+class OptimalForce:
+    """fc = -k s_hat, the aim above; built by `optimal_force`. k (n,); estimator: of the n states."""
 
-    Attributes: name; period, s; command_max; measurements, p names; k (2N,), the regulator's gain;
-    gain (2N, p), l above, the filter's; wanted, the force fc of the last call, N; estimate, s_hat
-    (2N,) of the last call.
-    """
-
-    def __init__(
-        self,
-        frame: ShearFrame,
-        command_max: float,
-        k: FloatArray,
-        gain: FloatArray,
-        measurements: Sequence[str],
-        period: float,
-        name: str = "clipped-optimal",
-    ) -> None:
-        self.name = name
-        self.period = period
-        self.command_max = command_max
-        self.measurements = tuple(measurements)
+    def __init__(self, k: FloatArray, estimator: Estimator) -> None:
         self.k = k
-        self.gain = gain
-        linear = plant(frame)
-        c, d = outputs(frame, self.measurements)
-        drive = np.column_stack([gain, linear.b - gain @ d])  # inputs: y, then f
-        self._phi, self._g0, self._g1 = first_order_hold(linear.a - gain @ c, drive, period)
-        self.reset()
+        self.estimator = estimator
 
     def reset(self) -> None:
-        self.estimate: FloatArray = np.zeros(len(self.k))
-        self.wanted = 0.0
-        self._last: FloatArray | None = None
+        self.estimator.reset()
 
-    def command(self, t: float, y: Mapping[str, float]) -> float:
-        force = y["force"]
-        now = np.array([*(y[name] for name in self.measurements), force])
-        if self._last is not None:
-            self.estimate = self._phi @ self.estimate + self._g0 @ self._last + self._g1 @ now
-        self._last = now
-        self.wanted = -float(self.k @ self.estimate)
-        return clip(self.wanted, force, self.command_max)
+    def __call__(self, t: float, y: Mapping[str, float]) -> float:
+        return -float(self.k @ self.estimator(y))
+
+
+def default_measurements(frame: ShearFrame) -> tuple[str, ...]:
+    """What Dyke's filter got: all floor accelerations and `displacement_1`; the force is always used."""
+    return (*(f"acceleration_{i}" for i in range(1, frame.storeys + 1)), "displacement_1")
+
+
+def frame_estimator(
+    frame: ShearFrame,
+    noise_ratio: float = 50.0,
+    period: float = 1e-3,
+    measurements: Sequence[str] | None = None,
+) -> Estimator:
+    """The Kalman filter of a frame's states [x; x'] (2N,); arguments as for `optimal_force`."""
+    _check(noise_ratio=noise_ratio, period=period)
+    names = default_measurements(frame) if measurements is None else tuple(measurements)
+    return Estimator(plant(frame), *outputs(frame, names), names, noise_ratio, period)
+
+
+def optimal_force(
+    frame: ShearFrame,
+    regulate: Mapping[str, float] | None = None,
+    r: float = 1e-17,
+    noise_ratio: float = 50.0,
+    period: float = 1e-3,
+    measurements: Sequence[str] | None = None,
+) -> OptimalForce:
+    """The LQG force of a frame; the defaults are Dyke's.
+
+    regulate: weights Q of the regulated outputs by measurement name (or `drift_j`), 1 on the top floor's absolute
+    acceleration by default. r: weight of the force squared. noise_ratio: S_g / S_v. period: s. measurements: names
+    of what the filter gets, all floor accelerations and `displacement_1` by default. Raises InputError.
+    """
+    weights = dict(regulate) if regulate is not None else {f"acceleration_{frame.storeys}": 1.0}
+    names = default_measurements(frame) if measurements is None else tuple(measurements)
+    return plant_force(plant(frame), lambda rows: outputs(frame, rows), weights, r, noise_ratio, period, names)
+
+
+def plant_force(
+    linear: Plant,
+    rows: Outputs,
+    regulate: Mapping[str, float],
+    r: float,
+    noise_ratio: float,
+    period: float,
+    measurements: Sequence[str],
+    deviation: FloatArray | None = None,
+) -> OptimalForce:
+    """The LQG force of any linear plant whose measurements `rows` gives by name; see `kalman_gain` for the noise.
+
+    Raises InputError.
+    """
+    _check(r=r, noise_ratio=noise_ratio, period=period)
+    if not regulate or any(not 0 <= w < math.inf for w in regulate.values()) or not any(regulate.values()):
+        raise InputError(
+            f"clipped_optimal: regulate is {dict(regulate)}; allowed: weights >= 0, one of them > 0"
+        )
+    if not measurements:
+        raise InputError("clipped_optimal: measurements is empty; name at least one")
+    regulated, through = rows(tuple(regulate))
+    k = regulator_gain(linear.a, linear.b, regulated, through, np.array(list(regulate.values())), r)
+    return OptimalForce(k, Estimator(linear, *rows(measurements), measurements, noise_ratio, period, deviation))
 
 
 def clipped_optimal(
@@ -84,46 +124,59 @@ def clipped_optimal(
     period: float = 1e-3,
     measurements: Sequence[str] | None = None,
     name: str = "clipped-optimal",
-) -> ClippedOptimal:
+) -> ForceController:
     """A clipped-optimal controller for a frame; the defaults are Dyke's.
 
-    command_max: A or V. regulate: weights Q of the regulated outputs by measurement name (or
-    `drift_j`), 1 on the top floor's absolute acceleration by default. r: weight of the force
-    squared. noise_ratio: S_g / S_v. period: s. measurements: names of what the filter gets, all
-    floor accelerations and `displacement_1` by default; the damper's force is always used.
-    Raises InputError.
+    command_max: A or V; the rest as for `optimal_force`. Raises InputError.
     """
-    for what, value in (
-        ("command_max", command_max),
-        ("r", r),
-        ("noise_ratio", noise_ratio),
-        ("period", period),
-    ):
+    _check(command_max=command_max)
+    aim = optimal_force(frame, regulate, r, noise_ratio, period, measurements)
+    return ForceController(aim, OnOff(command_max), period, name)
+
+
+def modulated_optimal(
+    frame: ShearFrame,
+    command_max: float,
+    force_max: float,
+    regulate: Mapping[str, float] | None = None,
+    r: float = 1e-17,
+    noise_ratio: float = 50.0,
+    period: float = 1e-3,
+    name: str = "modulated-optimal",
+) -> ForceController:
+    """The same aim, followed by a command in proportion to it; force_max in N, see `Modulated`."""
+    aim = optimal_force(frame, regulate, r, noise_ratio, period)
+    return ForceController(aim, Modulated(command_max, force_max), period, name)
+
+
+def force_tracking(
+    frame: ShearFrame,
+    inverse: Inverse,
+    regulate: Mapping[str, float] | None = None,
+    r: float = 1e-17,
+    noise_ratio: float = 50.0,
+    name: str = "force-tracking",
+) -> ForceController:
+    """The same aim, followed by an inverse model of the damper in place of on/off switching, at its period."""
+    aim = optimal_force(frame, regulate, r, noise_ratio, inverse.period)
+    return ForceController(aim, Tracking(inverse), inverse.period, name)
+
+
+def ideal_active(
+    frame: ShearFrame,
+    regulate: Mapping[str, float] | None = None,
+    r: float = 1e-17,
+    noise_ratio: float = 50.0,
+    period: float = 1e-3,
+    force_max: float = math.inf,
+    name: str = "ideal-active",
+) -> ForceController:
+    """The LQG force applied as it is: its command is a force in N, for `run_frame(..., ideal_force=True)`."""
+    aim = optimal_force(frame, regulate, r, noise_ratio, period)
+    return ForceController(aim, Direct(force_max), period, name)
+
+
+def _check(**values: float) -> None:
+    for what, value in values.items():
         if not 0 < value < math.inf:
             raise InputError(f"clipped_optimal: {what} is {value}; allowed: a finite number > 0")
-    n = frame.storeys
-    weights = dict(regulate) if regulate is not None else {f"acceleration_{n}": 1.0}
-    if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
-        raise InputError(f"clipped_optimal: regulate is {weights}; allowed: weights >= 0, one of them > 0")
-    names = (
-        tuple(measurements)
-        if measurements is not None
-        else (
-            *(f"acceleration_{i}" for i in range(1, n + 1)),
-            "displacement_1",
-        )
-    )
-    if not names:
-        raise InputError("clipped_optimal: measurements is empty; name at least one")
-    linear = plant(frame)
-    regulated, through = outputs(frame, tuple(weights))
-    c, _ = outputs(frame, names)
-    return ClippedOptimal(
-        frame,
-        command_max,
-        regulator_gain(linear.a, linear.b, regulated, through, np.array(list(weights.values())), r),
-        kalman_gain(linear.a, linear.e, c, noise_ratio),
-        names,
-        period,
-        name,
-    )

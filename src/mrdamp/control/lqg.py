@@ -34,15 +34,21 @@ def regulator_gain(
     return k
 
 
-def kalman_gain(a: FloatArray, e: FloatArray, c: FloatArray, noise_ratio: float) -> FloatArray:
-    """l (n, p) of s' = a s + l (y - c s) for white noise on the ground and on each measurement.
+def kalman_gain(
+    a: FloatArray, e: FloatArray, c: FloatArray, noise_ratio: float, deviation: FloatArray | None = None
+) -> FloatArray:
+    """l (n, p) of s' = a s + l (y - c s) for white noise on the load and on each measurement.
 
-    e (n,): how the ground's acceleration enters; noise_ratio: S_g / S_v, the intensity of the
-    ground's noise over that of every measurement's. Raises InputError where no filter is found.
+    e (n,), or (n, k) for k independent loads: how the load (the ground's acceleration) enters; noise_ratio: S_g / S_v,
+    the intensity of each load's noise over that of every measurement's, each in units of its deviation (p,), one by
+    default. Raises InputError where no filter is found.
     """
+    unit = np.ones(len(c)) if deviation is None else deviation
+    loads = e.reshape(len(a), -1)
+    rows = c / unit[:, None]
     try:
-        p = solve_continuous_are(a.T, c.T, noise_ratio * np.outer(e, e), np.eye(len(c)))
-        gain = np.asarray(p @ c.T, dtype=np.float64)
+        p = solve_continuous_are(a.T, rows.T, noise_ratio * loads @ loads.T, np.eye(len(c)))
+        gain = np.asarray(p @ rows.T / unit, dtype=np.float64)
         stable = bool((np.linalg.eigvals(a - gain @ c).real < 0).all())
     except ValueError:  # LinAlgError is one
         stable = False

@@ -18,7 +18,7 @@ from mrdamp.structures import FloatArray, ShearFrame
 
 @dataclass(frozen=True)
 class Plant:
-    """a: (2N, 2N); b: (2N,) per N of damper force; e: (2N,) per m/s2 of ground acceleration."""
+    """a: (2N, 2N); b: (2N,) per N of damper force; e: (2N,) per m/s2 of ground acceleration, or (2N, k) of k loads."""
 
     a: FloatArray
     b: FloatArray

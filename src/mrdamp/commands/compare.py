@@ -1,0 +1,236 @@
+"""The command `mrdamp compare`: controllers on motions they were not tuned on, or a published table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrdamp.commands import add_command
+from mrdamp.commands.output import progress_bar
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from mrdamp.compare.bench import Bench
+    from mrdamp.compare.comparison import Comparison
+    from mrdamp.compare.tuning import Setting
+
+_ENVIRONMENTS = {
+    name: kind
+    for kind, identity in (("frame", "Frame-v0"), ("cable", "Cable-v0"))
+    for name in (kind, identity, f"mrdamp/{identity}")
+}
+_PRESETS = "dyke1996", "cable"
+
+
+def add_to(commands: Any) -> None:
+    """Adds `compare` to the subparsers of an argparse parser."""
+    p = add_command(
+        commands,
+        "compare",
+        run,
+        "controllers x motions x amplitudes -> one table with intervals, and a page",
+        "mrdamp compare frame --motions records/*.AT2 --controllers passive-on best-constant policy:seeds/",
+    )
+    p.add_argument("environment", nargs="?", default="frame", help="frame (default) or cable, or mrdamp/Frame-v0 ...")
+    p.add_argument("--preset", choices=_PRESETS, help="a published table in place of a comparison")
+    p.add_argument(
+        "--controllers",
+        nargs="+",
+        metavar="NAME",
+        help="names, NAME=KIND:key=value,..., or NAME=policy:FILES; several files are seeds (default: all)",
+    )
+    p.add_argument("--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, or folders of them")
+    p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
+    p.add_argument("--compression", type=float, default=5.0, help="speed of the motions (default: %(default)g)")
+    p.add_argument("--model", type=Path, help="model file of a damper, or of a frame with one (default: published)")
+    p.add_argument("--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)")
+    p.add_argument("--period", type=float, metavar="MS", help="of control (default: 1 ms, 5 ms on the cable)")
+    p.add_argument("--tune", action="store_true", help="tune controllers that have no setting for this model")
+    p.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same")
+    p.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    p.add_argument("-o", "--out", type=Path, help="folder for the page and tables; a run stopped there goes on")
+
+
+def run(a: argparse.Namespace) -> int:
+    """Runs `compare`."""
+    if a.preset == "dyke1996":
+        return _dyke1996(a)
+    if a.preset == "cable":
+        return _cable_reference(a)
+    if a.environment not in _ENVIRONMENTS:
+        raise InputError(f"environment {a.environment!r} is unknown; there are {', '.join(_ENVIRONMENTS)}")
+    return _compare(a, _ENVIRONMENTS[a.environment])
+
+
+def _compare(a: argparse.Namespace, environment: str) -> int:
+    from mrdamp.compare.comparison import compare
+    from mrdamp.compare.contenders import contenders, shipped_policies
+    from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
+    from mrdamp.compare.output import write_comparison
+    from mrdamp.compare.tables import mean_rows, to_json
+
+    bench = _frame_bench(a) if environment == "frame" else _cable_bench(a)
+    loads = read_motions(a.motions) if a.motions else bench.unseen_loads()
+    amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else UNSEEN_AMPLITUDES
+    shipped = shipped_policies(environment)
+    names = a.controllers or [*bench.default, *shipped]
+    keep = _keep(a.out)
+    with progress_bar() as progress:
+        settings = _settings(a, bench, names, progress)
+        if not settings and not a.controllers:
+            names = [name for name in names if name not in bench.tuned]
+        rows = contenders(bench, names, settings, shipped)
+        result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
+        about = _about(bench, result, settings, names)
+        if a.out:
+            progress("page", 1.0)
+            page = write_comparison(a.out, bench, result, loads, about, _command(a))
+    if a.json:
+        print(to_json(result, bench.command_unit, about), end="")
+        return 0
+    at = [k for k, m in enumerate(result.measures, start=1) if m.key in bench.headline]
+    heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
+    print(about)
+    print(_aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]))
+    print("mean (worst) over motions or loads and amplitudes; ratios are over the structure without a damper")
+    if not settings and not a.controllers:
+        print("tuned controllers are left out: there are no settings for this model; add --tune")
+    if a.out:
+        print(f"page: {page}")
+    return 0
+
+
+def _frame_bench(a: argparse.Namespace) -> Bench:
+    from mrdamp.compare.dyke1996 import frame_model
+    from mrdamp.compare.frame import FrameBench
+    from mrdamp.model import Model
+    from mrdamp.structures import dyke1996
+
+    model = frame_model() if a.model is None else Model.read(a.model)
+    if model.rig == "damper":
+        model = replace(model, rig="frame", structure=dyke1996())
+    unit = a.command_unit or ("V" if a.model is None else "A")
+    return FrameBench(model, unit, a.compression, 1e-3 * (a.period or 1.0))
+
+
+def _cable_bench(a: argparse.Namespace) -> Bench:
+    from mrdamp.compare.cable import CableBench
+    from mrdamp.model import Model
+
+    if a.motions:
+        raise InputError("a cable has no ground motion; leave --motions out")
+    period = 1e-3 * (a.period or 5.0)
+    if a.model is None:
+        return CableBench(command_unit=a.command_unit or "V", period=period)
+    return CableBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period)
+
+
+def _settings(
+    a: argparse.Namespace, bench: Bench, names: Sequence[str], progress: Callable[[str, float], None]
+) -> dict[str, Setting]:
+    """Of the tuned controllers among the names: as shipped, as an earlier run left them, or tuned now."""
+    from mrdamp.compare import tuning
+
+    wanted = [name for name in names if name.rpartition("=")[2] in bench.tuned]
+    if not wanted:
+        return {}
+    own = a.out / "tuned.json" if a.out else None
+    if not a.tune:
+        found = tuning.shipped(bench)
+        if found is None and own is not None:
+            found = tuning.read_settings(own, bench)
+        if found is None and a.controllers:
+            raise InputError(f"{wanted[0]}: not tuned for this model yet; add --tune (some minutes, kept in -o OUT)")
+        return found or {}
+    found = tuning.tune(bench, jobs=a.jobs, keep=_keep(a.out), progress=progress)
+    if own is not None:
+        write_atomic(own, json.dumps(tuning.to_dict(found, bench), indent=1) + "\n")
+    return found
+
+
+def _keep(out: Path | None) -> Path | None:
+    if out is None:
+        return None
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be made: {error.strerror}") from None
+    return out / "kept.jsonl"
+
+
+def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names: Sequence[str]) -> str:
+    amplitudes = ", ".join(f"{x:g}" for x in result.amplitudes)
+    text = f"{bench.about()}; {', '.join(result.loads)}; amplitudes {amplitudes}."
+    used = {name: s for name, s in settings.items() if any(n.rpartition("=")[2] == name for n in names)}
+    if used:
+        tuned = ", ".join(f"{name} = {setting.spec}" for name, setting in used.items())
+        others = ", ".join(load.name for load in bench.tuning_loads())
+        text += f" Tuned on others ({others}): {tuned}."
+    return text
+
+
+def _command(a: argparse.Namespace) -> str:
+    parts = ["mrdamp", "compare", a.environment]
+    for flag, values in (("--controllers", a.controllers), ("--motions", a.motions), ("--amplitudes", a.amplitudes)):
+        if values:
+            parts += [flag, *map(str, values)]
+    if a.model:
+        parts += ["--model", str(a.model)]
+    return shlex.join([*parts, "-o", str(a.out)])
+
+
+def _dyke1996(a: argparse.Namespace) -> int:
+    from mrdamp.compare import dyke1996 as preset
+
+    if a.motions and len(a.motions) != 1:
+        raise InputError(f"preset dyke1996: {len(a.motions)} motions; allowed: one, of El Centro 1940 NS")
+    motion = preset.el_centro(a.motions[0] if a.motions else None)
+    with progress_bar() as progress:
+        rows = preset.table(motion, progress=progress)
+    if a.json:
+        print(json.dumps(preset.to_dict(rows, motion), indent=1))
+    else:
+        print(f"{motion.name}, peak {motion.pga:.3f} m/s2, at five times its speed; damper dyke1996_3kN")
+        print(_aligned(preset.text_rows(rows)))
+        for row in rows:
+            print(f"{row.controller}: mean deviation {row.mean_deviation:.2f} %")
+    if a.out:
+        _keep(a.out)
+        write_atomic(a.out / "table.md", preset.markdown(rows, motion))
+        page = preset.page(rows, motion)
+        page.write(a.out / "index.html")
+        print(f"page: {a.out / 'index.html'}")
+    return 0
+
+
+def _cable_reference(a: argparse.Namespace) -> int:
+    from mrdamp.compare import cable_reference as preset
+
+    with progress_bar() as progress:
+        rows = preset.table(jobs=a.jobs, progress=progress)
+    if a.json:
+        print(json.dumps(preset.to_dict(rows), indent=1))
+    else:
+        print("RMS motion of a taut cable over that with the best viscous damper; deviation from the reference")
+        print(_aligned(preset.text_rows(rows)))
+    if a.out:
+        _keep(a.out)
+        write_atomic(a.out / "table.md", preset.markdown(rows))
+        print(f"table: {a.out / 'table.md'}")
+    return 0
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    """Text in columns: the first flush left, the others flush right."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])
+        for row in rows
+    )

@@ -1,0 +1,130 @@
+"""What is compared: a structure with its damper and loads; `FrameBench` and `CableBench` are such benches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+#: The spec of a run without the damper.
+UNCONTROLLED = "uncontrolled"
+
+
+class Load(Protocol):
+    """A ground motion, or a load on a cable."""
+
+    @property
+    def name(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Measure:
+    """key: in files; title: in tables, with its unit; ratio: over the uncontrolled run, its worst case is shown."""
+
+    key: str
+    title: str
+    ratio: bool = False
+
+
+#: Of the command and the coil, on any bench; NaN for an ideal actuator.
+ELECTRIC: tuple[Measure, ...] = (
+    Measure("mean_command", "mean command ({unit})"),
+    Measure("rms_command", "RMS command ({unit})"),
+    Measure("mean_current", "mean current (A)"),
+    Measure("rms_current", "RMS current (A)"),
+    Measure("coil_energy", "coil energy (J)"),
+    Measure("switching_rate", "switching (1/s)"),
+)
+
+
+@dataclass(frozen=True)
+class Coil:
+    """What the command's power goes into. resistance: ohm; amperes: of coil current per unit of the command.
+
+    Defaults: 5 ohm; a command in V is that of the current driver of Spencer, Dyke, Sain and Carlson 1997
+    (doi 10.1061/(ASCE)0733-9399(1997)123:3(230)), 1 A at 3 V, and one in A is the current itself.
+    """
+
+    resistance: float = 5.0
+    amperes: float = 1.0
+
+    @classmethod
+    def of(cls, command_unit: str) -> Coil:
+        return cls(amperes=1 / 3 if command_unit == "V" else 1.0)
+
+    def use(self, mean: float, mean_square: float, duration: float) -> dict[str, float]:
+        """mean_current and rms_current, A, and coil_energy, J, from the current in units of the command."""
+        square = self.amperes**2 * mean_square
+        return {
+            "mean_current": self.amperes * mean,
+            "rms_current": math.sqrt(square),
+            "coil_energy": self.resistance * square * duration,
+        }
+
+
+class Bench(Protocol):
+    """A structure on which any controller can be run under any load. A run is pure: its result is the same anywhere.
+
+    measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
+    learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
+    controllers of the default table. tuning_amplitudes: of the loads that they are tuned on.
+    """
+
+    @property
+    def command_unit(self) -> str: ...
+
+    @property
+    def environment(self) -> str: ...
+
+    @property
+    def measures(self) -> tuple[Measure, ...]: ...
+
+    @property
+    def headline(self) -> tuple[str, ...]: ...
+
+    @property
+    def claimed(self) -> tuple[str, ...]: ...
+
+    @property
+    def tuned(self) -> Mapping[str, str]: ...
+
+    @property
+    def default(self) -> tuple[str, ...]: ...
+
+    @property
+    def tuning_amplitudes(self) -> tuple[float, ...]: ...
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of controllers, see `mrdamp.control.registry`."""
+
+    def check(self, spec: str) -> None:
+        """Raises InputError where there is no such controller."""
+
+    def key(self, spec: str, load: Any, amplitude: float) -> str:
+        """What a run hangs on, as a hash."""
+
+    def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
+        """What is kept of a run, for JSON; spec: UNCONTROLLED or a controller's."""
+
+    def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
+        """Every measure by key, from what is kept of a run and of the uncontrolled one; NaN where it has no value."""
+
+    def grid(self, kind: str) -> tuple[str, ...]:
+        """Specs to try where a kind is tuned. Raises InputError."""
+
+    def score(self, values: Mapping[str, float]) -> float:
+        """What tuning makes small."""
+
+    def tuning_loads(self) -> Sequence[Any]:
+        """Loads that controllers are tuned on."""
+
+    def unseen_loads(self) -> Sequence[Any]:
+        """Other loads, to judge by."""
+
+    def identity(self) -> str:
+        """What tuned settings belong to, as a hash."""
+
+    def about(self) -> str:
+        """The structure in words."""

@@ -1,0 +1,186 @@
+"""A stay cable under ambient and wind loads: one run, what is kept of it, and what tuning tries."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrdamp.cables import StayCable
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
+from mrdamp.compare.frame import file_of, specs
+from mrdamp.control import cable as controllers
+from mrdamp.control import registry
+from mrdamp.control.held import Held
+from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
+from mrdamp.envs.cable_reward import free_run
+from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
+from mrdamp.errors import InputError
+from mrdamp.library import library_path
+from mrdamp.model import Model
+
+_VERSION = 1
+#: Seeds of the loads; from nine million on they are for judging alone.
+_TUNING_SEED, _UNSEEN_SEED = 201, 9_000_101
+_SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
+
+
+@dataclass(frozen=True)
+class CableBench:
+    """A cable with its damper. period: of the classical controllers, s. Raises InputError."""
+
+    cable: StayCable = field(default_factory=StayCable)
+    model: Model = field(default_factory=cable_damper)
+    command_unit: str = "V"
+    period: float = 5e-3
+
+    environment: ClassVar[str] = "cable"
+    measures: ClassVar[tuple[Measure, ...]] = (
+        Measure("motion", "RMS motion", ratio=True),
+        Measure("peak_force", "peak force (N)"),
+        *ELECTRIC,
+        Measure("dissipated_energy", "dissipated (J)"),
+    )
+    headline: ClassVar[tuple[str, ...]] = ("motion", "peak_force", "mean_command", "switching_rate")
+    claimed: ClassVar[tuple[str, ...]] = ("motion", "mean_command")
+    tuned: ClassVar[Mapping[str, str]] = {
+        "best-constant": "constant",
+        "clipped-optimal-tuned": "clipped-optimal",
+        "modulated-optimal-tuned": "modulated-optimal",
+    }
+    default: ClassVar[tuple[str, ...]] = (
+        "passive-off",
+        "passive-on",
+        "best-constant",
+        "clipped-optimal",
+        "clipped-optimal-tuned",
+        "modulated-optimal-tuned",
+    )
+    tuning_amplitudes: ClassVar[tuple[float, ...]] = (0.6, 1.4)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.period < math.inf:
+            raise InputError(f"compare: period is {self.period}; allowed: > 0")
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return tuple(controllers.OPTIONS)
+
+    def check(self, spec: str) -> None:
+        registry.parse(spec, controllers.OPTIONS)
+
+    @cached_property
+    def site(self) -> controllers.CableSite:
+        """What controllers are made for."""
+        largest = self.model.attributes.get("command_max", math.nan)
+        if not 0 < largest < math.inf:
+            raise InputError(f"{self.model.name}: no command_max among its parameters; give the largest command")
+        return controllers.CableSite(
+            self.cable, largest, default_places(self.cable), self._force_max(largest), self.period
+        )
+
+    def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
+        plant = CablePlant(self.cable, self.model, period=self.period)
+        scaled = load.scaled(amplitude)
+        if spec == UNCONTROLLED:
+            pushes = plant.rows.start(0, scaled)
+            free = free_run(self.cable, pushes, plant.rows.plants.timestep)
+            return {"motion": math.sqrt(float(free[0]))}
+        controller = controllers.make(spec, self.site)
+        every = round(controller.period / self.period)
+        if abs(every * self.period - controller.period) > 1e-9 * self.period or every < 1:
+            plant = CablePlant(self.cable, self.model, period=controller.period)
+            every = 1
+        held = Held(controller, every)
+        held.reset()
+        y = plant.reset(scaled)
+        rows = []
+        while not plant.finished:
+            command = held.command(plant.time, y)
+            y = plant.step(command)
+            rows.append((plant.mean_square, command, y["current"], y["true_force"], y["stroke"]))
+        return self._kept(np.array(rows), plant.period)
+
+    def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
+        return {**kept, "motion": kept["motion"] / uncontrolled["motion"]}
+
+    def grid(self, kind: str) -> tuple[str, ...]:
+        largest = self.site.command_max
+        optimal = {"r": [1e-10, 1e-9, 1e-8, 1e-7], "noise_ratio": [0.1, 10.0, 1000.0]}
+        choices: Mapping[str, Mapping[str, Sequence[float]]] = {
+            "constant": {"value": [largest * k / 8 for k in range(9)]},
+            "clipped-optimal": optimal,
+            "modulated-optimal": {**optimal, "force_max": [self.site.force_max * k for k in (0.5, 1.0, 2.0)]},
+        }
+        return specs(kind, choices)
+
+    def score(self, values: Mapping[str, float]) -> float:
+        """RMS motion over the uncontrolled."""
+        return values["motion"]
+
+    def tuning_loads(self) -> tuple[CableLoad, ...]:
+        return self._loads(_TUNING_SEED, 1)
+
+    def unseen_loads(self) -> tuple[CableLoad, ...]:
+        return self._loads(_UNSEEN_SEED, 2)
+
+    def key(self, spec: str, load: CableLoad, amplitude: float) -> str:
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "cable")}
+        parts = [_VERSION, own, asdict(self.cable), self.model.to_dict(), spec, amplitude, load.sample_time]
+        digest = hashlib.sha256(json.dumps(parts).encode())
+        digest.update(load.force.tobytes() + load.places.tobytes())
+        digest.update(Path(library_path()).read_bytes())
+        digest.update(file_of(spec))
+        return digest.hexdigest()[:32]
+
+    def identity(self) -> str:
+        own = [asdict(self.cable), self.model.to_dict()["model"], self.period, self.tuning_amplitudes]
+        digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
+        for load in self.tuning_loads():
+            digest.update(np.round(load.force, 6).tobytes())
+        return digest.hexdigest()[:16]
+
+    def about(self) -> str:
+        c = self.cable
+        return (
+            f"{self.model.name} on a cable of {c.length:g} m, {c.first / (2 * math.pi):.2f} Hz, at {c.damper_at:g} of "
+            f"its length, control period {1e3 * self.period:g} ms"
+        )
+
+    def _loads(self, seed: int, each: int) -> tuple[CableLoad, ...]:
+        rng = np.random.default_rng(seed)
+        drawn = [source.draw(rng, self.cable.length) for _ in range(each) for source in _SOURCES]
+        return tuple(
+            CableLoad(f"{load.name}_{k + 1}", load.sample_time, load.places, load.force)
+            for k, load in enumerate(drawn)
+        )
+
+    def _force_max(self, largest: float) -> float:
+        """N at the largest command, in a slow motion of 1 % of the damper's distance from the anchorage."""
+        dt, n = 1e-3, 2000
+        x = 0.01 * self.cable.damper_at * self.cable.length * np.sin(self.cable.first * dt * np.arange(n))
+        return float(
+            np.abs(self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})["force_N"]).max()
+        )
+
+    def _kept(self, rows: np.ndarray[Any, np.dtype[np.float64]], period: float) -> dict[str, Any]:
+        square, command, current, force, stroke = rows.T
+        duration = period * len(rows)
+        way = float(np.abs(np.diff(command)).sum())
+        coil = Coil.of(self.command_unit)
+        return {
+            "motion": math.sqrt(float(square.mean())),
+            "peak_force": float(np.abs(force).max()),
+            "mean_command": float(np.abs(command).mean()),
+            "rms_command": float(np.sqrt(np.mean(command**2))),
+            "switching_rate": way / self.site.command_max / duration,
+            "dissipated_energy": float(np.sum((force[1:] + force[:-1]) / 2 * np.diff(stroke))),
+            **coil.use(float(np.abs(current).mean()), float(np.mean(current**2)), duration),
+        }

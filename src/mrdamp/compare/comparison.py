@@ -1,0 +1,75 @@
+"""Controllers x loads x amplitudes: every run, and the table that comes of them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp.compare.bench import Bench, Load, Measure
+from mrdamp.compare.contenders import Contender
+from mrdamp.compare.runner import Progress
+from mrdamp.compare.summary import Summary, difference, summarise
+from mrdamp.compare.tuning import run_grid
+from mrdamp.core import Array
+from mrdamp.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value."""
+
+    contenders: tuple[Contender, ...]
+    measures: tuple[Measure, ...]
+    loads: tuple[str, ...]
+    amplitudes: tuple[float, ...]
+    values: Mapping[str, Mapping[str, Array]]
+
+    def summary(self, contender: str, measure: str) -> Summary:
+        """Mean, worst and the mean's interval over seeds and loads."""
+        return summarise(self.values[contender][measure])
+
+    def against(self, contender: str, other: str, measure: str) -> Summary:
+        """Of the difference to another contender, run by run; below 0: less than the other's."""
+        return difference(self.values[contender][measure], self.values[other][measure])
+
+    def by_amplitude(self, contender: str, measure: str) -> Array:
+        """(amplitudes,) mean over seeds and loads."""
+        return np.asarray(self.values[contender][measure].mean(axis=(0, 1)))
+
+
+def compare(
+    bench: Bench,
+    contenders: Sequence[Contender],
+    loads: Sequence[Load],
+    amplitudes: Sequence[float],
+    *,
+    jobs: int = 1,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Every contender under every load at every amplitude. jobs, keep: see `mrdamp.compare.runner.run_all`.
+
+    Raises InputError.
+    """
+    if not contenders or not loads or not amplitudes:
+        raise InputError("compare: give at least one controller, one motion and one amplitude")
+    for amplitude in amplitudes:
+        if not 0 < amplitude < np.inf:
+            raise InputError(f"compare: amplitude {amplitude}; allowed: > 0")
+    cases = list(itertools.product(loads, amplitudes))
+    specs = [spec for c in contenders for spec in c.specs]
+    rows = run_grid(bench, specs, cases, jobs=jobs, keep=keep, progress=progress)
+    shape = len(loads), len(amplitudes)
+    values = {
+        c.name: {
+            m.key: np.array([[row[m.key] for row in rows[spec]] for spec in c.specs]).reshape(-1, *shape)
+            for m in bench.measures
+        }
+        for c in contenders
+    }
+    names = tuple(load.name for load in loads)
+    return Comparison(tuple(contenders), bench.measures, names, tuple(amplitudes), values)

@@ -1,0 +1,85 @@
+"""Who is compared: controllers by name, tuned ones, and learned ones whose several files are several seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from mrdamp.compare.bench import Bench
+from mrdamp.compare.tuning import Setting
+from mrdamp.control import registry
+from mrdamp.errors import InputError
+
+_SUFFIXES = (".json", ".json.gz")
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A row of the table. specs: one for each seed, see `mrdamp.control.registry`."""
+
+    name: str
+    specs: tuple[str, ...]
+
+    @property
+    def learned(self) -> bool:
+        return self.specs[0].startswith(f"{registry.POLICY}:")
+
+
+def contenders(
+    bench: Bench,
+    names: Sequence[str],
+    settings: Mapping[str, Setting],
+    shipped: Mapping[str, Sequence[Path]] | None = None,
+) -> tuple[Contender, ...]:
+    """Rows of names on a bench; each is a tuned controller's, a shipped policy's, a spec, `policy:FILE,FILE,FOLDER`,
+    or one of these with a name of its own, `NAME=...`. settings: of the tuned ones. Raises InputError."""
+    rows = [_contender(bench, name, settings, shipped or {}) for name in names]
+    taken = [row.name for row in rows]
+    for name in taken:
+        if taken.count(name) > 1:
+            raise InputError(f"compare: controller {name} is named twice; give one another name, as in {name}2=...")
+    return tuple(rows)
+
+
+def shipped_policies(environment: str) -> dict[str, tuple[Path, ...]]:
+    """Trained policies that come with the package, by name; their files are seeds. environment: frame or cable."""
+    folder = resources.files("mrdamp") / "data" / "policies" / environment
+    if not folder.is_dir():
+        return {}
+    root = Path(str(folder))
+    folders = {path.name: _files(path) for path in sorted(root.iterdir()) if path.is_dir()}
+    return {name: files for name, files in folders.items() if files}
+
+
+def _contender(
+    bench: Bench, given: str, settings: Mapping[str, Setting], shipped: Mapping[str, Sequence[Path]]
+) -> Contender:
+    head, equals, rest = given.partition("=")
+    # An option has an equals sign too, but a colon stands before it.
+    name, what = (head, rest) if equals and ":" not in head else ("", given)
+    if what in settings:
+        return Contender(name or what, (settings[what].spec,))
+    if what in shipped:
+        return Contender(name or what, tuple(f"{registry.POLICY}:{path}" for path in shipped[what]))
+    if what.startswith(f"{registry.POLICY}:"):
+        files = [f for part in what.partition(":")[2].split(",") for f in _files(Path(part))]
+        if not files:
+            raise InputError(f"compare: {what}: no policy file there; allowed: {', '.join(_SUFFIXES)}")
+        return Contender(name or files[0].stem, tuple(f"{registry.POLICY}:{f}" for f in files))
+    if what in bench.tuned:
+        raise InputError(f"compare: {what} has not been tuned for this model; add --tune")
+    if what.partition(":")[0] not in bench.kinds:
+        known = (*bench.kinds, *bench.tuned, *shipped, f"{registry.POLICY}:FILES")
+        raise InputError(f"controller {what!r} is unknown; there are {', '.join(known)}")
+    bench.check(what)
+    return Contender(name or what, (what,))
+
+
+def _files(path: Path) -> tuple[Path, ...]:
+    if path.is_dir():
+        return tuple(sorted(f for f in path.iterdir() if f.name.endswith(_SUFFIXES)))
+    if not path.is_file():
+        raise InputError(f"{path}: no such policy file")
+    return (path,)

@@ -1,0 +1,218 @@
+"""A frame under ground motions: one run, what is kept of it, and what tuning tries."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
+from mrdamp.compare.motions import TUNING_AMPLITUDES, tuning_motions, unseen_motions
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.held import Held
+from mrdamp.criteria import Criteria, evaluate
+from mrdamp.errors import InputError
+from mrdamp.files import read_bytes
+from mrdamp.library import library_path
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion
+from mrdamp.stepping import FrameRun, run_frame
+
+#: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
+SAMPLE_TIME = 1e-3
+_VERSION = 2  # of what a kept run holds
+#: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.criteria.
+_RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
+
+
+@dataclass(frozen=True)
+class FrameBench:
+    """A frame with its damper, ready to run. model: of the rig `frame`; compression: how many times as fast motions
+    are played; period: of the classical controllers, s; timestep: of the engine, s. Raises InputError."""
+
+    model: Model
+    command_unit: str = "V"
+    compression: float = 5.0
+    period: float = 1e-3
+    timestep: float = 2.5e-4
+
+    environment: ClassVar[str] = "frame"
+    measures: ClassVar[tuple[Measure, ...]] = (
+        *(Measure(key, key, ratio=True) for key in _RATIOS),
+        *ELECTRIC,
+        Measure("dissipated_energy", "dissipated (J)"),
+    )
+    headline: ClassVar[tuple[str, ...]] = ("J1", "J2", "J4", "J5", "mean_command", "switching_rate")
+    claimed: ClassVar[tuple[str, ...]] = ("J1", "J2", "mean_command")
+    tuned: ClassVar[Mapping[str, str]] = {
+        "best-constant": "constant",
+        "clipped-optimal-tuned": "clipped-optimal",
+        "modulated-optimal-tuned": "modulated-optimal",
+        "force-tracking-tuned": "force-tracking",
+        "lyapunov-tuned": "lyapunov",
+        "skyhook-tuned": "skyhook",
+        "ideal-active-tuned": registry.IDEAL,
+    }
+    default: ClassVar[tuple[str, ...]] = (
+        "passive-off",
+        "passive-on",
+        "best-constant",
+        "clipped-optimal",
+        "clipped-optimal-tuned",
+        "modulated-optimal-tuned",
+        "force-tracking-tuned",
+        "lyapunov-tuned",
+        "max-dissipation",
+        "skyhook-tuned",
+        "ideal-active-tuned",
+    )
+    tuning_amplitudes: ClassVar[tuple[float, ...]] = TUNING_AMPLITUDES
+
+    def __post_init__(self) -> None:
+        for name in ("compression", "period", "timestep"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+
+    @cached_property
+    def site(self) -> registry.Site:
+        """What controllers are made for."""
+        return registry.Site.of(self.model, self.period)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return tuple(registry.ENTRIES)
+
+    def check(self, spec: str) -> None:
+        registry.parse(spec)
+
+    def history(self, spec: str, load: GroundMotion, amplitude: float) -> FrameRun:
+        """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
+        played = load.scaled(amplitude).compressed(self.compression)
+        if spec == UNCONTROLLED:
+            return run_frame(self.model, played, None, period=SAMPLE_TIME, timestep=self.timestep)
+        controller = registry.make(spec, self.site)
+        ideal = registry.is_ideal(spec)
+        every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
+        finer: Controller = Held(controller, every) if every > 1 else controller
+        return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)
+
+    def criteria(self, spec: str, run: FrameRun) -> Criteria:
+        """Of a run."""
+        stroke = None if spec == UNCONTROLLED else run.stroke
+        frame, largest = self.site.frame, self.site.command_max
+        return evaluate(frame, run.time, run.drift, run.acceleration, run.force, stroke, run.command, largest)
+
+    def run(self, spec: str, load: GroundMotion, amplitude: float) -> dict[str, Any]:
+        r = self.history(spec, load, amplitude)
+        c = self.criteria(spec, r)
+        kept = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(c).items()}
+        if spec == UNCONTROLLED or registry.is_ideal(spec):
+            return {"criteria": kept, "coil": None}
+        mean, square = (float(np.trapezoid(v, r.time)) / c.duration for v in (np.abs(r.current), r.current**2))
+        return {"criteria": kept, "coil": Coil.of(self.command_unit).use(mean, square, c.duration)}
+
+    def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
+        c, coil = _criteria(kept), kept["coil"]
+        ratios = vars(c.relative_to(_criteria(uncontrolled)))
+        electric = dict.fromkeys((m.key for m in ELECTRIC), math.nan)
+        if coil is not None:
+            electric |= coil
+            electric |= {key: getattr(c, key) for key in ("mean_command", "rms_command", "switching_rate")}
+        return {
+            **{key: ratios[key.lower()] for key in _RATIOS},
+            **electric,
+            "dissipated_energy": c.dissipated_energy,
+        }
+
+    def grid(self, kind: str) -> tuple[str, ...]:
+        """Forces are weighed in units of the structure's mass."""
+        frame, largest = self.site.frame, self.site.command_max
+        mass, first = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0])
+        weights = [k / mass**2 for k in (1e-7, 1e-3, 1e-1, 1.0)]
+        balances = [0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0]
+        twentieths = (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)
+        choices: Mapping[str, Mapping[str, Sequence[float]]] = {
+            "constant": {"value": [largest * k / 20 for k in twentieths]},
+            "clipped-optimal": {"balance": balances, "r": weights},
+            "modulated-optimal": {
+                "balance": balances[2:6],
+                "r": weights[1:3],
+                "force_max": [self.site.force_max() * k for k in (0.2, 0.5, 1.0)],
+            },
+            "force-tracking": {"balance": balances[1:6], "r": weights[1:]},
+            "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0]},
+            "skyhook": {
+                "damping": [first * mass * k for k in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)],
+                "leak": [2 * math.pi / first * k for k in (1.0, 2.0)],
+            },
+            registry.IDEAL: {"balance": balances[1:], "r": weights[1:]},
+        }
+        return specs(kind, choices)
+
+    def score(self, values: Mapping[str, float]) -> float:
+        """The mean of J1 and J2: peak drift and peak acceleration over the uncontrolled ones."""
+        return (values["J1"] + values["J2"]) / 2
+
+    def tuning_loads(self) -> tuple[GroundMotion, ...]:
+        return tuning_motions()
+
+    def unseen_loads(self) -> tuple[GroundMotion, ...]:
+        return unseen_motions()
+
+    def key(self, spec: str, load: GroundMotion, amplitude: float) -> str:
+        digest = hashlib.sha256(self._own)
+        digest.update(f"{spec} {amplitude!r} {load.sample_time!r}".encode())
+        digest.update(load.acceleration.tobytes())
+        digest.update(file_of(spec))
+        return digest.hexdigest()[:32]
+
+    def identity(self) -> str:
+        own = [self.model.to_dict()["model"], self.compression, self.period, self.tuning_amplitudes]
+        digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
+        for motion in self.tuning_loads():
+            digest.update(np.round(motion.acceleration, 6).tobytes())
+        return digest.hexdigest()[:16]
+
+    def about(self) -> str:
+        frame = self.site.frame
+        below, above = frame.damper_between
+        return (
+            f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {below} and {above}, "
+            f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms"
+        )
+
+    @cached_property
+    def _own(self) -> bytes:
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
+        digest = hashlib.sha256(json.dumps([_VERSION, own, self.model.to_dict()]).encode())
+        digest.update(Path(library_path()).read_bytes())
+        return digest.digest()
+
+
+def specs(kind: str, choices: Mapping[str, Mapping[str, Sequence[float]]]) -> tuple[str, ...]:
+    """Every point of a kind's options. Raises InputError for a kind that has none."""
+    if kind not in choices:
+        raise InputError(f"tuning: nothing to tune in {kind}; allowed: {', '.join(choices)}")
+    chosen = choices[kind]
+    points = itertools.product(*chosen.values())
+    return tuple(registry.spec(kind, dict(zip(chosen, point, strict=True))) for point in points)
+
+
+def file_of(spec: str) -> bytes:
+    """Content of a policy's file, nothing for another controller."""
+    head, _, path = spec.partition(":")
+    return read_bytes(Path(path)) if head == registry.POLICY else b""
+
+
+def _criteria(kept: Mapping[str, Any]) -> Criteria:
+    values: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in kept["criteria"].items()}
+    return Criteria(**values)

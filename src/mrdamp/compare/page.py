@@ -1,0 +1,143 @@
+"""The HTML page of a comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mrdamp.compare.bench import Bench
+from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.frame import SAMPLE_TIME
+from mrdamp.compare.tables import NOTE, claim_rows, columns, interval_rows, mean_rows
+from mrdamp.core import Array
+from mrdamp.criteria import Criteria
+from mrdamp.pictures.compare import Bar, by_amplitude, ranking, trade_off
+from mrdamp.pictures.structure import command_history, drifts, profile
+from mrdamp.report import Page
+from mrdamp.stepping import FrameRun
+
+_FEW = 6  # controllers that lines tell apart
+
+
+def comparison_page(result: Comparison, bench: Bench, about: str, command: str) -> Page:
+    """The page of any bench; command: the one that makes it."""
+    learned = [c.name for c in result.contenders if c.learned]
+    titles = {m.key: m.title.format(unit=bench.command_unit) for m in result.measures}
+    page = Page("Controllers compared", _summary(result, bench), footer=f"Made by `{command}`.")
+    page.text("", about)
+    page.figure(
+        "Means",
+        ranking({_words(key, titles[key]): _bars(result, key) for key in bench.headline}),
+        "Over motions or loads, amplitudes and seeds. Ratios are over the structure without a damper.",
+        "Mean, interval and worst case of the main measures by controller.",
+    )
+    if {"J1", "J2"} <= set(titles):
+        ratio = [{c.name: result.summary(c.name, key).mean for c in result.contenders} for key in ("J1", "J2")]
+        page.figure(
+            "",
+            trade_off(ratio[0], ratio[1], learned),
+            "Drift against acceleration; better is below and to the left.",
+            "Mean peak acceleration over mean peak drift, a point a controller.",
+        )
+    page.table("Table", columns(result, bench.command_unit), mean_rows(result), NOTE)
+    heads = [_words(key, titles[key]) for key in bench.claimed]
+    page.table(
+        "",
+        ("controller", *heads),
+        interval_rows(result, bench.claimed),
+        "Means with 95 % bootstrap intervals over motions or loads, and over seeds where there are several.",
+    )
+    for name in learned:
+        page.table(
+            f"{name} less the others",
+            ("less", *heads),
+            claim_rows(result, name, bench.claimed),
+            "Run by run, with 95 % bootstrap intervals; below zero the learned one has less.",
+        )
+    if len(result.amplitudes) > 1:
+        ratios = [m.key for m in result.measures if m.ratio and m.key in bench.headline][:2]
+        few = _few(result)
+        page.figure(
+            "By amplitude",
+            by_amplitude(
+                result.amplitudes,
+                {_words(key, titles[key]): {name: result.by_amplitude(name, key) for name in few} for key in ratios},
+                learned,
+            ),
+            "Means over motions or loads, and seeds.",
+            "The main ratios over the amplitude.",
+        )
+    return page
+
+
+def add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Criteria]], case: str) -> None:
+    """Histories of one case of a frame. shown: controller -> run and criteria, the uncontrolled one first."""
+    # Runs of different periods end within a sample of each other.
+    clock = np.arange(min(len(run.time) for run, _ in shown.values())) * SAMPLE_TIME
+    clock = clock[clock <= min(run.time[-1] for run, _ in shown.values())]
+
+    def at(run: FrameRun, values: Array) -> Array:
+        return np.stack([np.interp(clock, run.time, column) for column in values.T], axis=1)
+
+    page.figure(
+        "One of the runs",
+        drifts(clock, {name: at(run, run.drift) for name, (run, _) in shown.items()}),
+        f"Storey drifts, {case}.",
+        "Storey drifts over time under some of the controllers.",
+    )
+    page.figure(
+        "", profile({name: c for name, (_, c) in shown.items()}), f"Peaks over the height, {case}.", "Peaks by floor."
+    )
+    driven = {name: run for name, (run, _) in shown.items() if np.ptp(run.command) > 0}
+    if driven:
+        held = {n: np.searchsorted(run.time, clock + 1e-9, side="right") - 1 for n, run in driven.items()}
+        page.figure(
+            "",
+            command_history(
+                clock,
+                {n: run.command[held[n]] for n, run in driven.items()},
+                {n: np.interp(clock, run.time, run.force) for n, run in driven.items()},
+                unit,
+                list(shown),
+            ),
+            "What the controllers command, and the force that comes of it.",
+            "Command and force over time.",
+        )
+
+
+_WORDS = {"J1": "peak drift", "J2": "peak acceleration", "J4": "RMS drift", "J5": "RMS acceleration"}
+
+
+def _words(key: str, title: str) -> str:
+    return f"{title}, {_WORDS[key]}" if key in _WORDS else title
+
+
+def _bars(result: Comparison, key: str) -> list[Bar]:
+    out = []
+    for c in result.contenders:
+        s = result.summary(c.name, key)
+        out.append(Bar(c.name, s.mean, s.low, s.high, s.worst, c.learned))
+    return out
+
+
+def _few(result: Comparison) -> list[str]:
+    """Learned ones first, then the usual baselines, then whoever is left."""
+    usual = ("passive-off", "passive-on", "best-constant", "clipped-optimal", "clipped-optimal-tuned", "skyhook-tuned")
+    names = [c.name for c in result.contenders]
+    first = [c.name for c in result.contenders if c.learned] + [name for name in usual if name in names]
+    return list(dict.fromkeys([*first, *names]))[:_FEW]
+
+
+def _summary(result: Comparison, bench: Bench) -> str:
+    runs = len(result.loads) * len(result.amplitudes)
+    rated = {
+        c.name: bench.score({m.key: result.summary(c.name, m.key).mean for m in result.measures})
+        for c in result.contenders
+        if np.isfinite(result.summary(c.name, "mean_command").mean)
+    }
+    text = f"{len(result.contenders)} controllers on {runs} runs each"
+    if not rated:
+        return f"{text}."
+    best = min(rated, key=rated.__getitem__)
+    return f"{text}: the best real one is {best}, at {rated[best]:.0%} of the structure without a damper on average."

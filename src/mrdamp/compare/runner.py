@@ -1,0 +1,94 @@
+"""Many independent runs on several processes, kept in a file so that a comparison that was stopped goes on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+import joblib
+
+from mrdamp.errors import InputError
+
+Progress = Callable[[str, float], None]
+Task = TypeVar("Task")
+
+
+class Work(Protocol[Task]):  # type: ignore[misc]
+    """What is run: pure, so that any number of processes gives the same."""
+
+    def key(self, task: Task) -> str:
+        """What the result hangs on, as a hash."""
+
+    def run(self, task: Task) -> dict[str, Any]:
+        """The result, for JSON."""
+
+
+class Kept(Generic[Task]):
+    """Results by key in a file of JSON lines; None keeps them in memory alone. A line that was cut off is dropped."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self._found: dict[str, dict[str, Any]] = {}
+        if path is None or not path.exists():
+            return
+        text = path.read_text(encoding="utf-8")
+        if text and not text.endswith("\n"):  # cut off in the middle of a line
+            with path.open("a", encoding="utf-8") as stream:
+                stream.write("\n")
+        for line in text.splitlines():
+            try:
+                entry = json.loads(line)
+                self._found[entry["key"]] = entry["result"]
+            except (ValueError, KeyError, TypeError):
+                continue
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._found
+
+    def __getitem__(self, key: str) -> dict[str, Any]:
+        return self._found[key]
+
+    def add(self, key: str, result: dict[str, Any]) -> None:
+        """Keep a result. Raises InputError where the file cannot be written."""
+        self._found[key] = result
+        if self.path is not None:
+            try:
+                with self.path.open("a", encoding="utf-8") as stream:
+                    stream.write(json.dumps({"key": key, "result": result}) + "\n")
+            except OSError as error:
+                raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+
+def run_all(
+    work: Work[Task],
+    tasks: Sequence[Task],
+    *,
+    jobs: int = 1,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+    what: str = "runs",
+) -> list[dict[str, Any]]:
+    """The result of every task, in their order; those that `keep` holds are not run again.
+
+    jobs: processes, -1 for all cores. Raises InputError.
+    """
+    if jobs == 0:
+        raise InputError("compare: 0 jobs; allowed: 1 or more, or -1 for all cores")
+    kept: Kept[Task] = Kept(keep)
+    keys = [work.key(task) for task in tasks]
+    left = {key: task for key, task in zip(keys, tasks, strict=True) if key not in kept}
+    done = len(tasks) - len(left)
+    if progress:
+        progress(f"{what}: {done} of {len(tasks)} kept", done / max(len(tasks), 1))
+    pool = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    results = pool(joblib.delayed(work.run)(task) for task in left.values())
+    for key, result in zip(left, results, strict=True):
+        kept.add(key, result)
+        done += 1
+        if progress:
+            progress(what, min(1.0, done / len(tasks)))
+    return [kept[key] for key in keys]
+
+

@@ -1,0 +1,141 @@
+"""A comparison as text: Markdown, CSV (means, and every run) and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from mrdamp.compare.bench import Bench
+from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.summary import Summary
+
+Row = tuple[str, ...]
+NOTE = (
+    "Mean over motions (or loads), amplitudes and seeds, the worst case in parentheses. J1 to J6, J12 and RMS motion "
+    "are over the structure without a damper, J11 over its weight."
+)
+
+
+def short(value: float) -> str:
+    """Three digits, a dash where there is no value."""
+    if math.isnan(value):
+        return "–"
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
+
+
+def columns(result: Comparison, unit: str) -> tuple[str, ...]:
+    """Heads of the table of means."""
+    return ("controller", *(m.title.format(unit=unit) for m in result.measures))
+
+
+def mean_rows(result: Comparison) -> list[Row]:
+    """Means over seeds, motions and amplitudes; the worst case in parentheses for the ratios."""
+    rows = []
+    for c in result.contenders:
+        cells = []
+        for m in result.measures:
+            s = result.summary(c.name, m.key)
+            cells.append(f"{short(s.mean)} ({short(s.worst)})" if m.ratio else short(s.mean))
+        rows.append((c.name, *cells))
+    return rows
+
+
+def interval_rows(result: Comparison, keys: Sequence[str]) -> list[Row]:
+    """Mean and its 95 % interval for some measures."""
+    return [(c.name, *(_spread(result.summary(c.name, key)) for key in keys)) for c in result.contenders]
+
+
+def claim_rows(result: Comparison, learned: str, keys: Sequence[str]) -> list[Row]:
+    """A learned controller less each other one, with intervals of the paired difference."""
+    return [
+        (c.name, *(_spread(result.against(learned, c.name, key), sign=True) for key in keys))
+        for c in result.contenders
+        if c.name != learned
+    ]
+
+
+def markdown(heads: Sequence[str], rows: Sequence[Row]) -> str:
+    """A table; the first column names the rows."""
+    rule = ["---", *(["---:"] * (len(heads) - 1))]
+    return "".join(f"| {' | '.join(row)} |\n" for row in (heads, rule, *rows))
+
+
+def report(result: Comparison, bench: Bench, about: str) -> str:
+    """The Markdown page of a comparison."""
+    keys = bench.claimed
+    parts = [f"# Controllers compared\n\n{about}\n", markdown(columns(result, bench.command_unit), mean_rows(result))]
+    parts.append(f"{NOTE}\n\n## 95 % intervals of the means\n")
+    parts.append(markdown(("controller", *keys), interval_rows(result, keys)))
+    for c in result.contenders:
+        if c.learned:
+            parts.append(f"## {c.name} less the others, 95 % intervals of the paired difference\n")
+            parts.append(markdown(("less", *keys), claim_rows(result, c.name, keys)))
+    return "\n".join(parts)
+
+
+def means_csv(result: Comparison) -> str:
+    """One row a controller and measure: mean, worst, low and high end of the mean's interval."""
+    lines = [
+        (c.name, m.key, *(_plain(v) for v in (s.mean, s.worst, s.low, s.high)))
+        for c in result.contenders
+        for m in result.measures
+        for s in (result.summary(c.name, m.key),)
+    ]
+    return _csv(("controller", "measure", "mean", "worst", "low", "high"), lines)
+
+
+def runs_csv(result: Comparison) -> str:
+    """One row a run: controller, seed (from 1), motion, amplitude and every measure."""
+    lines = []
+    for c in result.contenders:
+        for s in range(len(c.specs)):
+            for i, load in enumerate(result.loads):
+                for j, amplitude in enumerate(result.amplitudes):
+                    values = (result.values[c.name][m.key][s, i, j] for m in result.measures)
+                    lines.append((c.name, str(s + 1), load, f"{amplitude:g}", *map(_plain, values)))
+    return _csv(("controller", "seed", "load", "amplitude", *(m.key for m in result.measures)), lines)
+
+
+def to_json(result: Comparison, unit: str, about: str) -> str:
+    """Everything: means, intervals and every run; a missing value is null."""
+
+    def number(value: float) -> float | None:
+        return None if math.isnan(value) else value
+
+    rows: dict[str, Any] = {}
+    for c in result.contenders:
+        rows[c.name] = {"specs": list(c.specs), "measures": {}}
+        for m in result.measures:
+            s = result.summary(c.name, m.key)
+            runs = result.values[c.name][m.key]
+            rows[c.name]["measures"][m.key] = {
+                **{key: number(value) for key, value in vars(s).items()},
+                "runs": [[[number(float(v)) for v in line] for line in seed] for seed in runs],
+            }
+    head = {"about": about, "command_unit": unit, "loads": result.loads, "amplitudes": result.amplitudes}
+    return json.dumps({**head, "controllers": rows}, indent=1) + "\n"
+
+
+def _spread(s: Summary, *, sign: bool = False) -> str:
+    if math.isnan(s.mean):
+        return "–"
+    form = "+.3f" if sign else ".3f"
+    if math.isnan(s.low):
+        return f"{s.mean:{form}}"
+    return f"{s.mean:{form}} [{s.low:{form}}, {s.high:{form}}]"
+
+
+def _plain(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _csv(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(lines)
+    return out.getvalue()

@@ -1,0 +1,146 @@
+"""Controllers of a stay cable with one damper: clipped-optimal on its natural modes, and constant commands.
+
+Johnson, Baker, Spencer and Fujino, J. Eng. Mech. 133 (2007) 1-11, doi 10.1061/(ASCE)0733-9399(2007)133:1(1), with the
+law of mrdamp.control.clipped_optimal. The states are the natural coordinates and their velocities,
+
+    q'' + 2 zeta w q' + w^2 q = -phi_d f + load,        |q|^2 = m int v^2 dx,
+
+and what is regulated is the RMS motion over the cable's length.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp.cables import StayCable
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.clipped_optimal import plant_force
+from mrdamp.control.following import ForceController, Modulated, OnOff
+from mrdamp.control.passive import Constant, passive_off, passive_on
+from mrdamp.control.plant import Plant
+from mrdamp.errors import InputError
+from mrdamp.structures import FloatArray
+
+#: Places x / L at which the load that the filter expects is independent, as ambient noise is.
+_LOAD_PLACES = np.linspace(0.0, 1.0, 11)
+_ACCELERATION_NOISE = 0.05  # m/s2
+_STROKE_NOISE = 2e-5  # m
+
+
+@dataclass(frozen=True)
+class CableSite:
+    """What a controller is made for: the cable, the largest command (A or V), the places x / L where its motion is
+    measured (as in `mrdamp.envs.cable_task.CablePlant`), the control period, s, and the force at the largest command,
+    N."""
+
+    cable: StayCable
+    command_max: float
+    places: tuple[float, ...]
+    force_max: float
+    period: float = 5e-3
+
+
+def cable_plant(cable: StayCable) -> Plant:
+    """First-order form in the natural coordinates; e (2N+2, 11) per N/m at `_LOAD_PLACES`."""
+    n, w = len(cable.natural), cable.natural
+    a = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(w**2), -np.diag(2 * cable.ratio * w)]])
+    load = cable.load_matrix(_LOAD_PLACES).T
+    return Plant(
+        a, np.concatenate([np.zeros(n), -cable.at(cable.damper_at)]), np.vstack([np.zeros_like(load), load])
+    )
+
+
+def cable_outputs(
+    cable: StayCable, places: Sequence[float], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, 2N+2) and feedthrough d (p,) of measurements by name: acceleration_j, velocity_j, displacement_j at
+    place j (from 1), stroke, stroke_velocity, and mode_k, the k-th coordinate over the root of the cable's mass, whose
+    squares sum to the mean square of the motion over the length, m2. Raises InputError."""
+    linear, n = cable_plant(cable), len(cable.natural)
+    c, d = np.zeros((len(names), 2 * n)), np.zeros(len(names))
+    for row, name in enumerate(names):
+        match = re.fullmatch(r"(acceleration|velocity|displacement|mode)_([1-9]\d*)", name)
+        kind, number = (match[1], int(match[2])) if match else (name, 0)
+        if kind == "mode" and number <= n:
+            c[row, number - 1] = 1 / math.sqrt(cable.mass * cable.length)
+            continue
+        if kind in ("stroke", "stroke_velocity"):
+            shape = cable.at(cable.damper_at)
+        elif kind != "mode" and 1 <= number <= len(places):
+            shape = cable.at(places[number - 1])
+        else:
+            raise InputError(
+                f"measurement {name!r} is unknown; allowed: acceleration_j, velocity_j, displacement_j with j = 1.."
+                f"{len(places)}, mode_k with k = 1..{n}, stroke, stroke_velocity"
+            )
+        if kind == "acceleration":
+            c[row], d[row] = shape @ linear.a[n:], float(shape @ linear.b[n:])
+        elif kind in ("velocity", "stroke_velocity"):
+            c[row, n:] = shape
+        else:
+            c[row, :n] = shape
+    return c, d
+
+
+def cable_clipped_optimal(
+    site: CableSite,
+    r: float = 1e-9,
+    noise_ratio: float = 10.0,
+    modulated: float | None = None,
+    name: str = "clipped-optimal",
+) -> ForceController:
+    """Clipped-optimal control of the RMS motion, from the accelerations at the site's places, stroke and force.
+
+    r: weight of the force squared, m2/N2, against the mean square motion. noise_ratio: intensity of each load's noise
+    ((N/m)^2 s) over that of the measurements', in units of 0.05 m/s2 and 0.02 mm. modulated: N, the wanted force at
+    which the full command is reached, None: on/off switching. Raises InputError.
+    """
+    names = (*(f"acceleration_{j}" for j in range(1, len(site.places) + 1)), "stroke")
+    deviation = np.array([_ACCELERATION_NOISE] * len(site.places) + [_STROKE_NOISE])
+    weights = {f"mode_{k}": 1.0 for k in range(1, len(site.cable.natural) + 1)}
+    aim = plant_force(
+        cable_plant(site.cable), lambda rows: cable_outputs(site.cable, site.places, rows), weights, r, noise_ratio,
+        site.period, names, deviation,
+    )  # fmt: skip
+    follower = OnOff(site.command_max) if modulated is None else Modulated(site.command_max, modulated)
+    return ForceController(aim, follower, site.period, name)
+
+
+_OPTIMAL = {"r": 1e-9, "noise_ratio": 10.0}
+#: Kind -> options with their defaults; NaN: worked out from the site.
+OPTIONS: Mapping[str, Mapping[str, float]] = {
+    "passive-off": {},
+    "passive-on": {},
+    "constant": {"value": 0.0},
+    "clipped-optimal": _OPTIMAL,
+    "modulated-optimal": {**_OPTIMAL, "force_max": math.nan},
+}
+
+
+def make(spec: str, site: CableSite) -> Controller:
+    """The controller of a spec (see `mrdamp.control.registry`) for a cable. Raises InputError."""
+    kind, path, options = registry.parse(spec, OPTIONS)
+    if kind == registry.POLICY:
+        from mrdamp.control.policy import Policy
+
+        policy: Controller = Policy.read(Path(path))
+        return policy
+    o = {**OPTIONS[kind], **options}
+    largest = site.force_max if math.isnan(o.get("force_max", math.nan)) else o["force_max"]
+    builders: Mapping[str, Callable[[], Controller]] = {
+        "passive-off": lambda: passive_off(site.period),
+        "passive-on": lambda: passive_on(site.command_max, site.period),
+        "constant": lambda: Constant(o["value"], f"constant {o['value']:g}", site.period),
+        "clipped-optimal": lambda: cable_clipped_optimal(site, o["r"], o["noise_ratio"]),
+        "modulated-optimal": lambda: cable_clipped_optimal(
+            site, o["r"], o["noise_ratio"], largest, "modulated-optimal"
+        ),
+    }
+    return builders[kind]()

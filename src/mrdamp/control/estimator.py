@@ -1,0 +1,58 @@
+"""A Kalman filter that knows the damper's force, stepped once per control period.
+
+    s_hat' = a s_hat + b f + l (y - c s_hat - d f)
+
+The measured force f is a known input. The continuous filter is stepped exactly for measurements that run
+straight between the samples (first-order hold).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mrdamp.control.lqg import first_order_hold, kalman_gain
+from mrdamp.control.plant import Plant
+from mrdamp.errors import InputError
+from mrdamp.structures import FloatArray
+
+
+class Estimator:
+    """The filter above for s' = a s + b f + e w, y = c s + d f, of n states and p measurements.
+
+    c (p, n), d (p,), measurements: p names; noise_ratio: intensity of w over that of every measurement's noise, in
+    units of its deviation (p,), one by default; period: s. Attributes: gain (n, p), l above; estimate, s_hat (n,) of
+    the last call. Raises InputError.
+    """
+
+    def __init__(
+        self,
+        linear: Plant,
+        c: FloatArray,
+        d: FloatArray,
+        measurements: Sequence[str],
+        noise_ratio: float,
+        period: float,
+        deviation: FloatArray | None = None,
+    ) -> None:
+        if not measurements:
+            raise InputError("estimator: measurements is empty; name at least one")
+        self.measurements = tuple(measurements)
+        self.gain = kalman_gain(linear.a, linear.e, c, noise_ratio, deviation)
+        drive = np.column_stack([self.gain, linear.b - self.gain @ d])  # inputs: y, then f
+        self._phi, self._g0, self._g1 = first_order_hold(linear.a - self.gain @ c, drive, period)
+        self.reset()
+
+    def reset(self) -> None:
+        """The structure is at rest."""
+        self.estimate: FloatArray = np.zeros(len(self._phi))
+        self._last: FloatArray | None = None
+
+    def __call__(self, y: Mapping[str, float]) -> FloatArray:
+        """s_hat (n,) with the measurements y of now; `force` is one of them, in N."""
+        now = np.array([*(y[name] for name in self.measurements), y["force"]])
+        if self._last is not None:
+            self.estimate = self._phi @ self.estimate + self._g0 @ self._last + self._g1 @ now
+        self._last = now
+        return self.estimate

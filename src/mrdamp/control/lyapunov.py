@@ -1,0 +1,85 @@
+"""Bang-bang control from a Lyapunov function: the field is on where the damper's force takes it down.
+
+Jansen and Dyke, J. Eng. Mech. 126 (2000) 795-803, doi 10.1061/(ASCE)0733-9399(2000)126:8(795). With V = s^T P s
+and the frame's s' = a s + b f + e xg'', the part of V' that the damper has a say in is 2 s^T P b f, hence
+
+    v = v_max H(-(s_hat^T P b) f)
+
+The structure's energy as V gives maximum dissipation: the field is on wherever the damper takes energy out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+
+from mrdamp.control.clipped_optimal import frame_estimator
+from mrdamp.control.estimator import Estimator
+from mrdamp.control.plant import outputs, plant
+from mrdamp.errors import InputError
+from mrdamp.structures import FloatArray, ShearFrame
+
+
+class BangBang:
+    """v = v_max H((direction^T s_hat) f); built by `lyapunov` and `max_dissipation`.
+
+    direction (2N,), of the force that is good; estimator: of the states (2N,); command_max: A or V.
+    """
+
+    def __init__(self, direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str):
+        if not 0 < command_max < math.inf:
+            raise InputError(f"controller {name}: command_max is {command_max}; allowed: a finite number > 0")
+        self.direction, self.estimator = direction, estimator
+        self.command_max, self.period, self.name = command_max, period, name
+
+    def reset(self) -> None:
+        self.estimator.reset()
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        good = float(self.direction @ self.estimator(y)) * y["force"]
+        return self.command_max if good > 0 else 0.0
+
+
+def lyapunov_matrix(frame: ShearFrame, weights: Mapping[str, float]) -> FloatArray:
+    """P (2N, 2N) of a^T P + P a = -c^T diag(weights) c, c the named outputs' rows. Raises InputError."""
+    if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
+        raise InputError(f"lyapunov: weights are {dict(weights)}; allowed: weights >= 0, one of them > 0")
+    a = plant(frame).a
+    if np.linalg.eigvals(a).real.max() >= 0:
+        raise InputError("lyapunov: the frame has a mode without damping; no such function is found")
+    c, _ = outputs(frame, tuple(weights))
+    return np.asarray(solve_continuous_lyapunov(a.T, -c.T @ (np.array(list(weights.values()))[:, None] * c)))
+
+
+def lyapunov(
+    frame: ShearFrame,
+    command_max: float,
+    weights: Mapping[str, float] | None = None,
+    noise_ratio: float = 50.0,
+    period: float = 1e-3,
+    name: str = "lyapunov",
+) -> BangBang:
+    """Control by the Lyapunov function of the named outputs' weighted squares.
+
+    command_max: A or V. weights: by measurement name or `drift_j`, 1 on every floor's absolute acceleration by
+    default. noise_ratio, period: of the Kalman filter, as for clipped-optimal control. Raises InputError.
+    """
+    chosen = weights or {f"acceleration_{j}": 1.0 for j in range(1, frame.storeys + 1)}
+    direction = -lyapunov_matrix(frame, chosen) @ plant(frame).b
+    return BangBang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)
+
+
+def max_dissipation(
+    frame: ShearFrame,
+    command_max: float,
+    noise_ratio: float = 50.0,
+    period: float = 1e-3,
+    name: str = "max-dissipation",
+) -> BangBang:
+    """The field on wherever the damper's force resists its motion: V is the frame's energy. Raises InputError."""
+    n = frame.storeys
+    direction = np.concatenate([np.zeros(n), -frame.gamma])
+    return BangBang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)

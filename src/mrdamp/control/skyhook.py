@@ -1,0 +1,68 @@
+"""Skyhook control: the damper as a dashpot between the floor at its rod end and a fixed point in space.
+
+Karnopp, Crosby and Harwood, J. Eng. Ind. 96 (1974) 619-626, doi 10.1115/1.3438373. The force wanted of the damper
+is fc = c_sky v, with v the floor's absolute velocity: the floor is held against space, not against the ground. It
+follows from the floor's accelerometer by a leaky integrator, v' = a - v / tau, which has no drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from mrdamp.control.following import Follower, ForceController, OnOff
+from mrdamp.errors import InputError
+from mrdamp.structures import ShearFrame
+
+
+class SkyhookForce:
+    """The aim above. floor: from 1; sign: -1 where the floor is at the damper's other end; damping: N s/m;
+    leak: tau, s; period: s. velocity: of the last call, m/s."""
+
+    def __init__(self, floor: int, sign: float, damping: float, leak: float, period: float) -> None:
+        for what, value in (("damping", damping), ("leak", leak), ("period", period)):
+            if not 0 < value < math.inf:
+                raise InputError(f"skyhook: {what} is {value}; allowed: a finite number > 0")
+        self.signal = f"acceleration_{floor}"
+        self.gain = sign * damping
+        self._decay = math.exp(-period / leak)
+        # Exact for an acceleration that runs straight between the samples.
+        mean = leak * (1 - self._decay) / period
+        self._first, self._last = leak * (mean - self._decay), leak * (1 - mean)
+        self.reset()
+
+    def reset(self) -> None:
+        self.velocity = 0.0
+        self._before: float | None = None
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> float:
+        now = y[self.signal]
+        if self._before is not None:
+            self.velocity = self._decay * self.velocity + self._first * self._before + self._last * now
+        self._before = now
+        return self.gain * self.velocity
+
+
+def skyhook(
+    frame: ShearFrame,
+    command_max: float,
+    damping: float | None = None,
+    leak: float | None = None,
+    period: float = 1e-3,
+    follower: Follower | None = None,
+    name: str = "skyhook",
+) -> ForceController:
+    """Skyhook control of the upper of the damper's two floors.
+
+    command_max: A or V. damping: N s/m, by default that which would damp a rigid frame on its first storey's
+    frequency with a ratio of one half. leak: s, by default one period of the first mode. follower: of the wanted
+    force, on/off switching by default. Raises InputError.
+    """
+    first = float(2 * np.pi * frame.frequencies[0])
+    c = first * float(frame.mass.sum()) if damping is None else damping
+    upper = max(frame.damper_between)
+    sign = 1.0 if upper == frame.damper_between[1] else -1.0
+    aim = SkyhookForce(upper, sign, c, 2 * math.pi / first if leak is None else leak, period)
+    return ForceController(aim, follower or OnOff(command_max), period, name)

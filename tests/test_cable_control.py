@@ -1,0 +1,206 @@
+"""The taut cable against closed forms and its own noise, its reference numbers, and clipped-optimal on a stay cable."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from mrdamp.cables import StayCable
+from mrdamp.compare import cable_reference
+from mrdamp.compare.bench import UNCONTROLLED
+from mrdamp.compare.cable import CableBench
+from mrdamp.control.cable import cable_clipped_optimal, cable_outputs, cable_plant, make
+from mrdamp.control.clipped_optimal import OptimalForce
+from mrdamp.control.lqg import kalman_gain
+from mrdamp.control.taut_cable import TENSION, TautCable, semi_active
+from mrdamp.envs.cable_loads import CableLoad
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def test_matrices_are_the_integrals_of_the_shapes() -> None:
+    cable = TautCable(0.05, modes=3)
+    x = np.linspace(0, 1, 20001)
+    shapes = np.array([np.minimum(x / 0.05, (1 - x) / 0.95), *(np.sin(k * np.pi * x) for k in (1, 2, 3))])
+    slopes = np.array([np.where(x < 0.05, 20.0, -1 / 0.95), *(k * np.pi * np.cos(k * np.pi * x) for k in (1, 2, 3))])
+    for found, rows, unit in ((cable.mass, shapes, 1.0), (cable.stiffness, slopes, TENSION)):
+        wanted = unit * np.trapezoid(rows[:, None] * rows[None, :], x, axis=2)
+        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-4 * np.abs(wanted).max())
+    np.testing.assert_allclose(cable.forcing, np.trapezoid(shapes, x, axis=1), atol=1e-4)
+    mode1 = replace(cable, load="mode1")
+    np.testing.assert_allclose(mode1.forcing, np.trapezoid(shapes * shapes[1], x, axis=1), atol=1e-4)
+    np.testing.assert_allclose(cable.at_damper, shapes[:, 1000])
+
+
+def test_modes_of_the_bare_cable() -> None:
+    poles = np.linalg.eigvals(TautCable(0.02, ratio=0.01).plant.a)
+    poles = np.sort_complex(poles[poles.imag > 0])
+    low = poles[np.argsort(np.abs(poles))][:8]
+    np.testing.assert_allclose(np.abs(low), np.arange(1, 9), rtol=1e-9)
+    np.testing.assert_allclose(-low.real / np.abs(low), 0.01, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("at", "largest"), [(0.01, 0.50513), (0.02, 1.02113), (0.05, 2.64396)])
+def test_damping_of_the_first_mode_by_the_best_dashpot(at: float, largest: float) -> None:
+    # Largest damping of a taut string's first mode, percent, solved from its transcendental equation elsewhere.
+    cable = TautCable(at, ratio=1e-9, modes=40)
+    found = 0.0
+    for kappa in np.linspace(0.085, 0.12, 12):
+        c = kappa / at / math.pi  # kappa = c / (m L w1) x_d/L with m = L = w1 = 1, in units of pi
+        p = cable.plant
+        poles = np.linalg.eigvals(p.a - c * math.pi * np.outer(p.b, cable.velocity_row))
+        first = poles[np.argmin(np.abs(poles - 1j))]
+        found = max(found, -100 * first.real / abs(first))
+    assert found == pytest.approx(largest, rel=0.01)
+
+
+def test_lyapunov_equation_and_simulated_noise_agree() -> None:
+    # A dashpot's force always takes energy out, so that clipping leaves it as it is.
+    cable = TautCable(0.05, ratio=0.02)
+    gain = 2.3 * cable.velocity_row
+    motion, force = cable.rms(gain)
+    found = semi_active(cable, gain, period=2e-3, duration=150.0, runs=128)
+    assert found[0] == pytest.approx(motion, rel=0.03)
+    assert found[1] == pytest.approx(force, rel=0.05)
+    # A force that pushes is cut to nothing: the bare cable.
+    bare = semi_active(cable, -gain, period=2e-3, duration=150.0, runs=128)
+    assert bare[0] == pytest.approx(cable.rms(0 * gain)[0], rel=0.06)
+    assert bare[1] == 0.0
+
+
+def test_active_control_minimises_its_cost() -> None:
+    cable, r = TautCable(0.02), 1e-3
+    gain = cable.optimal_gain(r)
+
+    def cost(k: Array) -> float:
+        motion, force = cable.rms(k)
+        return motion**2 + r * force**2
+
+    best = cost(gain)
+    rng = np.random.default_rng(0)
+    for share in (0.02, -0.02):
+        assert best < cost((1 + share) * gain) < 1.01 * best
+    for _ in range(20):
+        assert cost(gain + 0.1 * rng.standard_normal(len(gain))) > best
+    assert cost(cable.best_viscous() * cable.velocity_row) > 3 * best
+
+
+def test_reference_numbers_of_uncontrolled_and_active_cables() -> None:
+    for (at, load), (uncontrolled, active, _) in cable_reference.REFERENCE.items():
+        cable = TautCable(at, load=load)
+        best = cable.rms(cable.best_viscous() * cable.velocity_row)[0]
+        gain = cable.optimal_gain()
+        assert cable.rms(0 * gain)[0] / best == pytest.approx(uncontrolled, rel=1e-3)
+        assert cable.rms(gain)[0] / best == pytest.approx(active, rel=1e-3)
+
+
+def test_the_semi_active_figure_hangs_on_the_control_period() -> None:
+    cable = TautCable(0.02)
+    best = cable.rms(cable.best_viscous() * cable.velocity_row)[0]
+    gain = cable.optimal_gain()
+    long, short, locked = (
+        semi_active(cable, gain, period=h, duration=60.0, runs=64, locking=lock)[0] / best
+        for h, lock in ((2e-2, False), (4e-3, False), (2e-2, True))
+    )
+    active = cable.rms(gain)[0] / best
+    assert active < 1.05 * long < short < 0.37 < locked < 0.7
+
+
+@pytest.mark.slow
+def test_semi_active_reference_numbers_within_five_percent() -> None:
+    for row in cable_reference.table():
+        assert max(map(abs, row.deviation)) < 5.0, row
+        assert abs(row.deviation[0]) < 0.1
+
+
+def test_bad_cables_get_one_line() -> None:
+    with pytest.raises(InputError, match=r"damper at 1.5 of the length"):
+        TautCable(1.5)
+    with pytest.raises(InputError, match="load 'wind'"):
+        TautCable(0.02, load="wind")  # type: ignore[arg-type]
+
+
+def test_the_filter_of_a_stay_cable_finds_its_state() -> None:
+    cable, places, h = StayCable(modes=4, ratio=0.01), (0.02, 0.1), 2e-3
+    site = replace(CableBench(cable).site, period=h)
+    aim = cable_clipped_optimal(site).aim
+    assert isinstance(aim, OptimalForce)
+    w, ratio = cable.natural, cable.ratio
+    here, there = cable.at(0.02), cable.at(0.1)
+
+    def force(t: float) -> float:
+        return 8 * math.sin(21 * t)
+
+    def rate(t: float, s: Array) -> Array:
+        q, v = s[: len(w)], s[len(w) :]
+        return np.concatenate([v, -(w**2) * q - 2 * ratio * w * v - here * force(t)])
+
+    start = np.concatenate([[0.02, 0.01, -0.006, 0.002, 0.0], np.zeros(5)])
+    times = h * np.arange(1500)
+    run = solve_ivp(rate, (0, times[-1]), start, t_eval=times, rtol=1e-9, atol=1e-12, method="DOP853")
+    wanted = 0.0
+    for t, s in zip(times, run.y.T, strict=True):
+        a = rate(float(t), s)[len(w) :]
+        y = {"acceleration_1": float(here @ a), "acceleration_2": float(there @ a), "stroke": float(here @ s[: len(w)])}
+        wanted = aim(float(t), {**y, "force": force(float(t))})
+    scale = np.abs(run.y[:, -400:]).max()
+    assert np.abs(aim.estimator.estimate - run.y[:, -1]).max() < 0.03 * scale
+    assert wanted == pytest.approx(-float(aim.k @ run.y[:, -1]), abs=0.1 * float(np.abs(aim.k @ run.y).max()))
+    assert places == site.places
+
+
+def test_outputs_of_a_stay_cable() -> None:
+    cable = StayCable(modes=4)
+    rows, through = cable_outputs(cable, (0.1,), ["displacement_1", "velocity_1", "stroke", "mode_2", "acceleration_1"])
+    n = len(cable.natural)
+    rng = np.random.default_rng(1)
+    s, f = rng.standard_normal(2 * n), 3.0
+    linear = cable_plant(cable)
+    x = rows @ s + through * f
+    assert x[0] == pytest.approx(float(cable.at(0.1) @ s[:n]))
+    assert x[1] == pytest.approx(float(cable.at(0.1) @ s[n:]))
+    assert x[2] == pytest.approx(float(cable.at(cable.damper_at) @ s[:n]))
+    assert x[4] == pytest.approx(float(cable.at(0.1) @ (linear.a @ s + linear.b * f)[n:]))
+    # The squares of the modes are the mean square motion over the length.
+    place = np.linspace(0, 1, 4001)
+    modes, _ = cable_outputs(cable, (), [f"mode_{k}" for k in range(1, n + 1)])
+    assert np.sum((modes @ s) ** 2) == pytest.approx(np.trapezoid((cable.at(place) @ s[:n]) ** 2, place), rel=1e-4)
+    with pytest.raises(InputError, match="measurement 'acceleration_2' is unknown"):
+        cable_outputs(cable, (0.1,), ["acceleration_2"])
+
+
+def test_deviations_are_units_of_the_measurements() -> None:
+    # Measured in millimetres with the deviation in millimetres: the same filter.
+    cable = StayCable(modes=2)
+    linear = cable_plant(cable)
+    c, _ = cable_outputs(cable, (0.1,), ["acceleration_1", "stroke"])
+    plain = kalman_gain(linear.a, linear.e, c, 5.0, np.array([0.05, 2e-5]))
+    scaled = kalman_gain(linear.a, linear.e, c * [[1.0], [1e3]], 5.0, np.array([0.05, 2e-2]))
+    np.testing.assert_allclose(plain, scaled * [1.0, 1e3], rtol=1e-6)
+
+
+def ambient(seed: int) -> CableLoad:
+    """Six seconds of white noise, uniform along the cable."""
+    force = np.random.default_rng(seed).standard_normal((300, 1)) * 1.5
+    return CableLoad("noise", 0.02, np.array([0.5]), force)
+
+
+def test_clipped_optimal_moves_the_cable_less_than_any_constant_command() -> None:
+    bench = CableBench()
+    load = ambient(3)
+    bare = bench.run(UNCONTROLLED, load, 1.0)
+    specs = ("clipped-optimal", *(f"constant:value={v}" for v in (0, 1, 2, 4)))
+    motion = {s: bench.values(bench.run(s, load, 1.0), bare)["motion"] for s in specs}
+    best = min(value for s, value in motion.items() if s != "clipped-optimal")
+    assert motion["clipped-optimal"] < 0.95 * best < 0.8
+    again = bench.run("clipped-optimal", load, 1.0)
+    assert again["dissipated_energy"] > 0
+    assert 0 < again["mean_command"] < 4
+    with pytest.raises(InputError, match="controller 'skyhook' is unknown"):
+        make("skyhook", bench.site)

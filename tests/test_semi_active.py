@@ -1,0 +1,314 @@
+"""Followers, Lyapunov, skyhook and ideal control: signs, closed forms and SciPy's integration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from mrdamp import stepping
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.control import Controller, ForceController, ideal_active, registry, skyhook
+from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
+from mrdamp.control.following import Direct, Modulated, OnOff, Tracking
+from mrdamp.control.held import Held
+from mrdamp.control.lyapunov import BangBang, lyapunov, lyapunov_matrix, max_dissipation
+from mrdamp.control.plant import outputs, plant
+from mrdamp.errors import InputError
+from mrdamp.motions import kanai_tajimi
+from mrdamp.structures import ShearFrame, dyke1996
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Script:
+    """A controller that plays a function of time and keeps what it was shown."""
+
+    amplitude: float
+    omega: float = 60.0
+    period: float = 5e-4
+    name: str = "script"
+    seen: list[dict[str, float]] = field(default_factory=list)
+
+    def reset(self) -> None:
+        self.seen.clear()
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        self.seen.append(dict(y))
+        return self.amplitude * math.sin(self.omega * t)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "force", "share"),
+    [(300.0, 100.0, 0.3), (2500.0, 100.0, 1.0), (-300.0, -100.0, 0.3), (300.0, 400.0, 0.0), (300.0, -10.0, 0.0)],
+)
+def test_modulated_command_is_in_proportion_to_the_wanted_force(wanted: float, force: float, share: float) -> None:
+    assert Modulated(2.0, 1000.0)(wanted, 0.0, {"force": force}) == pytest.approx(2.0 * share)
+
+
+def test_direct_is_the_force_within_its_bound() -> None:
+    assert [Direct(500.0)(w, 0.0, {}) for w in (-900.0, -20.0, 700.0)] == [-500.0, -20.0, 500.0]
+
+
+def one_storey(mass: float = 120.0, stiffness: float = 4.8e5) -> ShearFrame:
+    return ShearFrame(np.array([mass]), np.array([stiffness]), np.array([0.0]))
+
+
+def left_roots(*coefficients: float) -> NDArray[np.complex128]:
+    roots = np.roots(coefficients)
+    return np.asarray(np.sort_complex(roots[roots.real < 0]))
+
+
+def test_regulator_and_filter_of_one_storey_meet_their_closed_forms() -> None:
+    # x'' = -w^2 x - f/m + noise. Spectral factors: s^4 + 2 w^2 s^2 + w^4 + q/(r m^2) for the regulator of x, and
+    # s^4 + 2 w^2 s^2 + w^4 + S_g/S_v for the filter that measures x.
+    frame, r, ratio = one_storey(), 2e-13, 3e7
+    w2, m = 4.8e5 / 120.0, 120.0
+    aim = optimal_force(frame, {"displacement_1": 1.0}, r, ratio, measurements=["displacement_1"])
+    linear = plant(frame)
+    regulated = np.linalg.eigvals(linear.a - np.outer(linear.b, aim.k))
+    np.testing.assert_allclose(
+        np.sort_complex(regulated), left_roots(1, 0, 2 * w2, 0, w2**2 + 1 / (r * m**2)), rtol=1e-6
+    )
+    c, _ = outputs(frame, ["displacement_1"])
+    filtered = np.linalg.eigvals(linear.a - aim.estimator.gain @ c)
+    np.testing.assert_allclose(np.sort_complex(filtered), left_roots(1, 0, 2 * w2, 0, w2**2 + ratio), rtol=1e-6)
+    # A floor that is out and at rest is to be pulled back: the damper's rod end pulls with -f.
+    assert aim.k[0] < 0
+    assert aim.k[1] < 0
+
+
+def test_lyapunov_matrix_is_the_cost_to_come() -> None:
+    # s^T P s is the integral of the weighted outputs of the frame left alone.
+    frame = replace(dyke1996(), damping=np.array([900.0, 700.0, 500.0]))
+    weights = {"acceleration_3": 1.0, "drift_1": 4e5}
+    a, (c, _) = plant(frame).a, outputs(frame, tuple(weights))
+    q = c.T @ np.diag(list(weights.values())) @ c
+    p = lyapunov_matrix(frame, weights)
+    for start in ([1e-3, 0, 2e-3, 0, 0, 0.0], [0, 0, 1e-3, 0.1, -0.2, 0.05]):
+        run = solve_ivp(
+            lambda t, s: np.append(a @ s[:6], s[:6] @ q @ s[:6]), (0, 4.0), [*start, 0.0], method="DOP853", rtol=1e-8
+        )
+        end = run.y[:6, -1]
+        assert np.array(start) @ p @ start == pytest.approx(run.y[6, -1] + end @ p @ end, rel=1e-4)
+        assert run.y[6, -1] > 0.9 * (np.array(start) @ p @ start)
+
+
+class Known:
+    """An estimator that knows the state."""
+
+    def __init__(self, state: Array) -> None:
+        self.state = state
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def __call__(self, y: Mapping[str, float]) -> Array:
+        return self.state
+
+
+@pytest.mark.parametrize("floors", [(0, 1), (1, 2), (3, 1)])
+@pytest.mark.parametrize("energy", [True, False])
+def test_bang_bang_is_on_where_the_force_takes_the_function_down(floors: tuple[int, int], energy: bool) -> None:
+    frame = dyke1996(damper_between=floors)
+    made = max_dissipation(frame, 2.0) if energy else lyapunov(frame, 2.0, {"drift_2": 1.0, "acceleration_1": 1e-6})
+    k = np.zeros((6, 6))
+    k[:3, :3], k[3:, 3:] = frame.stiffness_matrix, frame.mass_matrix
+    p = k if energy else lyapunov_matrix(frame, {"drift_2": 1.0, "acceleration_1": 1e-6})
+    # M^-1 Gamma typed in: the damper pulls its rod end back.
+    pull = np.zeros(4)
+    pull[floors[1]], pull[floors[0]] = -1, 1
+    b = np.concatenate([np.zeros(3), pull[1:] / 98.3])
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(40):
+        state, force = rng.standard_normal(6) * 1e-3, float(rng.standard_normal() * 100)
+        controller = BangBang(made.direction, Known(state), 2.0, 1e-3, "x")  # type: ignore[arg-type]
+        on = controller.command(0.0, {"force": force}) > 0
+        rate = 2 * state @ p @ b * force
+        assert on == (rate < 0)
+        if energy:  # the same as: the damper takes power out
+            stroke_velocity = float(-pull[1:] @ state[3:])
+            assert on == (force * stroke_velocity > 0)
+        seen.add(on)
+    assert seen == {True, False}
+
+
+def test_a_frame_without_damping_has_no_such_function() -> None:
+    with pytest.raises(InputError, match="a mode without damping"):
+        lyapunov(one_storey(), 2.0)
+    with pytest.raises(InputError, match="weights are"):
+        lyapunov(dyke1996(), 2.0, {"drift_1": -1.0})
+
+
+@pytest.mark.parametrize(("floors", "floor", "sign"), [((0, 1), 1, 1.0), ((1, 3), 3, 1.0), ((2, 1), 2, -1.0)])
+def test_skyhook_force_is_that_of_a_dashpot_to_the_sky(floors: tuple[int, int], floor: int, sign: float) -> None:
+    frame, h, tau, c = dyke1996(damper_between=floors), 2e-3, 0.15, 700.0
+    controller = skyhook(frame, 2.0, damping=c, leak=tau, period=h)
+    times = np.arange(200) * h
+    a = 3 * np.sin(31 * times) + 0.5
+    run = solve_ivp(
+        lambda t, v: np.interp(t, times, a) - v / tau, (0, times[-1]), [0.0], rtol=1e-9, atol=1e-12, max_step=h
+    )
+    for t, now in zip(times, a, strict=True):
+        y = {f"acceleration_{j}": 99.0 for j in (1, 2, 3)} | {f"acceleration_{floor}": float(now), "force": 5.0}
+        command = controller.command(float(t), y)
+    # A floor on its way up is to be held down; the damper does so where it is being extended and sits below.
+    assert controller.wanted == pytest.approx(sign * c * run.y[0, -1], rel=1e-5)
+    assert command == (2.0 if controller.wanted > 5.0 else 0.0)
+
+
+class Recorder:
+    """An inverse that gives back a fixed share of the force."""
+
+    name, period = "recorder", 2e-3
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[float, float]] = []
+
+    def reset(self) -> None:
+        self.calls.clear()
+
+    def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
+        self.calls.append((t, wanted_force))
+        return 0.001 * wanted_force
+
+
+def test_tracking_hands_the_wanted_force_to_the_inverse() -> None:
+    inverse = Recorder()
+    controller = ForceController(optimal_force(dyke1996(), period=2e-3), Tracking(inverse), 2e-3, "t")
+    y = dict.fromkeys(("acceleration_1", "acceleration_2", "acceleration_3", "displacement_1"), 1e-3) | {"force": 2.0}
+    commands = [controller.command(k * 2e-3, y) for k in range(4)]
+    assert commands[-1] == pytest.approx(0.001 * controller.wanted)
+    assert [t for t, _ in inverse.calls] == pytest.approx([0.0, 0.002, 0.004, 0.006])
+    controller.reset()
+    assert not inverse.calls
+
+
+def test_a_held_controller_is_asked_at_its_own_period() -> None:
+    inner = Script(2.0, period=5e-3)
+    held = Held(inner, 5)
+    assert held.period == pytest.approx(1e-3)
+    held.reset()
+    commands = [held.command(k * 1e-3, {"force": float(k)}) for k in range(11)]
+    assert [y["force"] for y in inner.seen] == [0.0, 5.0, 10.0]
+    assert commands[5:10] == [pytest.approx(2.0 * math.sin(60 * 5e-3))] * 5
+    with pytest.raises(InputError, match="held over 0"):
+        Held(inner, 0)
+
+
+@pytest.mark.parametrize("floors", [(0, 1), (1, 2), (3, 1)])
+def test_an_ideal_force_moves_the_frame_as_scipy_has_it(floors: tuple[int, int]) -> None:
+    frame = dyke1996(damper_between=floors)
+    model = replace(frame_model(), structure=frame)
+    motion = kanai_tajimi(5, duration=3.0).compressed(5.0)
+    script = Script(400.0)
+    run = stepping.run_frame(model, motion, script, timestep=1.25e-4, ideal_force=True)
+    gamma = np.zeros(4)
+    gamma[floors[1]], gamma[floors[0]] = -1, 1
+    inverse = np.linalg.inv(frame.mass_matrix)
+
+    def rate(t: float, s: Array) -> Array:
+        force = 400.0 * math.sin(60.0 * 5e-4 * math.floor(t / 5e-4 + 1e-9))
+        ground = np.interp(t, motion.time, motion.acceleration)
+        a = inverse @ (gamma[1:] * force - frame.stiffness_matrix @ s[:3] - frame.damping_matrix @ s[3:]) - ground
+        return np.concatenate([s[3:], a])
+
+    s, states = np.zeros(6), [np.zeros(6)]
+    for k in range(len(run.time) - 1):  # piece by piece: the force jumps
+        step = solve_ivp(rate, (run.time[k], run.time[k + 1] - 1e-12), s, rtol=1e-7, atol=1e-10)
+        s = step.y[:, -1]
+        states.append(s)
+    x = np.array(states)[:, :3]
+    off = np.abs(np.cumsum(run.drift, axis=1) - x).max() / np.abs(x).max()
+    assert off < 5e-3
+    stroke = x @ -gamma[1:]
+    np.testing.assert_allclose(run.stroke, stroke, atol=6e-3 * np.abs(stroke).max())
+    velocity = np.array(states)[:, 3:] @ -gamma[1:]
+    seen = np.array([y["stroke_velocity"] for y in script.seen])
+    np.testing.assert_allclose(seen, velocity, atol=0.03 * np.abs(velocity).max())
+    # What the actuator's load cell reads is the force of the period that ended.
+    np.testing.assert_allclose(run.force[1:], run.command[:-1])
+    assert not run.current.any()
+
+
+def test_ideal_active_control_does_better_than_the_frame_alone_and_takes_energy_out() -> None:
+    model, motion = frame_model(), kanai_tajimi(6, duration=12.0).compressed(5.0)
+    frame = dyke1996()
+    bare = stepping.run_frame(model, motion, None)
+    controller = ideal_active(frame, registry.balanced(frame, 5.0), 1e-6)
+    run = stepping.run_frame(model, motion, controller, ideal_force=True)
+    assert np.abs(run.drift).max() < 0.6 * np.abs(bare.drift).max()
+    assert np.abs(run.acceleration).max() < 0.6 * np.abs(bare.acceleration).max()
+    taken = float(np.sum((run.force[1:] + run.force[:-1]) / 2 * np.diff(run.stroke)))
+    assert taken > 0
+
+
+SITE = registry.Site.of(frame_model())
+
+
+def test_every_named_controller_is_one() -> None:
+    y = {f"acceleration_{j}": 0.5 * j for j in (1, 2, 3)} | {"displacement_1": 1e-3, "displacement_2": 1e-3}
+    y |= {"displacement_3": 1e-3, "stroke": 1e-3, "stroke_velocity": 0.05, "force": 60.0}
+    for kind in registry.ENTRIES:
+        controller = registry.make(kind, SITE)
+        assert isinstance(controller, Controller)
+        assert controller.period == SITE.period
+        commands = [controller.command(k * SITE.period, y) for k in range(4)]
+        assert np.isfinite(commands).all(), kind
+        if not registry.is_ideal(kind):
+            assert all(0 <= u <= SITE.command_max for u in commands), kind
+        controller.reset()
+        assert [controller.command(k * SITE.period, y) for k in range(4)] == commands, kind
+
+
+def test_options_reach_the_controller() -> None:
+    tuned = registry.make("clipped-optimal:r=1e-9,balance=2", SITE)
+    assert isinstance(tuned, ForceController)
+    assert isinstance(tuned.follower, OnOff)
+    wanted = optimal_force(dyke1996(), registry.balanced(dyke1996(), 2.0), 1e-9).k
+    assert isinstance(tuned.aim, OptimalForce)
+    np.testing.assert_allclose(tuned.aim.k, wanted)
+    assert registry.parse(registry.spec("constant", {"value": 0.75})) == ("constant", "", {"value": 0.75})
+    # With balance 1, a drift x and an acceleration w1^2 x cost the same.
+    weights = registry.balanced(dyke1996(), 1.0)
+    assert weights["drift_1"] == pytest.approx((2 * np.pi * 5.44) ** 4, rel=2e-3)
+
+
+def test_the_size_of_the_dampers_force() -> None:
+    # Spencer's damper at 2.25 V and 0.1 m/s: alpha (A / (2 beta))^(1/2), 1.1 kN, and a dashpot beside it.
+    assert 900 < SITE.force_max() < 1500
+
+
+@pytest.mark.parametrize(
+    ("spec", "says"),
+    [
+        ("nothing", "controller 'nothing' is unknown; there are passive-off"),
+        ("constant:volts=1", "option 'volts' is unknown; allowed: value"),
+        ("passive-on:value=1", "option 'value' is unknown; allowed: none"),
+        ("constant:value=much", "value is 'much'; allowed: a number"),
+        ("constant:value=nan", "value is nan; allowed: a finite number"),
+        ("policy:", "give its file"),
+        ("skyhook:damping=-1", "skyhook: damping is -1"),
+        ("modulated-optimal:force_max=0", "force_max is 0"),
+    ],
+)
+def test_bad_specs_get_one_line(spec: str, says: str) -> None:
+    with pytest.raises(InputError) as error:
+        registry.make(spec, SITE)
+    assert says in str(error.value)
+
+
+def test_a_site_needs_a_frame_and_a_range() -> None:
+    model = frame_model()
+    with pytest.raises(InputError, match="has no frame"):
+        registry.Site.of(SITE.damper)
+    rest = {k: v for k, v in model.parameters.items() if k != "command_max"}
+    with pytest.raises(InputError, match="no command_max"):
+        registry.Site.of(replace(model, parameters=rest))
