@@ -15,10 +15,11 @@ from mrdamp.narx import data
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import lagged, noise_floor, protocol, series
 from mrdamp.narx.doubt import doubt
+from mrdamp.narx.judge import free_run_error, free_run_force, judge
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import draw_course, prune
 from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
-from mrdamp.narx.train import FitNarx, blank, free_run_error, free_run_force, judge, train_narx
+from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
 from narx_data import made, motion, recursion
 

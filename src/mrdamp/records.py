@@ -198,6 +198,21 @@ class RecordSet:
         """All of them, the training ones first."""
         return self.train + self.validation
 
+    def smoothed(self, cutoff_hz: float) -> RecordSet:
+        """The set with every measured displacement low-passed, zero-phase, and its derivatives with it.
+
+        For motions whose samples carry noise, such as a jittering clock's: a law answers it with its stiffness and
+        damping. Raises InputError for a cut-off above half of a record's rate.
+        """
+
+        def smooth(record: Record) -> Record:
+            if "displacement_m" not in record.channels:
+                return record
+            x = sampling.lowpass(record.displacement, record.sample_time, cutoff_hz)
+            return record.with_channels({"displacement_m": x})
+
+        return RecordSet(self.name, tuple(map(smooth, self.train)), tuple(map(smooth, self.validation)))
+
     def __iter__(self) -> Iterator[Record]:
         return iter(self.records)
 

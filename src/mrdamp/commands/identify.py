@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
+from mrdamp.commands.output import check_picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from mrdamp.identify import Fit, RecordError
     from mrdamp.records import RecordSet
 
@@ -37,13 +37,17 @@ def add_identify(commands: Any) -> None:
         commands,
         "identify",
         run_identify,
-        "fit a parametric law to records, judged in free run on records held out",
+        "fit a law, or a network, to records, judged in free run on records held out",
         "mrdamp identify records/ --law bouc_wen --intervals -o model.json",
     )
     p.add_argument(
         "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
     )
-    p.add_argument("--law", default="modified_bouc_wen", help="(default: %(default)s)")
+    p.add_argument(
+        "--law",
+        default="modified_bouc_wen",
+        help="bingham, bouc_wen, hyperbolic_tangent, modified_bouc_wen, or narx for a network (default: %(default)s)",
+    )
     p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
     p.add_argument(
         "--dependence",
@@ -57,10 +61,21 @@ def add_identify(commands: Any) -> None:
     p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
     p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
     p.add_argument("--seed", type=int, default=0)
-    p.add_argument("--workers", type=int, default=1, help="processes for --refit; the answer is the same")
-    p.add_argument("--picture", type=Path, help="picture of --by-command to write (.svg, .png or .pdf)")
+    p.add_argument(
+        "--workers",
+        "--jobs",
+        type=int,
+        default=1,
+        help="processes, for --refit and narx; the answer is the same",
+    )
+    p.add_argument(
+        "--picture", type=Path, help="picture of --by-command or of a network to write (.svg, .png or .pdf)"
+    )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
+    _add_cutoff(p)
     p.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
+    add_protocol_options(p)
+    add_narx_options(p)
 
 
 def add_table1(commands: Any) -> None:
@@ -69,7 +84,7 @@ def add_table1(commands: Any) -> None:
         commands,
         "table1",
         run_table1,
-        "Bingham, Bouc-Wen and hyperbolic tangent on one record set: the foam-damper paper's Table 1",
+        "Bingham, Bouc-Wen, hyperbolic tangent and a network on one record set: the foam-damper paper's Table 1",
         "mrdamp table1 records/ --picture loops.svg",
     )
     p.add_argument(
@@ -77,11 +92,22 @@ def add_table1(commands: Any) -> None:
     )
     p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
     p.add_argument("--dependence", help="how coefficients follow the command (default: linear)")
-    p.add_argument("--network", type=Path, help="model file of a network, as the table's last row")
+    p.add_argument(
+        "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
+    )
+    p.add_argument("--no-network", action="store_true", help="leave the network out")
+    p.add_argument("--workers", "--jobs", type=int, default=1, help="processes for the network's training")
     p.add_argument("--starts", type=int, default=4)
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--picture", type=Path, help="loops of all models over each other (.svg, .png or .pdf)")
     p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
+    _add_cutoff(p)
+
+
+def _add_cutoff(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--cutoff", type=float, help="Hz, zero-phase low-pass of the measured displacement (default: none)"
+    )
 
 
 def add_calibrate(commands: Any) -> None:
@@ -109,9 +135,14 @@ def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
     from mrdamp.identify import compare_dependences, identify
 
-    records = _records(a.records)
-    if a.starts < 1 or a.resamples < 20:
-        raise InputError("--starts must be at least 1 and --resamples at least 20")
+    records = _records(a.records, a.cutoff)
+    if a.starts < 1 or a.resamples < 20 or a.workers < 1:
+        raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
+    check_picture(a.picture)
+    if a.law == "narx":
+        with progress_bar() as progress:
+            return identify_narx(a, records, progress)
+    records = protocol_records(a, records)
     if a.by_command:
         return _by_command(a, records)
     common: dict[str, Any] = {"extras": a.extras, "starts": a.starts, "seed": a.seed, "progress": _tell}
@@ -142,14 +173,21 @@ def run_identify(a: argparse.Namespace) -> int:
 
 def run_table1(a: argparse.Namespace) -> int:
     """Prints the table and writes the picture."""
-    from mrdamp.comparison import table_1
+    from mrdamp.comparison import paper_network, table_1
     from mrdamp.identify import simulate
     from mrdamp.model import Model
 
-    records = _records(a.records)
+    if a.starts < 1 or a.workers < 1:
+        raise InputError("--starts and --workers must be at least 1")
+    check_picture(a.picture)
+    records = _records(a.records, a.cutoff)
     others = {}
     if a.network:
         network = Model.read(a.network)
+    elif not a.no_network:
+        with progress_bar() as progress:
+            network = paper_network(records, seed=a.seed, workers=a.workers, progress=progress).model
+    if not a.no_network:
         others["network"] = {r.name: simulate(network, r) for r in records.validation}
     table = table_1(
         records,
@@ -171,7 +209,7 @@ def run_table1(a: argparse.Namespace) -> int:
         paper = f"{p.e_t:9.4f} {p.e_x:8.4f} {p.e_v:8.4f}" if p else ""
         print(f"{row.model:20s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {row.nrmse:8.4f}   {paper}")
     if a.picture:
-        _save(table.picture(a.record), a.picture)
+        save_picture(table.picture(a.record), a.picture)
     return 0
 
 
@@ -218,7 +256,7 @@ def run_calibrate(a: argparse.Namespace) -> int:
     if a.picture:
         data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
         nominal = np.round(data[1], -2)
-        _save(sensitivities(data[0], nominal, data[2], data[3], found.sensitivity), a.picture)
+        save_picture(sensitivities(data[0], nominal, data[2], data[3], found.sensitivity), a.picture)
     return 0
 
 
@@ -258,7 +296,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> int:
             [(line.zero, line.slope) for line in shown],
             a.command_unit,
         )
-        _save(fig, a.picture)
+        save_picture(fig, a.picture)
     print(f"model: {a.out}")
     return 0
 
@@ -300,23 +338,11 @@ def _errors(errors: Sequence[RecordError], half: str) -> None:
         print(f"  {error.record:40s} {half:8s} {error.rmse:9.1f} N  {error.nrmse:6.3f}")
 
 
-def _records(paths: Sequence[Path]) -> RecordSet:
+def _records(paths: Sequence[Path], cutoff: float | None = None) -> RecordSet:
     from mrdamp.records import embedded, read_records
 
-    if not paths:
-        return embedded()
-    return read_records(paths[0] if len(paths) == 1 else list(paths))
-
-
-def _save(fig: Figure, path: Path) -> None:
-    if path.suffix not in (".svg", ".png", ".pdf"):
-        raise InputError(f"{path}: a picture is written as .svg, .png or .pdf")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        fig.savefig(path, dpi=150)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}") from None
-    print(f"picture: {path}")
+    records = embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
+    return records if cutoff is None else records.smoothed(cutoff)
 
 
 def _tell(what: str, share: float) -> None:

@@ -7,10 +7,11 @@ loading" (Smart Structures and Systems, 2015), Eqs. (5), (9) and (11); the plugi
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import PROTOCOL, Series, lagged, protocol, series
 from mrdamp.narx.doubt import Doubt, doubt
+from mrdamp.narx.judge import Judged, judge
 from mrdamp.narx.network import Network
 from mrdamp.narx.prune import Pruned, draw_course, prune
 from mrdamp.narx.select import Candidate, Choice, draw_choice, select
-from mrdamp.narx.train import FitNarx, Judged, judge, train_narx
+from mrdamp.narx.train import FitNarx, train_narx
 
 __all__ = [
     "PROTOCOL",

@@ -7,16 +7,23 @@ the free-run force is g' H^-1 g, g its derivatives by the weights and H the Hess
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
 
 from mrdamp.core import Array
+from mrdamp.identify import RecordError
 from mrdamp.narx.bayes import Posterior
 from mrdamp.narx.data import Series
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun
+
+#: Records do not suffice where the free-run error of the middle record among others is so many times theirs.
+_WORSE = 2.0
+#: Signs that go with it: error bars so many times the usual ones, and an input this share beyond its range.
+_DOUBTFUL, _OUTSIDE = 3.0, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +65,46 @@ def doubt(network: Network, posterior: Posterior, s: Series, most: int = 3000) -
         outside[channel] = max(over, outside.get(channel, 0.0))
     share = float(np.sqrt(np.mean(deviation**2)) / np.std(part.force))
     return Doubt(s.name, deviation, share, outside)
+
+
+@dataclass(frozen=True)
+class Sufficiency:
+    """Whether the training records suffice for others, and how one sees it, in a line."""
+
+    suffice: bool
+    why: str
+
+
+def sufficiency(
+    network: Network,
+    posterior: Posterior,
+    train: Sequence[Series],
+    others: Sequence[Series],
+    seen: Sequence[RecordError],
+    new: Sequence[RecordError],
+) -> Sufficiency:
+    """Judges the training records by the free-run errors on others, and names the signs in the posterior.
+
+    The errors decide: by the middle record of each side, as one odd record says nothing about the set. The
+    posterior's error bars and inputs beyond their training range need no measured force and say where to measure.
+
+    Args:
+        network, posterior: as for `doubt`.
+        train: what it was trained on. others: stretches that it was not trained on.
+        seen, new: free-run errors on the two.
+    """
+    before, after = (float(np.median([e.nrmse for e in errors])) for errors in (seen, new))
+    suffice = after <= _WORSE * before
+    usual = float(np.median([doubt(network, posterior, s).share for s in train]))
+    found = [doubt(network, posterior, s) for s in others]
+    worst = max(found, key=lambda d: d.share)
+    over, channel, record = max((over, c, d.record) for d in found for c, over in d.outside.items())
+    signs = [f"free-run error of the middle record {before:.3f} among them, {after:.3f} among others"]
+    if worst.share > _DOUBTFUL * usual:
+        signs.append(
+            f"error bars from the weights' uncertainty are widest in {worst.record}"
+            f" ({worst.share / usual:.0f} times the training records')"
+        )
+    if over > _OUTSIDE:
+        signs.append(f"{channel} leaves its training range most in {record} (by {100 * over:.0f} %)")
+    return Sufficiency(suffice, "; ".join(signs))

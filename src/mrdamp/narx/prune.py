@@ -23,10 +23,10 @@ from mrdamp.identify import pooled
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import Series
+from mrdamp.narx.judge import START, free_run_error, one_step_error
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun
 from mrdamp.narx.select import percent
-from mrdamp.narx.train import START, free_run_error, one_step_error
 from mrdamp.pictures import style
 
 Progress = Callable[[str, float], None]
@@ -208,7 +208,7 @@ def _without(network: Network, posterior: Posterior, free: Array, number: int, m
         theta[moving[np.argsort(np.abs(theta[moving]), kind="stable")[:number]]] = 0.0
         return theta
     p = theta[moving]
-    inverse = linalg.inv(posterior.hessian, check_finite=False)
+    inverse = _inverse(posterior.hessian)
     if method == "structure":
         place = np.full(len(theta), -1)
         place[moving] = np.arange(len(moving))
@@ -221,6 +221,12 @@ def _without(network: Network, posterior: Posterior, free: Array, number: int, m
     p[out] = 0.0
     theta[moving] = p
     return theta
+
+
+def _inverse(hessian: Array) -> Array:
+    """Of a symmetric positive matrix; directions that the data say nothing about count as barely known."""
+    values, vectors = linalg.eigh(hessian, check_finite=False)
+    return np.asarray(vectors / np.maximum(values, 1e-12 * values[-1]) @ vectors.T)
 
 
 def _saliency(p: Array, inverse: Array, out: Array) -> float:

@@ -5,12 +5,9 @@ Three searches after each other: input sets at given lags and units, then the la
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -20,13 +17,14 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.identify import pooled
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import Series, lagged
+from mrdamp.narx.finished import Finished, fingerprint
+from mrdamp.narx.judge import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.train import blank, free_run_error, one_step_error, refine
+from mrdamp.narx.train import blank, refine
 from mrdamp.pictures import style
 
 Progress = Callable[[str, float], None]
@@ -34,7 +32,6 @@ Progress = Callable[[str, float], None]
 SETS = ("xv", "xF", "vF", "xvF")  # Fig. 6
 SETS_CURRENT = ("xvi", "xiF", "viF", "xviF")  # the same under varying current
 STEPS = ("inputs", "lags", "units")
-_FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -164,23 +161,25 @@ def select(
     if sets is None:
         varies = np.ptp(np.concatenate([s.i for s in train])) > 0.0
         sets = SETS_CURRENT if varies else SETS
-    store = _Cache(None if cache is None else Path(cache), _key(train, validation, effort, seed))
+    store = Finished(cache, fingerprint((train, validation), "select", asdict(effort), seed))
     total = len(sets) + len(lags) + len(units)
     done = 0
 
     def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
         nonlocal done
-        missing = [c for c in candidates if store.get(c) is None]
+        found = {c: trial for c in candidates if (trial := _get(store, c)) is not None}
+        missing = [c for c in dict.fromkeys(candidates) if c not in found]
         jobs = (delayed(try_candidate)(c, train, validation, effort, seed) for c in missing)
         done += len(candidates) - len(missing)
         if progress:
             progress(f"{what}: {len(missing)} to train", done / total)
         for trial in Parallel(n_jobs=workers, return_as="generator")(jobs):
-            store.put(trial)
+            _put(store, trial)
+            found[trial.candidate] = trial
             done += 1
             if progress:
                 progress(f"{what}: {_name(what, trial.candidate)}", done / total)
-        return tuple(store[c] for c in candidates)
+        return tuple(found[c] for c in candidates)
 
     by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])
     channels = min(by_inputs, key=lambda t: t.score(by)).candidate.channels
@@ -239,51 +238,20 @@ def _name(what: str, c: Candidate) -> str:
     return {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
 
 
-def _key(train: Sequence[Series], validation: Sequence[Series], effort: Effort, seed: int) -> str:
-    """Fingerprint of everything besides the candidate that a trial depends on."""
-    digest = hashlib.sha256(json.dumps([_FORMAT, asdict(effort), seed]).encode())
-    for part in (train, validation):
-        for s in part:
-            digest.update(repr((s.name, s.sample_time, s.n)).encode())
-            for values in (s.x, s.v, s.i, s.force):
-                digest.update(np.ascontiguousarray(values).tobytes())
-        digest.update(b"|")
-    return digest.hexdigest()[:16]
+def _id(c: Candidate) -> str:
+    return f"{c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
 
 
-class _Cache:
-    """Finished trials by candidate, in memory and in a JSON file that is rewritten whole after each."""
-
-    def __init__(self, path: Path | None, key: str) -> None:
-        self.path, self.key = path, key
-        self.all: dict[str, dict[str, Any]] = {}
-        if path is not None and path.exists():
-            try:
-                data = json.loads(decode(str(path), read_bytes(path)))
-                self.all = {k: dict(v) for k, v in data["trials"].items()}
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
-                raise InputError(
-                    f"{path}: no file of finished trials ({error}); delete it to begin anew"
-                ) from None
-
-    def _id(self, c: Candidate) -> str:
-        return f"{self.key} {c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
-
-    def get(self, c: Candidate) -> Trial | None:
-        found = self.all.get(self._id(c))
-        return None if found is None else _trial(c, found)
-
-    def __getitem__(self, c: Candidate) -> Trial:
-        return _trial(c, self.all[self._id(c)])
-
-    def put(self, trial: Trial) -> None:
-        numbers = {key: value for key, value in asdict(trial).items() if key != "candidate"}
-        self.all[self._id(trial.candidate)] = numbers
-        if self.path is not None:
-            write_atomic(self.path, json.dumps({"format": _FORMAT, "trials": self.all}, indent=1) + "\n")
+def _put(store: Finished, trial: Trial) -> None:
+    store.put(
+        _id(trial.candidate), {key: value for key, value in asdict(trial).items() if key != "candidate"}
+    )
 
 
-def _trial(c: Candidate, numbers: Mapping[str, Any]) -> Trial:
+def _get(store: Finished, c: Candidate) -> Trial | None:
+    numbers = store.get(_id(c))
+    if numbers is None:
+        return None
     try:
         return Trial(c, **numbers)
     except TypeError as error:

@@ -1,58 +1,34 @@
-"""Training: one step ahead with Bayesian regularisation, then in free run over growing horizons.
-
-One step ahead is the papers' way; free run is what a simulator does. Both errors are always reported together.
-"""
+"""Training: one step ahead with Bayesian regularisation, then in free run over growing horizons."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.identify import RecordError, pooled
+from mrdamp.identify import pooled
 from mrdamp.model import Model
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import Series, check, scaling
+from mrdamp.narx.finished import Finished, fingerprint
+from mrdamp.narx.judge import START, Judged, free_run_error, judge, one_step_error
 from mrdamp.narx.network import Input, Network, check_hidden, check_inputs
 from mrdamp.narx.problems import FreeRun, OneStep
 
 Progress = Callable[[str, float], None]
+Score = Callable[[Network], float]
 
 #: Samples of free run from measured lags; None: whole stretches, started as the plugin starts.
 HORIZONS: tuple[int | None, ...] = (5, 20, 100, 400, None)
 DISTURB = 1.5  # half ranges of the force; where every other segment of the free-run training starts, at most
-START = 0.02  # s of a free run that do not count, where the unknown start fades, as in `mrdamp.identify`
-
-
-@dataclass(frozen=True)
-class Judged:
-    """Errors of one network, by stretch: one step ahead and in free run.
-
-    Attributes:
-        train, validation, test: RMS error (N) and over the standard deviation of the force, per stretch.
-        rms: RMS force (N) per stretch name, the papers' yardstick.
-    """
-
-    train: tuple[RecordError, ...]
-    validation: tuple[RecordError, ...]
-    test: tuple[RecordError, ...]
-    rms: tuple[tuple[str, float], ...]
-
-    @property
-    def pooled(self) -> tuple[float, float, float]:
-        """RMS error over the standard deviation: training, validation, test; NaN for none."""
-        return pooled(self.train), pooled(self.validation), pooled(self.test)
-
-    def share(self, error: RecordError) -> float:
-        """RMS error over the RMS force of that stretch."""
-        return error.rmse / dict(self.rms)[error.record]
 
 
 @dataclass(frozen=True)
@@ -85,40 +61,6 @@ class FitNarx:
         )  # fmt: skip
 
 
-def one_step_force(network: Network, s: Series) -> Array:
-    """Force (n - max_lag,) N predicted one step ahead of measured forces."""
-    return network.forward(s.regressors(network.inputs)[network.max_lag :])
-
-
-def free_run_force(network: Network, s: Series) -> Array:
-    """Force (n,) N in free run through the C entry, from the plugin's start."""
-    return core.run("narx", {}, s.sample_time, s.x, s.v, u=s.i, narx=core.Narx(network.to_text()))["force"]
-
-
-def one_step_error(network: Network, s: Series) -> RecordError:
-    """One step ahead, over the samples whose lags are all measured."""
-    return _error(s.name, one_step_force(network, s), s.force[network.max_lag :])
-
-
-def free_run_error(network: Network, s: Series) -> RecordError:
-    """In free run; the first 20 ms do not count."""
-    skip = min(s.n // 4, int(START / s.sample_time))
-    return _error(s.name, free_run_force(network, s)[skip:], s.force[skip:])
-
-
-def judge(
-    network: Network, train: Sequence[Series], validation: Sequence[Series] = (), test: Sequence[Series] = ()
-) -> tuple[Judged, Judged]:
-    """Errors one step ahead and in free run."""
-    rms = tuple((s.name, float(np.sqrt(np.mean(s.force**2)))) for s in (*train, *validation, *test))
-
-    def judged(error: Callable[[Network, Series], RecordError]) -> Judged:
-        parts = [tuple(error(network, s) for s in part) for part in (train, validation, test)]
-        return Judged(parts[0], parts[1], parts[2], rms)
-
-    return judged(one_step_error), judged(free_run_error)
-
-
 def blank(
     train: Sequence[Series], inputs: Sequence[Input], hidden: Sequence[int], sample_time: float | None = None
 ) -> Network:
@@ -131,24 +73,12 @@ def blank(
     )  # fmt: skip
 
 
-def one_step_fit(
-    network: Network, train: Sequence[Series], *, seed: int, number: int = 0, most: int | None = None,
-    iterations: int = 150, progress: Callable[[int, float, float], None] | None = None,
-) -> Posterior:  # fmt: skip
-    """One initialisation, trained one step ahead; the same seed and number give the same weights."""
-    problem = OneStep.of(network, train, most)
-    rng = np.random.default_rng((seed, number))
-    theta = nn.nguyen_widrow(len(network.inputs), network.hidden, rng)
-    return minimise(problem, theta, iterations=iterations, progress=progress)
-
-
 def refine(
     network: Network, train: Sequence[Series], posterior: Posterior, horizon: int | None, *,
     free: Array | None = None, most: int | None = None, iterations: int = 30,
 ) -> Posterior:  # fmt: skip
     """Free-run training over one horizon from the weights, alpha and beta of a posterior, re-estimated there."""
-    skip = int(START / network.sample_time)
-    problem = FreeRun.of(network, train, horizon, most, skip=skip, disturb=DISTURB)
+    problem = _segments(network, train, horizon, most)
     start = posterior.theta
     if not np.isfinite(problem.cost(start)):
         return posterior
@@ -164,29 +94,34 @@ def train_narx(
     inputs: Sequence[Input],
     hidden: Sequence[int],
     initialisations: int = 3,
+    refined: int = 1,
     horizons: Sequence[int | None] = HORIZONS,
     seed: int = 0,
     most: int | None = 12_000,
     one_step_iterations: int = 150,
     iterations: int = 30,
+    score: Score | None = None,
     workers: int = 1,
+    cache: Path | str | None = None,
     progress: Progress | None = None,
 ) -> FitNarx:
     """Trains a network and judges it.
 
-    Every initialisation is trained one step ahead; the one of the largest evidence goes on into free run over
+    Every initialisation is trained one step ahead; those of the largest evidence go on into free run over
     growing horizons. The stage with the least free-run error on the validation stretches (on the training
     ones where there are none) is kept; the test stretches are never looked at before the end.
 
     Args:
         train, validation, test: stretches; lags never reach from one into another.
         inputs: as from `lagged`. hidden: tanh units per layer, such as (20,) or (10, 4).
-        initialisations: number of random starts.
+        initialisations: number of random starts. refined: how many of them are trained in free run.
         horizons: stages of the free-run training, samples; () leaves it out.
         seed: the same seed gives the same network.
         most: samples per iteration at most.
         one_step_iterations, iterations: Levenberg-Marquardt steps one step ahead, and per horizon.
-        workers: processes for the initialisations; the same network for any number.
+        score: error that the stages are chosen by; None: free run on the validation stretches.
+        workers: processes; the same network for any number.
+        cache: JSON file of what is finished; training that was broken off goes on from it.
         progress: called with what is done and a share from 0 to 1.
 
     Raises:
@@ -194,8 +129,10 @@ def train_narx(
     """
     check_inputs(inputs)
     check_hidden(hidden)
-    if initialisations < 1:
-        raise InputError(f"initialisations is {initialisations}; at least 1")
+    if not 1 <= refined <= initialisations:
+        raise InputError(
+            f"initialisations is {initialisations}, {refined} of them refined; allowed: 1 to all"
+        )
     check(train, inputs, nn.count(len(inputs), hidden))
     network = blank(train, inputs, hidden)
     for s in (*validation, *test):
@@ -203,75 +140,132 @@ def train_narx(
             raise InputError(
                 f"{s.name}: sample time {s.sample_time:g} s; the network has {network.sample_time:g} s"
             )
-    say = progress or (lambda what, share: None)
     chosen = list(validation) or list(train)
-    half = 0.5 if horizons else 1.0
-    with threadpool_limits(limits=1):  # the sums' order, and so the weights, must not depend on the machine
-        found = _starts(network, train, initialisations, seed, most, one_step_iterations, workers,
-                        lambda what, share: say(what, half * share))  # fmt: skip
-    posterior = max(found, key=lambda p: p.log_evidence)
+    rate = score or (lambda net: pooled([free_run_error(net, s) for s in chosen]))
+    shape = [list(map(list, inputs)), list(hidden), seed, most, one_step_iterations, iterations]
+    run = _Run(network, train, most, Finished(cache, fingerprint((train,), "train", *shape)), workers,
+               progress or (lambda what, share: None))  # fmt: skip
+    starts = run.starts(initialisations, seed, one_step_iterations, 0.5 if horizons else 1.0)
+    order = sorted(range(len(starts)), key=lambda k: -starts[k].log_evidence)[:refined]
+    chains = [starts[k] for k in order]
     stages: list[Stage] = []
     best: tuple[float, Posterior] | None = None
 
-    def keep(name: str, p: Posterior) -> None:
+    def keep(name: str, found: Sequence[Posterior]) -> None:
         nonlocal best
-        net = network.with_theta(p.theta)
-        one = pooled([one_step_error(net, s) for s in chosen])
-        free = pooled([free_run_error(net, s) for s in chosen])
-        free = free if np.isfinite(free) else float("inf")
-        stages.append(Stage(name, p.gamma, p.iterations, one, free))
-        if best is None or free < best[0]:
-            best = (free, p)
+        for k, p in zip(order, found, strict=True):
+            net = network.with_theta(p.theta)
+            one, free = pooled([one_step_error(net, s) for s in chosen]), rate(net)
+            free = free if np.isfinite(free) else float("inf")
+            label = name if refined == 1 else f"start {k + 1}, {name}"
+            stages.append(Stage(label, p.gamma, p.iterations, one, free))
+            if best is None or free < best[0]:
+                best = (free, p)
 
-    keep("one step", posterior)
+    keep("one step", chains)
+    done = ""
     for k, horizon in enumerate(horizons):
         name = "whole" if horizon is None else f"{horizon} samples"
-        say(f"free run, {name}", half + (1.0 - half) * k / len(horizons))
-        with threadpool_limits(limits=1):
-            posterior = refine(network, train, posterior, horizon, most=most, iterations=iterations)
-        keep(name, posterior)
-    say("judging", 1.0)
+        run.progress(f"free run, {name}", 0.5 + 0.5 * k / len(horizons))
+        done += f" {name}"
+        chains = run.refined(chains, [f"start {j}{done}" for j in order], horizon, iterations)
+        keep(name, chains)
+    run.progress("judging", 1.0)
     assert best is not None
     result = network.with_theta(best[1].theta)
     return FitNarx(result, *judge(result, train, validation, test), best[1], tuple(stages))
 
 
-def _starts(
-    network: Network, train: Sequence[Series], number: int, seed: int, most: int | None, iterations: int,
-    workers: int, say: Progress,
-) -> list[Posterior]:  # fmt: skip
-    """Every initialisation trained one step ahead, in order."""
-    found: list[Posterior] = []
-    if workers > 1:
-        jobs = (delayed(_start)(network, train, seed, k, most, iterations) for k in range(number))
-        for posterior in Parallel(n_jobs=workers, return_as="generator")(jobs):
-            found.append(posterior)
-            say(f"one step ahead, start {len(found)} of {number}", len(found) / number)
-        return found
-    for k in range(number):
+@dataclass(frozen=True)
+class _Run:
+    """What all parts of one training share; finished parts are taken from the store."""
 
-        def inform(iteration: int, _: float, gamma: float, k: int = k) -> None:
-            say(
-                f"one step ahead, start {k + 1} of {number}, gamma {gamma:.0f}",
-                (k + iteration / iterations) / number,
-            )
+    network: Network
+    train: Sequence[Series]
+    most: int | None
+    store: Finished
+    workers: int
+    progress: Progress
 
-        found.append(_start(network, train, seed, k, most, iterations, inform))
-    return found
+    def starts(self, number: int, seed: int, iterations: int, share: float) -> list[Posterior]:
+        """Every initialisation trained one step ahead, in order."""
+        problem = OneStep.of(self.network, self.train, self.most)
+        jobs = {
+            f"start {k}": (problem, len(self.network.inputs), self.network.hidden, (seed, k), iterations)
+            for k in range(number)
+        }
+
+        def say(done: int) -> None:
+            self.progress(f"one step ahead, start {min(done + 1, number)} of {number}", share * done / number)
+
+        return self._all(_start, jobs, problem, say)
+
+    def refined(
+        self, chains: Sequence[Posterior], names: Sequence[str], horizon: int | None, iterations: int
+    ) -> list[Posterior]:
+        """Every chain trained over one horizon, in order."""
+        jobs = {
+            name: (self.network, self.train, p, horizon, self.most, iterations)
+            for name, p in zip(names, chains, strict=True)
+        }
+        return self._all(_refined, jobs, _segments(self.network, self.train, horizon, self.most))
+
+    def _all(
+        self, work: Callable[..., Posterior], jobs: Mapping[str, tuple[Any, ...]], problem: OneStep | FreeRun,
+        say: Callable[[int], None] = lambda done: None,
+    ) -> list[Posterior]:  # fmt: skip
+        """What `work` makes of each job, in order; finished ones from the store."""
+        found = {name: p for name in jobs if (p := _read(self.store.get(name), problem)) is not None}
+        missing = [name for name in jobs if name not in found]
+        say(len(found))
+        results = Parallel(n_jobs=self.workers if len(missing) > 1 else 1, return_as="generator")(
+            delayed(work)(*jobs[name]) for name in missing
+        )
+        for name, posterior in zip(missing, results, strict=True):
+            found[name] = posterior
+            self.store.put(name, _kept(posterior))
+            say(len(found))
+        return [found[name] for name in jobs]
 
 
 def _start(
-    network: Network, train: Sequence[Series], seed: int, number: int, most: int | None, iterations: int,
-    progress: Callable[[int, float, float], None] | None = None,
-) -> Posterior:  # fmt: skip
+    problem: OneStep, inputs: int, hidden: Sequence[int], seed: tuple[int, int], iterations: int
+) -> Posterior:
+    # The sums' order, and so the weights, must not depend on the machine.
     with threadpool_limits(limits=1):
-        return one_step_fit(
-            network, train, seed=seed, number=number, most=most, iterations=iterations, progress=progress
+        return minimise(
+            problem, nn.nguyen_widrow(inputs, hidden, np.random.default_rng(seed)), iterations=iterations
         )
 
 
-def _error(name: str, force: Array, measured: Array) -> RecordError:
-    with np.errstate(over="ignore", invalid="ignore"):
-        rmse = float(np.sqrt(np.mean((force - measured) ** 2)))
-    rmse = rmse if np.isfinite(rmse) else float("inf")  # a run away
-    return RecordError(name, rmse, rmse / float(np.std(measured)))
+def _refined(
+    network: Network, train: Sequence[Series], posterior: Posterior, horizon: int | None, most: int | None,
+    iterations: int,
+) -> Posterior:  # fmt: skip
+    with threadpool_limits(limits=1):
+        return refine(network, train, posterior, horizon, most=most, iterations=iterations)
+
+
+def _segments(network: Network, train: Sequence[Series], horizon: int | None, most: int | None) -> FreeRun:
+    skip = int(START / network.sample_time)
+    return FreeRun.of(network, train, horizon, most, skip=skip, disturb=DISTURB)
+
+
+_SMALL = tuple(f.name for f in fields(Posterior) if f.name not in ("theta", "normal"))
+
+
+def _kept(posterior: Posterior) -> dict[str, Any]:
+    """A posterior without J'J, which its weights give again."""
+    return {"theta": posterior.theta.tolist()} | {name: getattr(posterior, name) for name in _SMALL}
+
+
+def _read(found: Mapping[str, Any] | None, problem: OneStep | FreeRun) -> Posterior | None:
+    if found is None:
+        return None
+    try:
+        theta = np.array(found["theta"], dtype=np.float64)
+        with threadpool_limits(limits=1):
+            normal = problem.normal(theta)[0]
+        return Posterior(theta=theta, normal=normal, **{name: found[name] for name in _SMALL})
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f"a finished part of a training cannot be read ({error}); delete the file") from None

@@ -1,0 +1,330 @@
+"""`mrdamp identify --law narx`: training, choice and pruning of a network, with both errors side by side."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrdamp.commands.output import save_picture
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.model import Model
+    from mrdamp.narx import Choice, FitNarx, Judged, Network, Pruned
+    from mrdamp.narx.stretches import Stretches
+    from mrdamp.records import RecordSet
+
+Progress = Callable[[str, float], None]
+
+
+def add_narx_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `--law narx`."""
+    p = parser.add_argument_group("network", "with --law narx")
+    p.add_argument("--inputs", help="channels x, v, i, F (default: vF, and viF where the command varies)")
+    p.add_argument("--lags", type=int, help="lag space in samples (default: about 8 ms)")
+    p.add_argument(
+        "--hidden",
+        help="tanh units of one or two layers, such as 20 or 10,4"
+        " (default: 9, and 20 where the command varies within a record)",
+    )
+    p.add_argument(
+        "--sample-time", type=float, help="s (default: the slowest training record's, at least 0.002)"
+    )
+    p.add_argument("--initialisations", type=int, default=3, help="random starts (default: %(default)s)")
+    p.add_argument(
+        "--refined",
+        type=int,
+        default=1,
+        help="how many of them are trained in free run (default: %(default)s)",
+    )
+    p.add_argument("--one-step-only", action="store_true", help="leave out the training in free run")
+    p.add_argument(
+        "--select",
+        action="store_true",
+        help="choose inputs, lags and units on the validation records, with curves",
+    )
+    p.add_argument(
+        "--by", default="free_run", choices=("free_run", "one_step"), help="error that --select goes by"
+    )
+    p.add_argument("--max-lags", type=int, default=8, help="of --select (default: %(default)s)")
+    p.add_argument("--max-units", type=int, default=25, help="of --select (default: %(default)s)")
+    p.add_argument(
+        "--prune",
+        nargs="?",
+        const="surgeon",
+        choices=("surgeon", "magnitude", "structure"),
+        help="then remove weights, or whole neurons and lags, and keep the smallest network within 10 %% of the best",
+    )
+
+
+def add_protocol_options(p: argparse.ArgumentParser) -> None:
+    """Adds which of the records are fitted to and which judge, for laws and networks alike."""
+    p.add_argument(
+        "--protocol",
+        default="records",
+        choices=("records", "constant", "varying"),
+        help="whole records (default), those of one constant command, or one record of varying command cut into"
+        " training, validation and test",
+    )
+    p.add_argument(
+        "--command", type=float, help="the constant command (default: the one with the most records)"
+    )
+    p.add_argument("--record", help="the record of varying command (default: the first long enough)")
+    p.add_argument("--counts", default="4000:2000:1500", help="samples of it, by part (default: %(default)s)")
+
+
+def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
+    """The records that a law is fitted to and judged by under the protocol that was asked for."""
+    from mrdamp.narx.data import PROTOCOL_TIME
+    from mrdamp.narx.stretches import at_constant_command, cut_varying
+
+    if a.protocol == "records":
+        return records
+    if a.protocol == "constant":
+        return at_constant_command(records, a.command)
+    return cut_varying(records, a.record, _counts(a.counts), a.sample_time or PROTOCOL_TIME)
+
+
+def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress) -> int:
+    """Trains, prints both errors, and writes the model and its pictures."""
+    from mrdamp.narx import lagged, train_narx
+    from mrdamp.narx.train import HORIZONS
+
+    stretches = _stretches(a, records)
+    # What is finished lies beside the model until the model is written: the same command goes on from there.
+    cache = Path(f"{a.out}.unfinished")
+    channels, lags, hidden = a.inputs or stretches.channels, a.lags, _hidden(a.hidden) or stretches.units
+    lags = stretches.lags if lags is None else lags
+    if a.select:
+        choice = _select(a, stretches, cache, progress)
+        channels, lags, hidden = choice.candidate.channels, choice.candidate.lags, choice.candidate.hidden
+    fit = train_narx(
+        stretches.train,
+        stretches.validation,
+        stretches.test,
+        inputs=lagged(channels, lags),
+        hidden=hidden,
+        initialisations=a.initialisations,
+        refined=a.refined,
+        horizons=() if a.one_step_only else HORIZONS,
+        seed=a.seed,
+        score=stretches.score if stretches.whole else None,
+        workers=a.workers,
+        cache=cache,
+        progress=progress,
+    )
+    model = _described(fit.model, fit.network, fit)
+    _print_fit(fit, stretches, a.protocol)
+    pruned = _prune(a, fit, stretches, progress) if a.prune else None
+    if pruned:
+        text = pruned.smallest.to_text()
+        model = _described(
+            replace(model, weights=text, name=f"narx {pruned.smallest.topology}"), pruned.smallest, fit
+        )
+    model.write(a.out)
+    cache.unlink(missing_ok=True)
+    _pictures(a, choice if a.select else None, pruned, model, stretches)
+    print(f"model: {a.out}")
+    return 0
+
+
+def _stretches(a: argparse.Namespace, records: RecordSet) -> Stretches:
+    from mrdamp.narx.data import PROTOCOL_TIME
+    from mrdamp.narx.stretches import constant_command, of_records, varying_command
+
+    if a.protocol == "records":
+        return of_records(records, a.sample_time)
+    step = a.sample_time or PROTOCOL_TIME
+    if a.protocol == "constant":
+        return constant_command(records, a.command, step)
+    return varying_command(records, a.record, _counts(a.counts), step)
+
+
+def _select(a: argparse.Namespace, stretches: Stretches, cache: Path, progress: Progress) -> Choice:
+    from mrdamp.narx import Candidate, select
+
+    if a.max_lags < 1 or a.max_units < 1:
+        raise InputError("--max-lags and --max-units must be at least 1")
+    start = Candidate("", 4 if a.lags is None else a.lags, _hidden(a.hidden) or (10,))
+    units = sorted({*range(1, min(a.max_units, 10) + 1), *range(10, a.max_units + 1, 5), a.max_units})
+    choice = select(
+        stretches.train,
+        stretches.validation,
+        sets=a.inputs.split(",") if a.inputs else None,
+        lags=range(1, a.max_lags + 1),
+        units=units,
+        start=start,
+        by=a.by,
+        seed=a.seed,
+        workers=a.workers,
+        cache=cache,
+        progress=lambda what, share: progress(f"choice of {what}", share),
+    )
+    for what, trials in (("inputs", choice.inputs), ("lags", choice.lags), ("hidden units", choice.units)):
+        print(f"{what}: error over the force's standard deviation on validation")
+        print(f"  {'':>8s} {'free run':>9s} {'one step':>9s}")
+        for t in trials:
+            c = t.candidate
+            name = {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
+            print(f"  {name:>8s} {_number(t.validation_free)} {_number(t.validation_one)}")
+    c = choice.candidate
+    print(f"chosen: inputs {c.channels}, lag space {c.lags}, hidden units {'-'.join(map(str, c.hidden))}")
+    return choice
+
+
+def _prune(a: argparse.Namespace, fit: FitNarx, stretches: Stretches, progress: Progress) -> Pruned:
+    from mrdamp.narx import judge, prune
+
+    pruned = prune(
+        fit.network,
+        stretches.train,
+        stretches.validation,
+        method=a.prune,
+        progress=lambda what, share: progress(f"pruning: {what}", share),
+    )
+    print(f"pruning by {a.prune}: error over the force's standard deviation on validation")
+    print(f"  {'weights':>8s} {'inputs':>7s} {'units':>7s} {'free run':>9s} {'one step':>9s}")
+    for step in pruned.steps:
+        units = "-".join(map(str, step.units))
+        print(
+            f"  {step.weights:8d} {step.inputs:7d} {units:>7s} {_number(step.free_run)} {_number(step.one_step)}"
+        )
+    small = pruned.smallest
+    print(
+        f"smallest within {100 * pruned.tolerance:.0f} % of the best: {small.topology}, {small.nonzero} weights"
+    )
+    one, free = judge(small, stretches.train, stretches.validation, stretches.test)
+    _print_errors(small, one, free, stretches)
+    return pruned
+
+
+def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> None:
+    from mrdamp.narx.doubt import sufficiency
+
+    net, p = fit.network, fit.posterior
+    print(
+        f"narx {net.topology}: {len(net.theta)} weights, {p.gamma:.0f} of them effective,"
+        f" sample time {1e3 * net.sample_time:g} ms"
+    )
+    for stage in fit.stages:
+        print(f"  trained {stage.name:24s} validation: free run {_number(stage.free_run)}, one step"
+              f" {_number(stage.one_step)}")  # fmt: skip
+    _print_errors(net, fit.one_step, fit.free_run, stretches)
+    if protocol == "varying":
+        one, free = fit.one_step.test[0], fit.free_run.test[0]
+        share = 100 * fit.free_run.share(free), 100 * fit.one_step.share(one)
+        print(
+            f"test part over its RMS force: free run {free.rmse:.1f} N, {share[0]:.2f} %;"
+            f" one step {one.rmse:.1f} N, {share[1]:.2f} % (the paper, one step: 38 N, 3.5 %)"
+        )
+    others = (*stretches.validation, *stretches.test)
+    if others:
+        new = (*fit.free_run.validation, *fit.free_run.test)
+        found = sufficiency(net, p, stretches.train, others, fit.free_run.train, new)
+        print(f"the training records {'suffice' if found.suffice else 'do not suffice'}: {found.why}")
+
+
+def _print_errors(net: Network, one: Judged, free: Judged, stretches: Stretches) -> None:
+    """Free run first, one step ahead beside it, and the noise that no one-step prediction goes below."""
+    import numpy as np
+
+    from mrdamp.narx.data import noise_floor
+
+    noise = {
+        s.name: noise_floor(s) / float(np.std(s.force))
+        for s in (*stretches.train, *stretches.validation, *stretches.test)
+    }
+    print("RMS error in N and over the force's standard deviation; noise: of the force's samples, likewise")
+    print(f"  {'':44s} {'':10s} {'free run':>19s} {'one step ahead':>19s} {'noise':>7s}")
+    halves = (("trained", 0, free.train, one.train), ("validation", 1, free.validation, one.validation),
+              ("test", 2, free.test, one.test))  # fmt: skip
+    for half, _, frees, ones in halves:
+        for f, o in zip(frees, ones, strict=True):
+            print(f"  {f.record:44.44s} {half:10s} {f.rmse:9.1f} N {_number(f.nrmse, 7)} {o.rmse:9.1f} N"
+                  f" {_number(o.nrmse, 7)} {noise[f.record]:7.4f}")  # fmt: skip
+    for half, k, frees, _ in halves:
+        if frees:
+            print(f"  {'all':44s} {half:10s} {'':11s} {_number(free.pooled[k], 7)} {'':11s}"
+                  f" {_number(one.pooled[k], 7)}")  # fmt: skip
+    if any(record.sample_time > 1.001 * stretches.sample_time for record in stretches.whole):
+        print(f"validation in free run, slower records at their own rate: {_number(stretches.score(net), 1)}")
+
+
+def _described(model: Model, net: Network, fit: FitNarx) -> Model:
+    """The model with what it reached, for who reads the file."""
+    names = ("training", "validation", "test")
+    reached = {
+        f"{name}_{kind}": round(value, 6)
+        for kind, judged in (("free_run", fit.free_run), ("one_step", fit.one_step))
+        for name, value in zip(names, judged.pooled, strict=True)
+        if value == value and value != float("inf")
+    }
+    facts: dict[str, Any] = {
+        "topology": net.topology,
+        "weights": net.nonzero,
+        "gamma": round(fit.posterior.gamma, 1),
+    }
+    return replace(model, extra={**model.extra, "network": facts | {"nrmse_before_pruning": reached}})
+
+
+def _pictures(
+    a: argparse.Namespace, choice: Choice | None, pruned: Pruned | None, model: Model, stretches: Stretches
+) -> None:
+    """The courses of the choice and of the pruning, or the network's loops where there is neither."""
+    from mrdamp.narx import draw_choice, draw_course
+
+    if not a.picture:
+        return
+    figures = {}
+    if choice:
+        figures["choice"] = draw_choice(choice)
+    if pruned:
+        figures["pruning"] = draw_course(pruned)
+    if not figures:
+        figures["loops"] = _loops(model, stretches)
+    for name, fig in figures.items():
+        path = a.picture if len(figures) == 1 else a.picture.with_stem(f"{a.picture.stem}-{name}")
+        save_picture(fig, path)
+
+
+def _loops(model: Model, stretches: Stretches) -> Any:
+    import numpy as np
+
+    from mrdamp.narx import Network
+    from mrdamp.narx.judge import free_run_force
+    from mrdamp.pictures.identification import model_loops
+
+    assert model.weights is not None
+    s = max(stretches.test or stretches.validation or stretches.train, key=lambda s: float(np.std(s.force)))
+    force = free_run_force(Network.from_text(model.weights), s)
+    return model_loops(
+        np.arange(s.n, dtype=float) * s.sample_time, s.x, s.v, s.force, {f"{s.name}, free run": force}
+    )
+
+
+def _hidden(text: str | None) -> tuple[int, ...]:
+    if not text:
+        return ()
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--hidden {text}: whole numbers are needed, such as 20 or 10,4") from None
+
+
+def _counts(text: str) -> tuple[int, int, int]:
+    try:
+        first, second, third = (int(part) for part in text.split(":"))
+    except ValueError:
+        first = second = third = 0
+    if min(first, second, third) < 10:
+        raise InputError(
+            f"--counts {text}: three whole numbers of 10 or more are needed, such as 4000:2000:1500"
+        )
+    return first, second, third
+
+
+def _number(value: float, width: int = 9) -> str:
+    return f"{value:{width}.4f}" if value < 100 else f"{'run away':>{width}s}"

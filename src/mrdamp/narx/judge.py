@@ -1,0 +1,84 @@
+"""Errors of a network on stretches: one step ahead, the papers' way, and in free run, a simulator's.
+
+Both are always reported together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.identify import RecordError, pooled
+from mrdamp.narx.data import Series
+from mrdamp.narx.network import Network
+
+START = 0.02  # s of a free run that do not count, where the unknown start fades, as in `mrdamp.identify`
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Errors of one network, by stretch: one step ahead and in free run.
+
+    Attributes:
+        train, validation, test: RMS error (N) and over the standard deviation of the force, per stretch.
+        rms: RMS force (N) per stretch name, the papers' yardstick.
+    """
+
+    train: tuple[RecordError, ...]
+    validation: tuple[RecordError, ...]
+    test: tuple[RecordError, ...]
+    rms: tuple[tuple[str, float], ...]
+
+    @property
+    def pooled(self) -> tuple[float, float, float]:
+        """RMS error over the standard deviation: training, validation, test; NaN for none."""
+        return pooled(self.train), pooled(self.validation), pooled(self.test)
+
+    def share(self, error: RecordError) -> float:
+        """RMS error over the RMS force of that stretch."""
+        return error.rmse / dict(self.rms)[error.record]
+
+
+def one_step_force(network: Network, s: Series) -> Array:
+    """Force (n - max_lag,) N predicted one step ahead of measured forces."""
+    return network.forward(s.regressors(network.inputs)[network.max_lag :])
+
+
+def free_run_force(network: Network, s: Series) -> Array:
+    """Force (n,) N in free run through the C entry, from the plugin's start."""
+    return core.run("narx", {}, s.sample_time, s.x, s.v, u=s.i, narx=core.Narx(network.to_text()))["force"]
+
+
+def one_step_error(network: Network, s: Series) -> RecordError:
+    """One step ahead, over the samples whose lags are all measured."""
+    return _error(s.name, one_step_force(network, s), s.force[network.max_lag :])
+
+
+def free_run_error(network: Network, s: Series) -> RecordError:
+    """In free run; the first 20 ms do not count."""
+    skip = min(s.n // 4, int(START / s.sample_time))
+    return _error(s.name, free_run_force(network, s)[skip:], s.force[skip:])
+
+
+def judge(
+    network: Network, train: Sequence[Series], validation: Sequence[Series] = (), test: Sequence[Series] = ()
+) -> tuple[Judged, Judged]:
+    """Errors one step ahead and in free run."""
+    rms = tuple((s.name, float(np.sqrt(np.mean(s.force**2)))) for s in (*train, *validation, *test))
+
+    def judged(error: Callable[[Network, Series], RecordError]) -> Judged:
+        parts = [tuple(error(network, s) for s in part) for part in (train, validation, test)]
+        return Judged(parts[0], parts[1], parts[2], rms)
+
+    return judged(one_step_error), judged(free_run_error)
+
+
+def _error(name: str, force: Array, measured: Array) -> RecordError:
+    with np.errstate(over="ignore", invalid="ignore"):
+        rmse = float(np.sqrt(np.mean((force - measured) ** 2)))
+    rmse = rmse if np.isfinite(rmse) else float("inf")  # a run away
+    return RecordError(name, rmse, rmse / float(np.std(measured)))
