@@ -94,7 +94,10 @@ def main() -> int:
     old = README.read_text(encoding="utf-8")
     new = replaced(old)
     if check and new != old:
-        print(f"{README.name}: the attribute tables are out of date: python tools/attribute_table.py", file=sys.stderr)
+        print(
+            f"{README.name}: the attribute tables are out of date: python tools/attribute_table.py",
+            file=sys.stderr,
+        )
         return 1
     if not check:
         README.write_text(new, encoding="utf-8")

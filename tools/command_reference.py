@@ -56,7 +56,11 @@ def lines() -> Iterator[str]:
         yield from ("", f"## mrdamp {name}", "", f"{text[:1].upper()}{text[1:]}.", "")
         if sub.epilog:
             yield from ("```", sub.epilog.removeprefix("example: "), "```", "")
-        rows = [a for a in sub._actions if not isinstance(a, argparse._HelpAction) and a.help is not argparse.SUPPRESS]
+        rows = [
+            a
+            for a in sub._actions
+            if not isinstance(a, argparse._HelpAction) and a.help is not argparse.SUPPRESS
+        ]
         if rows:
             yield from ("| argument | default | |", "|---|---|---|")
             yield from (f"| {_name(a)} | {_default(a)} | {_help(a)} |" for a in rows)

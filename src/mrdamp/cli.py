@@ -5,18 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mrdamp import __version__
-from mrdamp.commands import Run, add_command
+from mrdamp.commands import Run, add_command, blindtest, diagnose, inverse
+from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
+from mrdamp.commands import train as training
+from mrdamp.commands.models import named_model
+from mrdamp.commands.output import progress_bar
 from mrdamp.errors import InputError
-
-if TYPE_CHECKING:
-    from mrdamp.model import Model
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -60,6 +59,11 @@ def build_parser() -> argparse.ArgumentParser:
     )
 
     identification.add_to(commands)
+    diagnose.add_to(commands)
+    inverse.add_to(commands)
+    comparing.add_to(commands)
+    training.add_to(commands)
+    blindtest.add_to(commands)
 
     predict = add(
         "predict",
@@ -90,49 +94,10 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _model(text: str) -> Model:
-    """A model file, or a parameter set by its name."""
-    from mrdamp import sets
-    from mrdamp.model import Model, effects_from
-
-    if not Path(text).exists() and text in sets.names():
-        found = sets.load(text)
-        return Model(found.law, dict(found.parameters), effects_from(found.attributes()), name=text)
-    return Model.read(text)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, float], None]]:
-    """A bar on a terminal, nothing elsewhere."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-    )
-    if not console.is_terminal:
-        last = [""]
-
-        def plain(what: str, share: float) -> None:
-            if what != last[0]:
-                print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
-            last[0] = what
-
-        yield plain
-        return
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
-
-
 def _demo(a: argparse.Namespace) -> int:
     from mrdamp.demo import UNCONTROLLED, demo
 
-    with _progress() as progress:
+    with progress_bar() as progress:
         result = demo(a.out, a.data, law=a.law, motion=a.motion, seed=a.seed, progress=progress)
     fit = result.fit
     print(f"{result.records.name}: {fit.model.law}, free-run error over the force's standard deviation:")
@@ -162,7 +127,7 @@ def _predict(a: argparse.Namespace) -> int:
 def _mjcf(a: argparse.Namespace) -> int:
     from mrdamp.mjcf import write_mjcf
 
-    print(write_mjcf(_model(a.model), a.out))
+    print(write_mjcf(named_model(a.model), a.out))
     return 0
 
 
@@ -179,7 +144,7 @@ def _view(a: argparse.Namespace) -> int:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
     else:
-        return _launch(mujoco.MjModel.from_xml_string(mjcf(_model(a.model))))
+        return _launch(mujoco.MjModel.from_xml_string(mjcf(named_model(a.model))))
     try:
         return _launch(mujoco.MjModel.from_xml_path(str(path)))
     except ValueError as error:
@@ -210,7 +175,7 @@ def _sets(a: argparse.Namespace) -> int:
 
     if a.name:
         sets.load(a.name)  # says which there are where there is none of that name
-        print(json.dumps(_model(a.name).to_dict(), indent=1))
+        print(json.dumps(named_model(a.name).to_dict(), indent=1))
         return 0
     for name in sets.names():
         found = sets.load(name)

@@ -1,0 +1,88 @@
+"""`mrdamp train`: a learned controller by stable-baselines3, over seeds and settings."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrdamp.commands import add_command
+from mrdamp.commands.output import progress_bar
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.train.sweep import Setting
+
+_ALGORITHMS = ("ppo", "sac", "td3", "a2c", "ddpg")
+
+
+def add_to(commands: Any) -> None:
+    """Adds `train`."""
+    p = add_command(
+        commands,
+        "train",
+        run_train,
+        "train a controller in an environment, and export it for NumPy alone",
+        "mrdamp train mrdamp/Frame-v0 --algo ppo --seeds 5 --jobs 2 -o out/frame",
+    )
+    p.add_argument("environment", help="mrdamp/Frame-v0 or mrdamp/Cable-v0")
+    p.add_argument("--algo", default="ppo", choices=_ALGORITHMS, help="default: %(default)s")
+    p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
+    p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
+    p.add_argument("--timesteps", type=int, help="control periods (default: the hyperparameters')")
+    p.add_argument("--hyperparameters", type=Path, help="YAML keyed by environment id (default: the package's)")
+    p.add_argument(
+        "--set", nargs="*", default=[], metavar="NAME=VALUE", help="override some, as learning_rate=3e-4"
+    )
+    p.add_argument(
+        "--sweep", nargs="*", default=[], metavar="NAME=VALUE,VALUE", help="train every combination of these"
+    )
+    p.add_argument("--model", type=Path, help="model file of the damper (default: the environment's own)")
+    p.add_argument(
+        "--evaluations", type=int, default=10, help="on validation loads, with checkpoints (default: %(default)s)"
+    )
+    p.add_argument("--jobs", type=int, default=1, help="trainings at a time; the numbers are the same")
+    p.add_argument(
+        "--backend", choices=("loky", "ray"), default="loky",
+        help="of --jobs: processes here, or a Ray cluster (extra `cluster`; RAY_ADDRESS names one that runs)",
+    )  # fmt: skip
+    p.add_argument("-o", "--out", type=Path, required=True, help="folder; the same command goes on where it stopped")
+
+
+def run_train(a: argparse.Namespace) -> int:
+    """Trains, and prints the validation figures of every seed."""
+    try:
+        from mrdamp.train.settings import Options
+        from mrdamp.train.sweep import sweep
+    except ImportError as error:
+        raise InputError(f"training needs {error.name}: pip install 'mrdamp[train]'") from None
+    if a.seeds < 1:
+        raise InputError("--seeds must be at least 1")
+    options = Options(
+        a.environment, a.algo, a.seed, a.timesteps, a.hyperparameters, tuple(a.set), a.model, a.evaluations
+    )
+    if a.backend != "loky":
+        os.environ["MRDAMP_BACKEND"] = a.backend
+    seeds = range(a.seed, a.seed + a.seeds)
+    with progress_bar() as progress:
+        found = sweep(options, a.out, seeds, a.sweep, a.jobs, progress)
+    for point in found:
+        _print(point, list(seeds), a.out)
+    return 0
+
+
+def _print(point: Setting, seeds: list[int], out: Path) -> None:
+    from mrdamp.train.curves import draw
+
+    if point.overrides:
+        print(f"{' '.join(point.overrides)}: mean score {point.score():.4f}")
+    names = [name for name in point.results[0].best if name != "timesteps"]
+    print(f"{'seed':>6s} {'periods':>10s} " + " ".join(f"{name:>18s}" for name in names) + f" {'CPU s':>8s}")
+    for seed, result in zip(seeds, point.results, strict=True):
+        best = result.best
+        values = " ".join(f"{best[name]:18.4f}" for name in names)
+        print(f"{seed:6d} {best['timesteps']:10.0f} {values} {result.seconds:8.0f}")
+    folder = point.results[0].folder.parent
+    draw(point.results, folder / "curves.png")
+    print(f"policies: {folder}/seed_*/policy.json; curves: {folder / 'curves.png'}")

@@ -1,0 +1,82 @@
+"""Pictures of a blind test: what was taken for what, how far stated probabilities hold, and the shrinking gap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from mrdamp.pictures.style import COLOURS, INK, MUTED, REFERENCE, SIMULATED, figure, legend, styled, ticks
+
+
+@styled
+def confusion(counts: Sequence[Sequence[int]], rows: Sequence[str], columns: Sequence[str]) -> Figure:
+    """Counts of answers (columns) by truth (rows); the first columns are named as the rows are."""
+    table = np.asarray(counts, dtype=float)
+    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
+    fig = figure(0.155 * len(rows) + 1.75)
+    ax = fig.add_subplot()
+    ax.grid(visible=False)
+    for j, k in zip(*np.nonzero(table), strict=True):
+        colour = COLOURS[0] if rows[j] == columns[k] else SIMULATED
+        alpha = 0.25 + 0.75 * share[j, k]
+        ax.add_patch(Rectangle((k - 0.48, j - 0.48), 0.96, 0.96, facecolor=colour, alpha=alpha, linewidth=0))
+        pale = share[j, k] < 0.5
+        ax.text(
+            k, j, f"{table[j, k]:.0f}", ha="center", va="center", fontsize=7, color=INK if pale else "white"
+        )
+    ax.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+    ax.set_yticks(range(len(rows)), rows, fontsize=7)
+    ax.set_xlim(-0.6, len(columns) - 0.4)
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.set_xlabel("answered")
+    ax.set_ylabel("true")
+    return fig
+
+
+@styled
+def reliability(
+    stated: Sequence[float],
+    found: Sequence[float],
+    low: Sequence[float],
+    high: Sequence[float],
+    of: Sequence[int],
+) -> Figure:
+    """Share of right answers by the probability that they gave themselves, with 95 % intervals and counts."""
+    fig = figure(2.9)
+    ax = fig.add_subplot()
+    ideal = ax.plot([0, 1], [0, 1], color=REFERENCE, linewidth=1.0)[0]
+    error = [np.subtract(found, low), np.subtract(high, found)]
+    ax.errorbar(stated, found, yerr=np.abs(error), fmt="none", color=COLOURS[0], linewidth=1.0)
+    dots = ax.plot(stated, found, "o", color=COLOURS[0], markersize=4)[0]
+    for x, y, n in zip(stated, found, of, strict=True):
+        ax.annotate(str(n), (x, y), (5, -9), textcoords="offset points", fontsize=8, color=MUTED)
+    ax.set_xlim(0, 1.02)
+    ax.set_ylim(-0.02, 1.04)
+    ax.set_xlabel("probability that the answer states")
+    ax.set_ylabel("share of right answers")
+    ticks(ax, 5, 5)
+    legend(fig, [ideal, dots], ["as it should be", "answers (their number beside)"])
+    return fig
+
+
+@styled
+def shrinking(before: Sequence[float], after: Sequence[float], right: Sequence[bool]) -> Figure:
+    """Gap of the nominal and of the corrected model on unseen tests, case by case, in order of the nominal gap."""
+    order = np.argsort(before)
+    fig = figure(2.7)
+    ax = fig.add_subplot()
+    x = np.arange(len(order))
+    b, a, ok = np.asarray(before)[order], np.asarray(after)[order], np.asarray(right, dtype=bool)[order]
+    ax.vlines(x, a, b, color=REFERENCE, linewidth=0.6)
+    nominal = ax.plot(x, b, ".", color=MUTED, markersize=4)[0]
+    good = ax.plot(x[ok], a[ok], "o", color=COLOURS[0], markersize=3.5)[0]
+    missed = ax.plot(x[~ok], a[~ok], "s", color=SIMULATED, markersize=3.5)[0]
+    ax.set_yscale("log")
+    ax.set_xticks([])
+    ax.set_xlabel("cases with an effect")
+    ax.set_ylabel("gap on unseen tests")
+    legend(fig, [nominal, good, missed], ["nominal", "corrected, right cause", "corrected, wrong cause"])
+    return fig

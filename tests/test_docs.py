@@ -1,0 +1,75 @@
+"""Docs: their code runs, their commands exist, generated pages are those of the code, links lead somewhere."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mrdamp.cli import build_parser
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*(ROOT / "docs").glob("**/*.md"), ROOT / "README.md", *ROOT.glob("models_xml/*/README.md")])
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^ *```{language}\n(.*?)^ *```", page.read_text(encoding="utf-8"), re.S | re.M)
+
+
+def commands(page: Path) -> Iterator[str]:
+    """Lines of shell blocks that call mrdamp, their continuation lines joined, without comments."""
+    for block in blocks(page, r"(?:sh|console)?"):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = re.sub(r"\s#.*", "", line).strip()
+            if re.match(r"(\w+=\S+ )*mrdamp ", words):
+                yield re.sub(r"^(\w+=\S+ )*mrdamp ", "", words)
+
+
+PYTHON = [(page, k) for page in PAGES if page.name != "README.md" for k in range(len(blocks(page, "python")))]
+
+
+@pytest.mark.parametrize(("page", "block"), PYTHON, ids=lambda v: v.stem if isinstance(v, Path) else str(v))
+def test_python_runs(page: Path, block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(blocks(page, "python")[block], str(page), "exec"), {"__name__": "__main__"})
+
+
+class _Refused(Exception):
+    pass
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if list(commands(p))], ids=lambda p: str(p.relative_to(ROOT)))
+def test_commands_are_understood(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: argparse.ArgumentParser, message: str) -> None:
+        raise _Refused(f"{self.prog}: {message}")
+
+    monkeypatch.setattr(argparse.ArgumentParser, "error", refuse)
+    for line in commands(page):
+        words = line.split(" > ")[0]
+        build_parser().parse_args(shlex.split(words))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#][^)]*)\)", page.read_text(encoding="utf-8")):
+        if not re.match(r"[a-z]+:", target):
+            assert (page.parent / target.partition("#")[0]).exists(), target
+
+
+def test_command_reference_is_that_of_the_parser() -> None:
+    done = subprocess.run(
+        [sys.executable, ROOT / "tools" / "command_reference.py", "--check"], capture_output=True, timeout=60
+    )
+    assert done.returncode == 0, "python tools/command_reference.py"
+
+
+def test_every_page_is_in_the_site() -> None:
+    nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n", 1)[1]
+    listed = set(re.findall(r"[\w/-]+\.md", nav))
+    assert listed == {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").glob("**/*.md")}

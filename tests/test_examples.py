@@ -1,0 +1,76 @@
+"""The example scripts run as they stand, at a small size, and show what they say."""
+
+from __future__ import annotations
+
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "examples"
+SCRIPTS = sorted(FOLDER.glob("[0-9]*.py"))
+
+
+def example(number: int) -> Callable[..., Any]:
+    (path,) = FOLDER.glob(f"{number:02d}_*.py")
+    main: Callable[..., Any] = runpy.run_path(str(path))["main"]
+    return main
+
+
+def test_each_is_numbered_and_a_screen_long() -> None:
+    assert [int(path.name[:2]) for path in SCRIPTS] == list(range(1, 8))
+    for path in SCRIPTS:
+        text = path.read_text(encoding="utf-8")
+        assert len(text.splitlines()) <= 62, path.name
+        assert f"python examples/{path.name}" in text
+
+
+def test_1_the_damper_takes_the_motion_out() -> None:
+    left = example(1)(seconds=1.0)
+    assert left[1.0] < 0.2 * left[0.0]
+
+
+def test_2_a_law_is_fitted(tmp_path: Path) -> None:
+    fit = example(2)(law="bingham", most=2, out=str(tmp_path / "rig"))
+    assert fit.train_nrmse < 0.45
+    assert (tmp_path / "rig" / "scene.xml").is_file()
+
+
+def test_3_every_effect_changes_the_force() -> None:
+    changes = example(3)(seconds=1.5)
+    assert min(changes.values()) > 0.03
+    assert changes["all"] > max(value for name, value in changes.items() if name != "all")
+
+
+def test_4_the_damper_helps_the_frame() -> None:
+    found = example(4)(seconds=1.5)
+    drift = {name: float(c.peak_drift.max()) for name, c in found.items()}
+    assert max(drift, key=lambda name: drift[name]) == "no damper"
+    assert found["passive-on"].mean_command == pytest.approx(2.25)
+
+
+def test_5_a_network_runs_free_in_mujoco_as_in_python() -> None:
+    free, stepped = example(5)(samples=1200, units=6, iterations=30)
+    assert free < 0.3
+    assert stepped < 0.35
+
+
+def test_6_the_environment_runs_under_any_agent() -> None:
+    drift = example(6)(steps=120)
+    assert len(drift) == 4
+    assert all(0 < value < 1 for value in drift.values())
+
+
+def test_7_the_inverse_tracks_better_than_switching() -> None:
+    switching, inverse = example(7)(seconds=2.0)
+    assert inverse.relative_error < 0.6 * switching.relative_error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SCRIPTS, ids=[path.stem for path in SCRIPTS])
+def test_the_scripts_run_whole(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", [str(path)])
+    runpy.run_path(str(path), run_name="__main__")

@@ -1,0 +1,228 @@
+"""Regenerates docs/identification: runs the commands that its pages show, and writes their tables and pictures.
+
+    python tools/identification_tables.py embedded
+    python tools/identification_tables.py --data FOLDER utfsm utfpr nees
+
+FOLDER holds a folder of records per set. A model that lies in out/identification already is not fitted again. The
+summary (README.md) is put together from the pages' figures, which are kept beside the pages in figures.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from identification_sets import LAWS, SETS, VARYING, Page, Row, Table
+from matplotlib.figure import Figure
+from PIL import Image
+
+from mrdamp.cli import main as mrdamp
+from mrdamp.identify import error, identify, pooled, simulate
+from mrdamp.model import Model
+from mrdamp.narx.data import series
+from mrdamp.narx.stretches import at_constant_command, cut_varying
+from mrdamp.pictures.identification import model_loops
+from mrdamp.records import Record, RecordSet, embedded, read_records
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = ROOT / "docs" / "identification"
+WORK = ROOT / "out" / "identification"
+
+
+def records_of(name: str, data: Path | None, cutoff: float | None) -> RecordSet:
+    """The set, its displacement low-passed at a cut-off (Hz)."""
+    records = embedded() if name == "embedded" else read_records(_folder(name, data))
+    return records if cutoff is None else records.smoothed(cutoff)
+
+
+def command(name: str, row: Row, cutoff: float | None, folder: str) -> list[str]:
+    """The arguments of `mrdamp` that make a row's model; folder: where the sets lie."""
+    where = [] if name == "embedded" else [f"{folder}/{name}"]
+    smooth = [] if cutoff is None else ["--cutoff", f"{cutoff:g}"]
+    return ["identify", *where, *row.arguments, *smooth, "-o", f"{row.file}.json"]
+
+
+def run(name: str, row: Row, cutoff: float | None, data: Path | None) -> Model:
+    """The row's model, fitted where its file is missing; what the command said is kept beside it."""
+    folder = WORK / name
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{row.file}.json"
+    if not path.exists():
+        arguments = command(name, row, cutoff, str(data))
+        arguments[-1] = str(path)
+        arguments = [str(folder / a) if a.endswith(".png") else a for a in arguments]
+        print("mrdamp", shlex.join(arguments), flush=True)
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            code = mrdamp(arguments)
+        if code:
+            raise SystemExit(code)
+        lines = [line for line in said.getvalue().splitlines() if not line.startswith(("model:", "picture:"))]
+        path.with_suffix(".txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return Model.read(path)
+
+
+def table(
+    name: str, t: Table, data: Path | None, figures: dict[str, list[float | None]]
+) -> tuple[list[str], dict[str, Model]]:
+    """The lines of a table, and its models by file name."""
+    records = records_of(name, data, t.cutoff)
+    if t.protocol == "varying":
+        records = cut_varying(records, VARYING)
+    elif t.protocol == "constant":
+        records = at_constant_command(records, 0.5)
+    lines = [f"## {t.title}", "", t.text, "", "```"]
+    lines += ["mrdamp " + shlex.join(command(name, row, t.cutoff, "records")) for row in t.rows] + ["```", ""]
+    head = ["model", "fitted records", "held-out records"]
+    head += ["held out at the network's rate"] if t.sample_time else []
+    head += ["mark"] if any(row.mark is not None for row in t.rows) else []
+    lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    models = {row.file: run(name, row, t.cutoff, data) for row in t.rows}
+    for row in t.rows:
+        model = models[row.file]
+        values: list[float | None] = [
+            pooled([error(model, r) for r in half]) for half in (records.train, records.validation)
+        ]
+        if t.sample_time:
+            values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
+        values += [row.mark] if "mark" in head else []
+        figures[row.file] = values
+        lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
+    lines += ["", *by_record(records, models, t), ""]
+    return lines, models
+
+
+def slower(record: Record, sample_time: float) -> Record:
+    """The record as a network of this sample time (s) is trained on it: every channel but the command low-passed."""
+    s = series(record, sample_time)
+    channels = {"displacement_m": s.x, "velocity_m_s": s.v, "command": s.i, "force_N": s.force}
+    return Record(record.name, None, sample_time, channels)
+
+
+def by_record(records: RecordSet, models: Mapping[str, Model], t: Table) -> list[str]:
+    """Errors by held-out record."""
+    names = {row.file: row.name for row in t.rows}
+    lines = ["<details><summary>by held-out record</summary>", ""]
+    lines += ["| record | " + " | ".join(names.values()) + " |", "|---|" + "---|" * len(names)]
+    for r in records.validation:
+        cells = [f"{error(models[file], r).nrmse:.3f}" for file in names]
+        lines.append(f"| {r.name} | " + " | ".join(cells) + " |")
+    return [*lines, "", "</details>"]
+
+
+def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
+    """Every law fitted without one motion of the training records, and judged on it: within one day of tests."""
+    store = WORK / name / "left_out.json"
+    found: dict[str, list[float]] = json.loads(store.read_text()) if store.exists() else {}
+    for law in LAWS:
+        if law in found:
+            continue
+        parts = []
+        for motion in page.left_out:
+            train = [r for r in records.train if motion not in r.name]
+            held = [r for r in records.train if motion in r.name]
+            parts.append(identify(law, train, held, dependence="quadratic", starts=2, threads=1))
+        everything = pooled([e for fit in parts for e in fit.held_out])
+        found[law] = [round(value, 3) for value in (*(fit.held_out_nrmse for fit in parts), everything)]
+        store.write_text(json.dumps(found))
+    text = "Fitted to the training records of the other motions, judged on those of one; quadratic in the command."
+    lines = ["## One motion left out", "", text, "", f"| law | {' | '.join(page.left_out)} | all |"]
+    lines.append("|---|" + "---|" * (len(page.left_out) + 1))
+    for law in LAWS:
+        lines.append(f"| {law.replace('_', ' ')} | " + " | ".join(f"{v:.3f}" for v in found[law]) + " |")
+    return [*lines, ""]
+
+
+def loops(name: str, record: Record, models: Mapping[str, Model], rows: Mapping[str, str]) -> str:
+    """Writes the picture of loops; returns its line."""
+    forces = {rows[file]: simulate(models[file], record) for file in rows}
+    fig = model_loops(record.time, record.displacement, record.velocity(), record.channel("force_N"), forces)
+    save(fig, PAGES / f"{name}-loops.png")
+    return f"![Loops of {', '.join(forces)} over the measured ones, record {record.name}]({name}-loops.png)"
+
+
+def save(fig: Figure, path: Path) -> None:
+    """A small PNG: few colours in lines and letters."""
+    stream = io.BytesIO()
+    fig.savefig(stream, format="png", dpi=150)
+    shrink(stream, path)
+
+
+def shrink(source: io.BytesIO | Path, path: Path) -> None:
+    """A PNG with a palette."""
+    with Image.open(source) as image:
+        image.convert("RGB").quantize(64).save(path, optimize=True)
+
+
+def write(name: str, data: Path | None) -> None:
+    """Writes a set's page and keeps its figures."""
+    page = SETS[name]
+    kept: dict[str, dict[str, list[float | None]]] = {}
+    store = PAGES / "figures.json"
+    if store.exists():
+        kept = json.loads(store.read_text(encoding="utf-8"))
+    figures: dict[str, list[float | None]] = {}
+    lines = [f"# {page.title}", "", page.text, ""]
+    models: dict[str, Model] = {}
+    for t in page.tables:
+        more, found = table(name, t, data, figures)
+        lines += more
+        models |= found
+    if page.left_out:
+        lines += left_out(name, page, records_of(name, data, None))
+    if page.loops:
+        record, files = page.loops
+        names = {row.file: row.name for t in page.tables for row in t.rows if row.file in files}
+        lines += [
+            "## Loops",
+            "",
+            loops(name, records_of(name, data, page.tables[0].cutoff)[record], models, names),
+            "",
+        ]
+    for file in page.shown:
+        row = next(row for t in page.tables for row in t.rows if row.file == file)
+        lines += [f"## {row.name}: what the command says", "", "```"]
+        lines += [(WORK / name / f"{file}.txt").read_text(encoding="utf-8").rstrip(), "```", ""]
+        for picture in sorted((WORK / name).glob(f"{file}*.png")):
+            shrink(picture, PAGES / f"{name}-{picture.name}")
+            lines += [f"![{row.name}: {picture.stem.split('-')[-1]}]({name}-{picture.name})", ""]
+    (PAGES / f"{name}.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    kept[name] = figures
+    rounded = {
+        s: {f: [None if v is None else round(v, 4) for v in row] for f, row in fs.items()}
+        for s, fs in kept.items()
+    }
+    store.write_text(json.dumps(rounded, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def _folder(name: str, data: Path | None) -> Path:
+    if data is None or not (data / name).is_dir():
+        raise SystemExit(f"{name}: no folder of its records; give --data FOLDER with {name}/train in it")
+    return data / name
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Writes the pages asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("sets", nargs="*", default=["embedded"], help=f"of {', '.join(SETS)}")
+    parser.add_argument("--data", type=Path, help="folder that holds the measured sets")
+    options = parser.parse_args(arguments)
+    for name in options.sets:
+        if name not in SETS:
+            parser.error(f"no set {name}; there are {', '.join(SETS)}")
+    PAGES.mkdir(parents=True, exist_ok=True)
+    for name in options.sets:
+        write(name, options.data)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,38 @@
+"""The validation score over the training, each seed and their mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrdamp.errors import InputError
+from mrdamp.pictures import style
+from mrdamp.train.learn import Result
+
+
+@style.styled
+def curves(results: Sequence[Result]) -> Figure:
+    """One thin line a seed, a thick one their mean at the evaluations that all have."""
+    fig = style.figure(0.55 * style.WIDTH)
+    axes = fig.add_subplot()
+    for result in results:
+        at = [row["timesteps"] / 1e6 for row in result.curve]
+        axes.plot(at, [row["score"] for row in result.curve], color=style.COLOURS[0], linewidth=0.7, alpha=0.6)
+    shared = min(len(result.curve) for result in results)
+    at = np.mean([[row["timesteps"] / 1e6 for row in r.curve[:shared]] for r in results], axis=0)
+    mean = np.mean([[row["score"] for row in r.curve[:shared]] for r in results], axis=0)
+    axes.plot(at, mean, color=style.COLOURS[1], linewidth=1.8)
+    axes.set_xlabel("control periods (millions)")
+    axes.set_ylabel("validation score")
+    return fig
+
+
+def draw(results: Sequence[Result], path: Path) -> None:
+    """Writes the picture. Raises InputError."""
+    try:
+        curves(results).savefig(path, dpi=150)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error}") from None

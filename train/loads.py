@@ -1,0 +1,84 @@
+"""What policies are trained and validated under. Nothing measured is in it: measured motions are for judging."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, LoadSource, WindLoads
+from mrdamp.envs.loads import TIME_SCALE, MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
+from mrdamp.motions import GroundMotion, embedded_motion
+
+#: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
+VALIDATION_SEED = 902
+AMPLITUDES = (0.1, 0.5, 1.0, 1.5)
+_PEAK = 2.5  # m/s2, of a validation motion at amplitude 1, that of the measured ones on average
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Motions of a source, some with a velocity pulse as near a fault.
+
+    The pulse is one of Gabor's, peak cos(2 pi (t - t0) / T + phase) exp(-2 ((t - t0) / T)^2), its period T drawn from
+    `period` (s, full-size), its peak from `size` times the motion's; the sum keeps the motion's peak. share: of the
+    motions that have one. compression: as the source's.
+    """
+
+    source: MotionSource
+    share: float = 0.3
+    period: tuple[float, float] = (0.3, 1.5)
+    size: tuple[float, float] = (0.4, 1.2)
+    compression: float = TIME_SCALE
+
+    def draw(self, rng: np.random.Generator) -> GroundMotion:
+        motion = self.source.draw(rng)
+        if rng.random() >= self.share:
+            return motion
+        period = rng.uniform(*self.period) / self.compression
+        middle = rng.uniform(0.1, 0.4) * motion.duration
+        since = (motion.time - middle) / period
+        wave = np.exp(-2 * since**2) * np.cos(2 * np.pi * (since + rng.random()))
+        values = motion.acceleration + motion.pga * rng.uniform(*self.size) * wave
+        return replace(motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse")
+
+
+def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
+    """Synthetic ground of every kind, short to long, and the embedded motion: peaks pga in m/s2, evenly in the log."""
+    kinds = [
+        Pulses(
+            SyntheticMotions(
+                pga=pga, ground_frequency=(6.0, 40.0), ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
+                rise=(1.0, 4.0), decay=(0.25, 1.0), duration=duration,
+            )
+        )
+        for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
+    ]  # fmt: skip
+    embedded = RecordedMotions([embedded_motion()], amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25))
+    return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))
+
+
+def validation_motions(count: int = 8, amplitudes: Sequence[float] = AMPLITUDES) -> list[GroundMotion]:
+    """count motions at each amplitude, of the kinds that training draws from but drawn apart."""
+    rng = np.random.default_rng([VALIDATION_SEED, 1])
+    source = training_motions((1.0, 1.0))
+    drawn = [source.draw(rng) for _ in range(count)]
+    return [motion.scaled(a * _PEAK / motion.pga) for motion in drawn for a in amplitudes]
+
+
+@dataclass(frozen=True)
+class CableLoads:
+    """Wind and ambient loads, one of them for each episode."""
+
+    sources: Sequence[LoadSource] = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
+
+    def draw(self, rng: np.random.Generator, length: float) -> CableLoad:
+        return self.sources[int(rng.integers(len(self.sources)))].draw(rng, length)
+
+
+def validation_loads(length: float, count: int = 12) -> list[CableLoad]:
+    """count loads on a cable of `length` m, drawn apart from those of training."""
+    rng = np.random.default_rng([VALIDATION_SEED, 2])
+    sources = CableLoads().sources
+    return [sources[k % len(sources)].draw(rng, length) for k in range(count)]

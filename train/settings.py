@@ -1,0 +1,144 @@
+"""What a training is given: options of the command, and hyperparameters from YAML, keyed by environment id."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes
+
+ALGORITHMS = ("a2c", "ddpg", "ppo", "sac", "td3")
+
+
+@dataclass(frozen=True)
+class Options:
+    """One training. hyperparameters: a YAML file in place of the one that comes with the package; overrides:
+    `learning_rate=3e-4`, `env_kwargs.history=4`, ...; timesteps: control periods in all, None: as in the YAML; model:
+    the damper's, None: the environment's own; evaluations: on the validation loads, each with a checkpoint."""
+
+    environment: str = "mrdamp/Frame-v0"
+    algorithm: str = "ppo"
+    seed: int = 0
+    timesteps: int | None = None
+    hyperparameters: Path | None = None
+    overrides: tuple[str, ...] = ()
+    model: Path | None = None
+    evaluations: int = 10
+
+    def __post_init__(self) -> None:
+        if self.algorithm not in ALGORITHMS:
+            raise InputError(f"algorithm {self.algorithm!r} is unknown; there are {', '.join(ALGORITHMS)}")
+        for name, least in (("seed", 0), ("evaluations", 1), ("timesteps", 1)):
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise InputError(f"{name} is {value}; allowed: {least} or more")
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items()}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the YAML holds.
+
+    n_envs: rows of the vector environment. n_timesteps: control periods in all. action: `command`, or `force`: the
+    wanted force, which the damper's command follows by `ForceLevels`. normalize: whiten the observations. privileged:
+    the critic sees the motion over its size without control (on-policy learners). env_kwargs: of the environment.
+    policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the algorithm's other arguments.
+    """
+
+    n_envs: int = 8
+    n_timesteps: int = 1_000_000
+    action: Literal["command", "force"] = "command"
+    normalize: bool = True
+    privileged: bool = False
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    policy: str = "MlpPolicy"
+    policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    learner: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.action not in ("command", "force"):
+            raise InputError(f"hyperparameters: action is {self.action!r}; allowed: command, force")
+        for name in ("n_envs", "n_timesteps"):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < 1:
+                raise InputError(f"hyperparameters: {name} is {value!r}; allowed: a whole number > 0")
+        for name in ("env_kwargs", "policy_kwargs"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise InputError(f"hyperparameters: {name} is no mapping of names to values")
+
+
+def settings(options: Options) -> Settings:
+    """Of the options' environment and algorithm, with their overrides. Raises InputError."""
+    table = _read(options)
+    if options.environment not in table:
+        raise InputError(
+            f"no hyperparameters of {options.algorithm} for {options.environment}; there are {', '.join(table)}"
+        )
+    chosen: dict[str, Any] = dict(table[options.environment] or {})
+    for override in options.overrides:
+        _set(chosen, override)
+    if options.timesteps is not None:
+        chosen["n_timesteps"] = options.timesteps
+    known = {f.name for f in fields(Settings)} - {"learner"}
+    own = {k: _number(v) if k.startswith("n_") and k in known else v for k, v in chosen.items() if k in known}
+    return Settings(**own, learner={k: v for k, v in chosen.items() if k not in known})
+
+
+def _read(options: Options) -> Mapping[str, Any]:
+    import yaml
+
+    if options.hyperparameters is None:
+        file = resources.files("mrdamp.train") / "hyperparameters" / f"{options.algorithm}.yml"
+        name, text = file.name, file.read_text(encoding="utf-8")
+    else:
+        name = str(options.hyperparameters)
+        text = decode(name, read_bytes(options.hyperparameters))
+    try:
+        table = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{name}: not YAML: {error}") from None
+    if not isinstance(table, Mapping):
+        raise InputError(f"{name}: allowed: a mapping of environment ids to hyperparameters")
+    return table
+
+
+def _set(chosen: dict[str, Any], override: str) -> None:
+    import yaml
+
+    path, equals, value = override.partition("=")
+    keys = path.split(".")
+    if not equals or not all(keys):
+        raise InputError(f"override {override!r}; allowed: NAME=VALUE, as in learning_rate=3e-4")
+    place: dict[str, Any] = chosen
+    for key in keys[:-1]:
+        inner = place.get(key, {})
+        if not isinstance(inner, Mapping):
+            raise InputError(f"override {override!r}: {key} is not a mapping")
+        place[key] = dict(inner)
+        place = place[key]
+    try:
+        place[keys[-1]] = _number(yaml.safe_load(value))
+    except yaml.YAMLError as error:
+        raise InputError(f"override {override!r}: {error}") from None
+
+
+def _number(value: Any) -> Any:
+    """YAML reads 1e6 as text, and 1.0e+6 as a number that is not whole."""
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError:
+            return value
+    return int(value) if isinstance(value, float) and value.is_integer() and abs(value) >= 1000 else value
+
+
+def folder_name(values: Sequence[str]) -> str:
+    """A folder's name for the overrides of a sweep's setting."""
+    return ",".join(value.replace("/", "-") for value in values) or "default"

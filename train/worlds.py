@@ -1,0 +1,130 @@
+"""The environments that a policy can be trained in: their tasks, loads, and what a policy is judged by."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.control.force_levels import ForceLevels
+from mrdamp.envs.cable_task import CableTask
+from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
+from mrdamp.train.loads import CableLoads, training_motions, validation_loads, validation_motions
+
+Array = NDArray[np.float64]
+
+
+class World(ABC):
+    """One environment id with its keyword arguments.
+
+    option: of a reset, that names the load. measures: what `info` says of an episode that is kept.
+    """
+
+    option: ClassVar[str]
+    measures: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
+    def task(self, n: int) -> Task:
+        """n rows under training loads."""
+
+    @abstractmethod
+    def validation(self) -> Sequence[Any]:
+        """Loads that a policy is judged by while it is trained."""
+
+    @abstractmethod
+    def levels(self, task: Task) -> ForceLevels:
+        """Of the damper, for forces as actions."""
+
+    @abstractmethod
+    def sizes(self, task: Task) -> Array:
+        """(n,) of the rows' motion without control, in the observer's units."""
+
+    @abstractmethod
+    def score(self, means: Mapping[str, float]) -> float:
+        """Of the means of the measures over the validation loads; smaller is better."""
+
+
+@dataclass(frozen=True)
+class FrameWorld(World):
+    """`mrdamp/Frame-v0`. arguments: of `FrameTask`. weight: of peak acceleration to peak drift in the score."""
+
+    arguments: Mapping[str, Any]
+    weight: float = 1.5
+    option: ClassVar[str] = "motion"
+    measures: ClassVar[tuple[str, ...]] = ("drift_ratio", "acceleration_ratio", "mean_current")
+
+    def task(self, n: int) -> FrameTask:
+        return FrameTask(n, motions=training_motions(), **self.arguments)
+
+    def validation(self) -> Sequence[Any]:
+        return validation_motions()
+
+    def levels(self, task: Task) -> ForceLevels:
+        assert isinstance(task, FrameTask)
+        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
+        w = 2 * math.pi * float(task.structure.frequencies[0])
+        stroke = scales.get("stroke", 5.0 / w**2)
+        return ForceLevels.of(task.models[0], float(task.command_max[0]), stroke, w)
+
+    def sizes(self, task: Task) -> Array:
+        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
+        return np.asarray(task.score.values[:, 1] / scales.get("acceleration_1", 5.0))
+
+    def score(self, means: Mapping[str, float]) -> float:
+        return (means["drift_ratio"] + self.weight * means["acceleration_ratio"]) / (1 + self.weight)
+
+
+@dataclass(frozen=True)
+class CableWorld(World):
+    """`mrdamp/Cable-v0`. arguments: of `CableTask`."""
+
+    arguments: Mapping[str, Any]
+    option: ClassVar[str] = "load"
+    measures: ClassVar[tuple[str, ...]] = ("motion_ratio", "mean_current")
+
+    def task(self, n: int) -> CableTask:
+        return CableTask(n, loads=CableLoads(), **self.arguments)
+
+    def validation(self) -> Sequence[Any]:
+        return validation_loads(self.task(1).cable.length)
+
+    def levels(self, task: Task) -> ForceLevels:
+        assert isinstance(task, CableTask)
+        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
+        return ForceLevels.of(task.model, float(task.command_max[0]), scales["stroke"], task.cable.first)
+
+    def sizes(self, task: Task) -> Array:
+        assert isinstance(task, CableTask)
+        return np.asarray(np.sqrt(task.score.values[:, 0]) / (2e-3 * task.cable.length))
+
+    def score(self, means: Mapping[str, float]) -> float:
+        return means["motion_ratio"]
+
+
+WORLDS: Mapping[str, type[FrameWorld] | type[CableWorld]] = {
+    "mrdamp/Frame-v0": FrameWorld,
+    "mrdamp/Cable-v0": CableWorld,
+}
+
+
+def world(environment: str, arguments: Mapping[str, Any], model: Path | None = None) -> World:
+    """The world of an environment's id. model: a file of the damper's model, None: the environment's own.
+
+    Raises InputError for an id or an argument that there is none of.
+    """
+    if environment not in WORLDS:
+        raise InputError(f"environment {environment!r} is unknown; there are {', '.join(WORLDS)}")
+    chosen = WORLDS[environment]({**arguments, **({"model": model} if model else {})})
+    try:
+        chosen.task(1)
+    except TypeError as error:
+        raise InputError(f"{environment}: env_kwargs: {error}") from None
+    return chosen
