@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mrdamp import __version__
-from mrdamp.commands import Run, add_command, blindtest, diagnose, inverse
+from mrdamp.commands import Run, add_command, blindtest, citation, completion, diagnose, gap, inverse
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
@@ -60,6 +60,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     identification.add_to(commands)
     diagnose.add_to(commands)
+    gap.add_to(commands)
     inverse.add_to(commands)
     comparing.add_to(commands)
     training.add_to(commands)
@@ -89,8 +90,11 @@ def build_parser() -> argparse.ArgumentParser:
 
     sets = add("sets", _sets, "list the published parameter sets", "mrdamp sets")
     sets.add_argument("name", nargs="?", help="print this one as a model file")
+    sets.add_argument("--json", action="store_true", help="print the list as JSON")
 
+    citation.add_to(commands)
     add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
+    completion.add_to(commands)
     return parser
 
 
@@ -177,9 +181,13 @@ def _sets(a: argparse.Namespace) -> int:
         sets.load(a.name)  # says which there are where there is none of that name
         print(json.dumps(named_model(a.name).to_dict(), indent=1))
         return 0
-    for name in sets.names():
-        found = sets.load(name)
-        print(f"{name:28s} {found.law:20s} {found.status}  {found.device}")
+    every = [sets.load(name) for name in sets.names()]
+    if a.json:
+        keys = ("id", "law", "status", "device", "sources")
+        print(json.dumps([{key: getattr(found, key) for key in keys} for found in every], indent=1))
+        return 0
+    for found in every:
+        print(f"{found.id:28s} {found.law:20s} {found.status}  {found.device}")
     return 0
 
 

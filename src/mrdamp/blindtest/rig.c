@@ -448,3 +448,44 @@ EXPORT long rig_frame(const double *numbers, const double *storeys, int from, in
   }
   return -1;
 }
+
+/* What a controller sees at a time (s): a row of the frame's columns, then the stroke's velocity. Gives the command. */
+typedef double (*Controller)(double time, const double *row);
+
+/* The frame under feedback: the controller is asked every `every` steps and its command held in between. u: (n,) the
+ * commands. Otherwise as rig_frame. */
+EXPORT long rig_frame_controlled(const double *numbers, const double *storeys, int from, int to, double h, long n,
+                                 const double *ground, long every, Controller controller, double *u, double *out) {
+  const Frame f = {(const Rig *)numbers, (const Storey *)storeys, from, to};
+  double y[kStates], acc[kStoreys], scratch[kStoreys], seen[kFrameColumns + 1], held = 0;
+  Memory m;
+  begin(f.rig, &m, y, 0, 0, 0);
+  for (long k = 0; k < n; ++k) {
+    const long at = 2 * k;
+    double rest[kStates] = {0}, *row = out + kFrameColumns * k;
+    const Force force = frame(&f, &m, y, ground[at], held, rest, acc);
+    const double speed = (to ? y[FV + to - 1] : 0) - (from ? y[FV + from - 1] : 0);
+    memcpy(row, acc, sizeof acc);
+    memcpy(row + kStoreys, y + FX, kStoreys * sizeof *y);
+    row[2 * kStoreys] = force.load;
+    row[2 * kStoreys + 1] = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
+    row[2 * kStoreys + 2] = current(f.rig, y, held);
+    row[2 * kStoreys + 3] = field(f.rig, &m, row[2 * kStoreys + 2]);
+    row[2 * kStoreys + 4] = y[HEAT];
+    if (!isfinite(force.load) || !isfinite(acc[0]) || !isfinite(y[XP])) return k;
+    if (k % every == 0) {
+      memcpy(seen, row, kFrameColumns * sizeof *row);
+      seen[kFrameColumns] = speed;
+      held = controller((double)k * h, seen);
+    }
+    u[k] = held;
+    if (k == n - 1) break;
+#define RATES(i, state, rate) frame(&f, &m, state, ground[at + (i)], held, rate, scratch)
+    RUNGE_KUTTA(h, kStates, y, RATES);
+#undef RATES
+    const double stroke = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
+    const double rate = (to ? y[FV + to - 1] : 0) - (from ? y[FV + from - 1] : 0);
+    remember(f.rig, &m, y, stroke, rate, held, h);
+  }
+  return -1;
+}

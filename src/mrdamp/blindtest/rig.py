@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,14 @@ _FRAME = (
     *("force", "stroke", "current", "field", "heat"),
 )
 _double_p = ctypes.POINTER(ctypes.c_double)
+_Callback = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, _double_p)
 
 
 @functools.cache
 def _library() -> tuple[ctypes.CDLL, tuple[str, ...], tuple[str, ...]]:
     """The library, the names of a rig's numbers and of a storey's."""
     lib = ctypes.CDLL(str(_path()))
-    for name in ("rig_damper", "rig_frame"):
+    for name in ("rig_damper", "rig_frame", "rig_frame_controlled"):
         getattr(lib, name).restype = ctypes.c_long
     text = ctypes.create_string_buffer(4096)
     lib.rig_names(text, len(text))
@@ -89,6 +91,46 @@ def run_frame(
     step = ctypes.c_double(1 / RATE_HZ)
     _finite(lib.rig_frame(rig, frame, *ends, step, ctypes.c_long(n), *inputs, _pointer(out)))
     return dict(zip(_FRAME, out.T, strict=True))
+
+
+def run_frame_controlled(
+    numbers: Numbers,
+    storeys: Sequence[Numbers],
+    between: tuple[int, int],
+    ground: Array,
+    every: int,
+    command: Callable[[float, dict[str, float]], float],
+) -> dict[str, Array]:
+    """The same frame under feedback.
+
+    command: called every `every` steps with the time (s) and what `run_frame` returns, as numbers, with
+    `stroke_velocity` (m/s) beside it; its value is held until the next call. Returns what `run_frame` does, and
+    `command` (n,). An error in `command` is raised here.
+    """
+    lib, names, storey_names = _library()
+    n = (len(ground) + 1) // 2
+    out, u = np.empty((n, len(_FRAME))), np.empty(n)
+    table = np.concatenate([_row(storey_names, s) for s in storeys])
+    rig, frame, ag = _row(names, numbers), table, np.ascontiguousarray(ground, dtype=float)
+    seen, failed = (*_FRAME, "stroke_velocity"), []
+
+    def called(time: float, row: Any) -> float:
+        try:
+            return float(command(time, dict(zip(seen, row[: len(seen)], strict=True)))) if not failed else 0.0
+        except BaseException as error:  # it cannot pass through C
+            failed.append(error)
+            return 0.0
+
+    ends = (ctypes.c_int(between[0]), ctypes.c_int(between[1]))
+    step = ctypes.c_double(1 / RATE_HZ)
+    done = lib.rig_frame_controlled(
+        _pointer(rig), _pointer(frame), *ends, step, ctypes.c_long(n), _pointer(ag), ctypes.c_long(every),
+        _Callback(called), _pointer(u), _pointer(out),
+    )  # fmt: skip
+    if failed:
+        raise failed[0]
+    _finite(done)
+    return {**dict(zip(_FRAME, out.T, strict=True)), "command": u}
 
 
 def _row(names: tuple[str, ...], numbers: Numbers) -> Array:

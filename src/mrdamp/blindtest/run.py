@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ import joblib
 import numpy as np
 
 from mrdamp.blindtest import damper_case, deck, frame_case, score, seal
+from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.score import Row
 from mrdamp.blindtest.sizing import Task
 from mrdamp.errors import InputError
@@ -97,16 +98,19 @@ def diagnose_cases(out: Folders, plan: Plan, progress: Progress) -> None:
     cases = sorted(path.name for path in out.cases.iterdir() if (path / "case.json").is_file())
     left = [name for name in cases if not (out.answers / name / "run.json").is_file()]
     work = joblib.Parallel(n_jobs=plan.jobs, return_as="generator_unordered")
-    runs = work(joblib.delayed(diagnose_one)(out.cases / n, out.answers / n, plan.timeout) for n in left)
+    cores = max(1, (os.cpu_count() or 1) // plan.jobs)  # of each diagnosis
+    runs = work(
+        joblib.delayed(diagnose_one)(out.cases / n, out.answers / n, plan.timeout, cores) for n in left
+    )
     for done, _ in enumerate(runs, 1):
         ready = len(cases) - len(left) + done
         progress(f"diagnoses {ready}/{len(cases)}", ready / len(cases))
 
 
-def diagnose_one(case: Path, out: Path, timeout: float) -> None:
+def diagnose_one(case: Path, out: Path, timeout: float, jobs: int = 1) -> None:
     """One diagnosis; run.json says how it went and how long it took."""
     out.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "mrdamp.cli", "diagnose", str(case), "-o", str(out)]
+    command = [sys.executable, "-m", "mrdamp.cli", "diagnose", str(case), "-o", str(out), "--jobs", str(jobs)]
     quiet = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     start = time.monotonic()
     process = subprocess.Popen(
@@ -146,7 +150,7 @@ def judge(case: str, label: dict[str, Any], answers: Path, tests: Path) -> Row:
     try:
         answer = score.read_answer(answers)
         model = Model.read(answers / "corrected.json")
-        gaps = score.gaps(tests, lambda inputs: model.simulate(_sample_time(inputs), inputs))
+        gaps = score.gaps(tests, lambda inputs: model.simulate(sample_time(inputs), inputs))
         return score.row(case, label, answer, gaps, run["seconds"])
     except (OSError, KeyError, ValueError) as error:
         return score.failed(case, label, "failed", run["seconds"], str(error)[:300])
@@ -160,7 +164,8 @@ def answers_digest(out: Folders) -> str:
     return total.hexdigest()
 
 
-def _sample_time(inputs: Any) -> float:
+def sample_time(inputs: Mapping[str, Array]) -> float:
+    """s, of a test."""
     return float(inputs["time_s"][1] - inputs["time_s"][0])
 
 

@@ -1,0 +1,168 @@
+"""Simpler methods beside the diagnosis, judged on the same cases by the same figures.
+
+They share the diagnosis's simulator, catalogue and fits, and leave out what makes it a diagnosis: `nominal only`
+changes nothing; `recalibration only` fits the nominal parameters and names nothing; `greedy` adds the effect that
+lowers the error on the records most, as long as it falls; `no re-tuning` does so with the nominal parameters held;
+`sparse regression` fits the residual by functions of motion and command (`sparse.py`). None of them can say that a
+cause is outside the catalogue, and what a method says of itself is no probability.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import joblib
+import numpy as np
+
+from mrdamp.blindtest import score, sparse
+from mrdamp.blindtest.run import Folders, sample_time
+from mrdamp.blindtest.score import Row
+from mrdamp.diagnosis.case import Case, read_case
+from mrdamp.diagnosis.fit import Fit, fit
+from mrdamp.diagnosis.noise import channel_noise, floors
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.run import make_rig
+from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+from mrdamp.model import Model
+
+Progress = Callable[[str, float], None]
+#: Answer (as diagnosis.json) and simulated channels for a test's inputs.
+Answer = tuple[dict[str, Any], score.Predict]
+Method = Callable[[Case], Answer]
+
+#: An effect is added as long as it lowers the sum of squares by this share, three at most.
+_WORTH, _MOST = 0.1, 3
+#: The best terms of a screening that are fitted in each round.
+_TRIED = 4
+#: Below so many times the noise floor there is no gap.
+_NO_GAP = 1.5
+_SAMPLES = 10_000
+
+
+def nominal_only(case: Case) -> Answer:
+    """Believes the simulator."""
+    return _answer("none", []), _predict(case.model)
+
+
+def recalibration_only(case: Case) -> Answer:
+    """Fits the nominal parameters."""
+    search = _search(case)
+    if _no_gap(search):
+        return nominal_only(case)
+    return _answer("parameters", []), _predict(search.problem.rig.model(search.base.settings))
+
+
+def greedy(case: Case) -> Answer:
+    """Adds what lowers the error on the records most, with the nominal parameters free."""
+    search = _search(case)
+    return _forward(case, search, search.base)
+
+
+def no_retuning(case: Case) -> Answer:
+    """The same with the nominal parameters held."""
+    search = _search(case)
+    held = search.fits[False, frozenset()]
+    return _forward(case, search, held)
+
+
+def sparse_regression(case: Case) -> Answer:
+    """A sparse sum of functions of motion and command on top of the simulator (pysindy's STLSQ)."""
+    if case.model.rig != "damper":
+        raise InputError("sparse regression is for the rig damper alone")
+    found = sparse.regress(case)
+    if not found.effect:
+        return nominal_only(case)[0], found.predict
+    return _answer("effect", [(found.effect, None)]), found.predict
+
+
+def _forward(case: Case, search: Search, start: Fit) -> Answer:
+    """Forward steps by the error on the records they are fitted to."""
+    if _no_gap(search):
+        return nominal_only(case)
+    best, free = start, bool(start.hypothesis.nominal)
+    for _ in range(_MOST):
+        taken = set(best.hypothesis.causes)
+        terms = [t for t in search.problem.rig.terms if t.cause not in taken]
+        tries = []
+        for _, term, k in search.screen(best, terms)[:_TRIED]:
+            hypothesis, point = search.start_from(best, term, k)
+            known = best.jacobian if free else None
+            tries.append(fit(search.problem, hypothesis, point, most=8, known=known, frozen=free))
+        found = min(tries, key=lambda f: f.cost, default=best)
+        if found.cost > (1 - _WORTH) * best.cost:
+            break
+        best = found
+    effects = [(t.effect, t.place) for t in best.hypothesis.terms]
+    verdict = "effect" if effects else "parameters" if free else "none"
+    return _answer(verdict, effects), _predict(search.problem.rig.model(best.settings))
+
+
+def _search(case: Case) -> Search:
+    """The nominal simulator and its recalibration."""
+    rig = make_rig(case)
+    total = sum(r.n for r in case.records) * len(rig.channels)
+    problem = Problem(rig, stride=max(1, round(total / _SAMPLES)), coarse=True)
+    floor = floors(problem, channel_noise(case, rig), {})
+    return Search(problem, float(np.sum(floor**2)) / len(rig.channels), Limits())
+
+
+def _no_gap(search: Search) -> bool:
+    return search.nominal_cost < _NO_GAP**2 * search.floor
+
+
+def _predict(model: Model) -> score.Predict:
+    return lambda inputs: model.simulate(sample_time(inputs), inputs)
+
+
+def _answer(verdict: str, effects: Sequence[tuple[str, int | None]]) -> dict[str, Any]:
+    return {"verdict": verdict, "effects": [{"name": n, "place": p, "probability": 1.0} for n, p in effects]}
+
+
+METHODS: Mapping[str, Method] = {
+    "nominal only": nominal_only,
+    "recalibration only": recalibration_only,
+    "greedy, by error on the records": greedy,
+    "greedy without re-tuning": no_retuning,
+    "sparse regression of the residual": sparse_regression,
+}
+
+
+def run_all(out: Folders, jobs: int, progress: Progress) -> dict[str, list[Row]]:
+    """Rows of every method on the opened cases of a blind test; a finished case is kept and not run again."""
+    labels: dict[str, Any] = json.loads((out.root / "labels.json").read_text())
+    names = [name for name in METHODS if name != "sparse regression of the residual" or sparse.available()]
+    tasks = [(method, case) for method in names for case in labels]
+    work = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    rows: dict[str, list[Row]] = {}
+    done = work(joblib.delayed(_one)(out, method, case, labels[case]) for method, case in tasks)
+    for number, ((method, _), row) in enumerate(zip(tasks, done, strict=True), 1):
+        if row is not None:
+            rows.setdefault(method, []).append(row)
+        progress(f"baselines {number}/{len(tasks)}", number / len(tasks))
+    return rows
+
+
+def _one(out: Folders, method: str, name: str, label: Mapping[str, Any]) -> Row | None:
+    """The row of a method on a case; None where it is not for this rig."""
+    if method == "sparse regression of the residual" and label["rig"] != "damper":
+        return None
+    kept = out.root / "baselines" / method.replace(" ", "_").replace(",", "") / f"{name}.json"
+    if kept.is_file():
+        held = json.loads(kept.read_text())
+        return score.row(name, label, held["answer"], (held["before"], held["after"]), held["seconds"])
+    start = time.monotonic()
+    try:
+        answer, predict = METHODS[method](read_case(out.cases / name))
+        seconds = time.monotonic() - start
+        before, after = score.gaps(out.tests / f"{name}.npz", predict)
+    except (InputError, ValueError, np.linalg.LinAlgError) as error:
+        return score.failed(name, label, "failed", time.monotonic() - start, str(error))
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    held = {"answer": answer, "before": before, "after": after, "seconds": round(seconds, 2)}
+    write_atomic(kept, json.dumps(held) + "\n")
+    return score.row(name, label, answer, (before, after), seconds)

@@ -1,0 +1,67 @@
+"""The command `mrdamp gap`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from mrdamp.commands import add_command
+from mrdamp.commands.output import progress_bar
+
+
+def add_to(commands: Any) -> None:
+    """Adds gap to the subparsers of an argparse parser."""
+    p = add_command(
+        commands,
+        "gap",
+        run_gap,
+        "what a controller loses on a frame that differs from its simulator, and what a diagnosis gives back",
+        "mrdamp gap --effects driver_lag storey_stiffness@1 -o out/gap",
+    )
+    p.add_argument(
+        "--controller",
+        default="clipped-optimal",
+        help="a kind, which is tuned in each simulator, or one with options or policy:FILE (default: %(default)s)",
+    )
+    p.add_argument("--effects", nargs="+", help="what the real frames have (default: all that the rig knows)")
+    p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
+    p.add_argument(
+        "--draws", type=int, default=3, help="simulators of a randomised tuning (default: %(default)s)"
+    )
+    p.add_argument("--seed", type=int, default=1)
+    p.add_argument(
+        "--jobs", type=int, default=2, help="processes; the answer is the same (default: %(default)s)"
+    )
+    p.add_argument(
+        "-o", "--out", type=Path, required=True, help="folder to write; the same command goes on there"
+    )
+
+
+def run_gap(a: argparse.Namespace) -> int:
+    """Runs the study, writes study.json and index.html, prints the tables."""
+    from mrdamp.files import write_atomic
+    from mrdamp.gap.page import COLUMNS, gap_rows, page, score_rows
+    from mrdamp.gap.study import EFFECTS, Options, study
+
+    options = Options(a.controller, tuple(a.effects or EFFECTS), a.loads, a.draws, a.seed)
+    with progress_bar() as progress:
+        found = study(options, a.out, jobs=a.jobs, progress=progress)
+    write_atomic(a.out / "study.json", json.dumps(asdict(found), indent=1) + "\n")
+    page(found).write(a.out / "index.html")
+    widths = (20, 28, 14, 16, 8, 16)
+    for row in (COLUMNS, *gap_rows(found)):
+        print("  ".join(f"{text:{w}s}" for text, w in zip(row, widths, strict=True)).rstrip())
+    rows = score_rows(found)
+    if rows:
+        print("score on the real frame, tuned on the simulator that is")
+        for row in (("", "nominal", "randomised blindly", "corrected", "drawn from its ranges"), *rows):
+            print(
+                "  ".join(
+                    f"{v:.3f}".ljust(20) if isinstance(v, float) else str(v).ljust(20) for v in row
+                ).rstrip()
+            )
+    print(f"page: {a.out / 'index.html'}")
+    return 0

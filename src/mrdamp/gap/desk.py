@@ -1,0 +1,148 @@
+"""What all real frames of a study share: the nominal simulator, the ground motions, scores, tuning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamp import sets
+from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.motions import TIME_COMPRESSION, tuning_motions, unseen_motions
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.core import Array
+from mrdamp.criteria import Criteria, evaluate
+from mrdamp.model import Effect, Model
+from mrdamp.motions import GroundMotion
+from mrdamp.parallel import mapped
+from mrdamp.stepping import FrameRun, run_frame
+from mrdamp.structures import ShearFrame, dyke1996
+
+Ranges = Mapping[tuple[str, int | None], Mapping[str, tuple[float, float]]]
+_BLIND = 0.15  # half width of the ranges of who has no diagnosis
+_WIDE = 0.1  # the same of a parameter whose interval is not known
+
+
+def nominal_frame() -> Model:
+    """The simulator as its owner believes it: the frame and the damper of Dyke et al. (1996), no effect."""
+    found = sets.load("dyke1996_3kN")
+    return Model(found.law, dict(found.parameters), rig="frame", structure=dyke1996(), name="frame")
+
+
+class Desk:
+    """A controller's workplace. controller: a kind or a spec; count: unseen motions; draws: simulators of a randomised
+    tuning."""
+
+    def __init__(
+        self, nominal: Model, controller: str, count: int, draws: int, seed: int, jobs: int = 1
+    ) -> None:
+        self.nominal, self.controller, self.draws, self.seed, self.jobs = (
+            nominal,
+            controller,
+            draws,
+            seed,
+            jobs,
+        )
+        self.loads = [m.compressed(TIME_COMPRESSION) for m in unseen_motions()[:count]]
+        self.training = [m.compressed(TIME_COMPRESSION) for m in tuning_motions()]
+        self.bench = FrameBench(nominal)
+        self._reference = {id(m): self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
+
+    def site(self, model: Model) -> registry.Site:
+        return registry.Site.of(folded(model))
+
+    def of(self, run: FrameRun) -> Criteria:
+        assert self.nominal.structure is not None
+        largest = self.nominal.attributes["command_max"]
+        return evaluate(
+            self.nominal.structure,
+            run.time,
+            run.drift,
+            run.acceleration,
+            run.force,
+            run.stroke,
+            run.command,
+            largest,
+        )
+
+    def criteria(self, model: Model, controller: Controller | None, load: GroundMotion) -> Criteria:
+        """Of a run in MuJoCo."""
+        return self.of(run_frame(model, load, controller))
+
+    def score(self, criteria: Sequence[Criteria], loads: Sequence[GroundMotion] | None = None) -> float:
+        values = []
+        for c, load in zip(criteria, self.loads if loads is None else loads, strict=True):
+            free = self._reference[id(load)]
+            drift = c.peak_drift.max() / free.peak_drift.max()
+            values.append((drift + c.peak_acceleration.max() / free.peak_acceleration.max()) / 2)
+        return float(np.mean(values))
+
+    def tune(self, models: Sequence[Model], site: registry.Site) -> Controller:
+        """The controller made for a site that is best on average over simulators and tuning motions."""
+        if not is_tuned(self.controller):
+            return registry.make(self.controller, site)
+        specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]
+        tasks = [(self, m, spec, site) for spec in specs for m in models]
+        found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(models)))
+        return registry.make(specs[int(np.argmin(found.mean(axis=1)))], site)
+
+    def blind(self) -> list[Model]:
+        """The nominal simulator with masses, stiffnesses and the damper's size drawn about the believed ones."""
+        rng = np.random.default_rng([self.seed, 1])
+        return [self._scaled(rng) for _ in range(self.draws)]
+
+    def _scaled(self, rng: np.random.Generator) -> Model:
+        s = self.nominal.structure
+        assert s is not None
+
+        def around(values: Array) -> Array:
+            return values * rng.uniform(1 - _BLIND, 1 + _BLIND, np.shape(values))
+
+        frame = ShearFrame(around(s.mass), around(s.stiffness), around(s.damping), s.damper_between)
+        size = float(rng.uniform(1 - _BLIND, 1 + _BLIND))
+        scaled = {
+            k: v * size if k.startswith(("alpha_", "c0", "c1", "f0", "k1", "fy")) else v
+            for k, v in self.nominal.parameters.items()
+        }
+        return replace(self.nominal, structure=frame, parameters=scaled)
+
+    def drawn(self, model: Model, ranges: Ranges) -> list[Model]:
+        """The corrected simulator with the effects' parameters drawn from their intervals."""
+        rng = np.random.default_rng([self.seed, 2])
+        return [replace(model, effects=_draw(rng, model, ranges)) for _ in range(self.draws)]
+
+
+def _draw(
+    rng: np.random.Generator,
+    model: Model,
+    ranges: Ranges,
+) -> tuple[Effect, ...]:
+    out = []
+    for effect in model.effects:
+        known = ranges.get((effect.name, effect.place), {})
+        drawn = {}
+        for name, value in effect.parameters.items():
+            low, high = known.get(name, ((1 - _WIDE) * value, (1 + _WIDE) * value))
+            drawn[name] = float(rng.uniform(min(low, high), max(low, high)))
+        out.append(replace(effect, parameters=drawn))
+    return tuple(out)
+
+
+def is_tuned(controller: str) -> bool:
+    """A kind by its name alone is tuned; one with options, or a policy's file, is left as it is."""
+    return ":" not in controller
+
+
+def _tuning_score(desk: Desk, model: Model, spec: str, site: registry.Site) -> float:
+    controller = registry.make(spec, site)
+    return desk.score([desk.criteria(model, controller, load) for load in desk.training], desk.training)
+
+
+def folded(model: Model) -> Model:
+    """The model with what a linear frame can hold of its effects in the structure: what a controller is made for."""
+    frame, s = model.frame, model.structure
+    assert s is not None
+    structure = ShearFrame(frame.mass, frame.stiffness, frame.damping, s.damper_between)
+    return replace(model, structure=structure, effects=tuple(e for e in model.effects if e.place is None))

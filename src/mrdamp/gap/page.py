@@ -1,0 +1,118 @@
+"""The table, picture and page of a gap study."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from mrdamp import __version__
+from mrdamp.gap.study import CRITERIA, Row, Study
+from mrdamp.pictures.style import COLOURS, REFERENCE, axes_grid, elide, figure, legend, styled
+from mrdamp.report import Cell, Page
+
+_SCORES = (
+    ("real", "tuned on the nominal simulator"),
+    ("blind", "tuned on a blindly randomised one"),
+    ("retuned", "tuned on the corrected one"),
+    ("randomised", "tuned on draws from its ranges"),
+)
+COLUMNS = ("real frame", "diagnosis", "nominal error", "corrected error", "closed", "95 % interval")
+
+
+def gap_rows(study: Study) -> list[tuple[str, ...]]:
+    """Rows under `COLUMNS`."""
+    return [
+        (
+            r.cause,
+            " + ".join(r.named) or r.verdict,
+            f"{100 * r.nominal:.1f} %",
+            f"{100 * r.corrected:.1f} %",
+            f"{100 * r.closed:.0f} %",
+            f"{100 * r.interval[0]:.0f} to {100 * r.interval[1]:.0f} %",
+        )
+        for r in study.rows
+    ]
+
+
+def score_rows(study: Study) -> list[tuple[Cell, ...]]:
+    """Scores on the real frames, a column for each way of tuning; none for a controller that is not tuned."""
+    return [
+        (r.cause, *(getattr(r, name) for name, _ in _SCORES)) for r in study.rows if r.retuned is not None
+    ]
+
+
+def page(study: Study) -> Page:
+    """The whole page."""
+    closed = [r.closed for r in study.rows]
+    named = sum(r.named == (r.cause,) for r in study.rows)
+    out = Page(
+        f"The gap of {study.controller}",
+        f"On {len(study.rows)} frames that differ from the simulator in one effect each, the diagnosis named the "
+        f"effect {named} times, and the corrected simulator closed {100 * float(np.median(closed)):.0f} % of the gap "
+        "in the controller's figures (median).",
+        f"mrdamp {__version__}, `mrdamp gap`",
+    )
+    out.figure(
+        "What the simulator promises",
+        errors(study),
+        "Mean relative error of the simulator in peak and RMS drift and acceleration, on motions in no record.",
+        "Bars: "
+        + ", ".join(f"{r.cause} {100 * r.nominal:.0f} % to {100 * r.corrected:.0f} %" for r in study.rows),
+    )
+    out.table("", COLUMNS, gap_rows(study))
+    names = [n.replace("_", " ") for n in CRITERIA]
+    rows = [(r.cause, *(_pair(r, name) for name in CRITERIA)) for r in study.rows]
+    out.table("", ("real frame", *names), rows, "Relative error, nominal and corrected, %.")
+    table = score_rows(study)
+    if table:
+        out.table(
+            "What the controller does",
+            ("real frame", *(text for _, text in _SCORES)),
+            table,
+            "Score on the real frame, smaller is better: mean of peak drift and peak acceleration over those of the "
+            f"frame without a damper in the nominal simulator, where {study.controller} promised {study.promised:.3f}.",
+        )
+        out.figure("", scores(study), "Score on the real frame by the simulator that it was tuned on.",
+                   "Bars of the table above.")  # fmt: skip
+    return out
+
+
+@styled
+def errors(study: Study) -> Figure:
+    """Bars a real frame: the simulator's error before and after the correction."""
+    fig = figure(0.7 + 0.42 * len(study.rows))
+    ax = axes_grid(fig, 1, 1)[0][0]
+    y = np.arange(len(study.rows))
+    before, after = (100 * np.array([getattr(r, k) for r in study.rows]) for k in ("nominal", "corrected"))
+    ax.barh(y - 0.19, before, height=0.36, color=REFERENCE)
+    ax.barh(y + 0.19, after, height=0.36, color=COLOURS[0])
+    ax.set_yticks(y, [elide(r.cause, 120) for r in study.rows])
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel("error in the controller's figures, %")
+    legend(fig, [Patch(color=REFERENCE), Patch(color=COLOURS[0])], ["nominal", "corrected"])
+    return fig
+
+
+@styled
+def scores(study: Study) -> Figure:
+    """Bars a real frame: the score by the simulator that the controller was tuned on."""
+    rows = [r for r in study.rows if r.retuned is not None]
+    fig = figure(0.9 + 0.62 * len(rows))
+    ax = axes_grid(fig, 1, 1)[0][0]
+    colours = (REFERENCE, COLOURS[5], COLOURS[0], COLOURS[2])
+    y, width = np.arange(len(rows)), 0.2
+    for k, ((name, _), colour) in enumerate(zip(_SCORES, colours, strict=True)):
+        ax.barh(y + (k - 1.5) * width, [getattr(r, name) for r in rows], height=width, color=colour)
+    ax.set_yticks(y, [elide(r.cause, 120) for r in rows])
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel("score on the real frame")
+    legend(fig, [Patch(color=c) for c in colours], [text for _, text in _SCORES])
+    return fig
+
+
+def _pair(row: Row, name: str) -> str:
+    before, after = row.errors[name]
+    return f"{100 * before:.1f} to {100 * after:.1f}"

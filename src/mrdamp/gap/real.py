@@ -1,0 +1,115 @@
+"""The "real" frame that a controller meets: the reference rig with an effect that the simulator does not have.
+
+The rig (`mrdamp.blindtest`) shares no code with the plugin: another integrator and step, other forms of the effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrdamp.blindtest.rig import INPUT_RATE_HZ, LAWS, RATE_HZ, Array, run_frame_controlled
+from mrdamp.control.base import Controller
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion
+from mrdamp.stepping import FrameRun
+
+#: Effects by the catalogue's names: numbers of the rig, and of a storey (from 1; relative for mass and stiffness).
+EFFECTS: Mapping[str, tuple[Mapping[str, float], Mapping[tuple[int, str], float]]] = {
+    "driver_lag": ({"lag_form": 1.0, "lag_tau": 0.012, "lag_tau2": 0.006}, {}),
+    "saturation": ({"sat_form": 1.0, "sat_level": 1.2}, {}),
+    "seal_friction": (
+        {"seal_form": 1.0, "seal_coulomb": 130.0, "seal_static": 1.3, "seal_v": 0.005, "seal_slide": 3e-5},
+        {},
+    ),
+    "storey_stiffness@1": ({}, {(1, "stiffness"): -0.3}),
+    "joint_friction@2": ({}, {(2, "friction_form"): 1.0, (2, "friction"): 60.0}),
+    "floor_mass@3": ({}, {(3, "mass"): 0.3}),
+}
+#: Hz of the logger; a command that is held over a control period of 1 ms is seen as it was.
+LOG_HZ = 2500.0
+#: White noise of the log: share of the channel's RMS.
+_NOISE = 0.006
+#: s, of what a run returns.
+_SAMPLE = 1e-3
+
+
+@dataclass(frozen=True)
+class RealFrame:
+    """A frame with its damper, as it really is: what the owner believes (`nominal`, without effects), and a cause."""
+
+    nominal: Model
+    cause: str
+    numbers: Mapping[str, float] = field(init=False)
+    storeys: tuple[Mapping[str, float], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        if self.cause not in EFFECTS:
+            raise InputError(f"gap: no effect '{self.cause}'; allowed: {', '.join(EFFECTS)}")
+        structure = self.nominal.structure
+        if structure is None or structure.storeys != 3 or self.nominal.effects:
+            raise InputError(f"{self.nominal.name}: the rig takes a frame of three storeys without effects")
+        numbers, changes = EFFECTS[self.cause]
+        law = {k: v for k, v in self.nominal.parameters.items() if not k.startswith("command_")}
+        storeys: list[dict[str, float]] = [
+            {"mass": m, "stiffness": k, "damping": c}
+            for m, k, c in zip(structure.mass, structure.stiffness, structure.damping, strict=True)
+        ]
+        for (storey, name), value in changes.items():
+            row = storeys[storey - 1]
+            row[name] = row[name] * (1 + value) if name in ("mass", "stiffness") else value
+        object.__setattr__(self, "numbers", {"law": float(LAWS.index(self.nominal.law)), **law, **numbers})
+        object.__setattr__(self, "storeys", tuple(storeys))
+
+    def run(self, motion: GroundMotion, controller: Controller) -> tuple[FrameRun, dict[str, Array]]:
+        """A ground motion (already as fast as it is to be) under a controller: the run at 1 ms, and the rig's own log
+        at `RATE_HZ`."""
+        structure = self.nominal.structure
+        assert structure is not None
+        assert structure.damper_between is not None
+        steps = int(motion.duration * RATE_HZ)
+        fine = np.arange(2 * steps + 1) / INPUT_RATE_HZ
+        controller.reset()
+        names = [(f"acceleration_{k}", f"acceleration{k}") for k in (1, 2, 3)]
+        names += [(f"displacement_{k}", f"displacement{k}") for k in (1, 2, 3)]
+        names += [(n, n) for n in ("stroke", "stroke_velocity", "force")]
+        largest = self.nominal.attributes["command_max"]
+
+        def command(t: float, seen: dict[str, float]) -> float:
+            u = controller.command(t, {ours: seen[theirs] for ours, theirs in names})
+            return min(max(u, 0.0), largest)
+
+        every = round(controller.period * RATE_HZ)
+        ground = np.interp(fine, motion.time, motion.acceleration)
+        log = run_frame_controlled(
+            self.numbers, self.storeys, structure.damper_between, ground, every, command
+        )
+        log["ground"] = ground[::2]
+        at = slice(None, None, round(_SAMPLE * RATE_HZ))
+        x = np.column_stack([log[f"displacement{k}"][at] for k in (1, 2, 3)])
+        run = FrameRun(
+            time=_SAMPLE * np.arange(len(x), dtype=np.float64),
+            drift=np.diff(x, axis=1, prepend=0.0),
+            acceleration=np.column_stack([log[f"acceleration{k}"][at] for k in (1, 2, 3)]),
+            force=log["force"][at],
+            stroke=log["stroke"][at],
+            command=log["command"][at],
+            current=log["current"][at],
+        )
+        return run, log
+
+
+def record(log: Mapping[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+    """The log as a frame record's channels at `LOG_HZ`, with noise on what is measured."""
+    at = slice(None, None, round(RATE_HZ / LOG_HZ))
+    channels = {"ground_acceleration_m_s2": log["ground"][at], "command": log["command"][at]}
+    measured = {f"floor{k}_acceleration_m_s2": log[f"acceleration{k}"][at] for k in (1, 2, 3)}
+    measured |= {f"floor{k}_displacement_m": log[f"displacement{k}"][at] for k in (1, 2, 3)}
+    measured["force_N"] = log["force"][at]
+    for name, values in measured.items():
+        size = _NOISE * float(np.sqrt(np.mean(values**2)))
+        channels[name] = values + size * rng.standard_normal(len(values))
+    return {"time_s": np.arange(len(log["ground"][at])) / LOG_HZ, **channels}

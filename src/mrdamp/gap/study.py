@@ -1,0 +1,214 @@
+"""One controller, one simulator, several real frames: how far apart they are, how much a diagnosis closes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.compare.motions import unseen_motions
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.criteria import Criteria
+from mrdamp.diagnosis.case import read_case
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+from mrdamp.gap.closed_loop import write_case
+from mrdamp.gap.desk import Desk, is_tuned, nominal_frame
+from mrdamp.gap.real import EFFECTS, RealFrame
+from mrdamp.model import Model
+
+Progress = Callable[[str, float], None]
+
+#: What a controller is judged by: the largest over storeys or floors.
+CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Options:
+    """controller: a kind that is tuned (`clipped-optimal`, `constant`, `force-tracking` ...) or any spec with options,
+    which is left as it is (`policy:FILE`). effects: real frames, names of `EFFECTS`. loads: unseen motions.
+    draws: simulators of a randomised tuning."""
+
+    controller: str = "clipped-optimal"
+    effects: tuple[str, ...] = tuple(EFFECTS)
+    loads: int = 4
+    draws: int = 3
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name in self.effects:
+            if name not in EFFECTS:
+                raise InputError(f"gap: no effect '{name}'; allowed: {', '.join(EFFECTS)}")
+        for name, least, most in (("loads", 1, len(unseen_motions())), ("draws", 1, 20)):
+            if not least <= getattr(self, name) <= most:
+                raise InputError(f"gap: {name} is {getattr(self, name)}; allowed: {least} to {most}")
+        registry.parse(self.controller)
+
+    @property
+    def tuned(self) -> bool:
+        """Is the controller tuned in the simulator?"""
+        return is_tuned(self.controller)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One real frame.
+
+    verdict, named: of the diagnosis. nominal, corrected: the simulators' mean relative error in the criteria, for the
+    controller tuned on the nominal one; real: that controller's score on the real frame. retuned, randomised, blind:
+    scores on the real frame after tuning on the corrected simulator, on draws from its ranges, and on draws of the
+    nominal one; None for a controller that is not tuned. A score is the mean of peak drift and peak acceleration over
+    those without a damper in the nominal simulator.
+    """
+
+    cause: str
+    verdict: str
+    named: tuple[str, ...]
+    nominal: float
+    corrected: float
+    real: float
+    errors: Mapping[str, tuple[float, float]]  # criterion -> relative error, nominal and corrected
+    interval: tuple[float, float]  # of `closed`, over the motions
+    retuned: float | None = None
+    randomised: float | None = None
+    blind: float | None = None
+
+    @property
+    def closed(self) -> float:
+        """Share of the performance gap that the correction closes."""
+        return 1 - self.corrected / self.nominal
+
+
+@dataclass(frozen=True)
+class Study:
+    """All real frames of one controller; promised: its score in the nominal simulator."""
+
+    controller: str
+    promised: float
+    rows: tuple[Row, ...] = field(default=())
+
+
+def study(
+    options: Options, out: Path, *, jobs: int = 1, progress: Progress = lambda what, share: None
+) -> Study:
+    """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options go on there."""
+    out.mkdir(parents=True, exist_ok=True)
+    desk = Desk(nominal_frame(), options.controller, options.loads, options.draws, options.seed, jobs)
+    progress("tuning on the nominal simulator", 0.0)
+    first = desk.tune([desk.nominal], desk.site(desk.nominal))
+    promised = desk.score([desk.criteria(desk.nominal, first, load) for load in desk.loads])
+    blind = None
+    if options.tuned:
+        progress("tuning on a blindly randomised simulator", 0.05)
+        blind = desk.tune(desk.blind(), desk.site(desk.nominal))
+    rows = []
+    for k, cause in enumerate(options.effects):
+        at = 0.1 + 0.9 * k / len(options.effects)
+        step = 0.9 / len(options.effects)
+        key = {"version": _VERSION, **asdict(replace(options, effects=(cause,)))}
+        kept = _kept(out / f"{cause}.json", key)
+        if kept is None:
+            kept = _row(desk, cause, first, blind, out, _within(progress, at, step))
+            write_atomic(
+                out / f"{cause}.json", json.dumps({"key": key, "row": asdict(kept)}, indent=1) + "\n"
+            )
+        rows.append(kept)
+    return Study(options.controller, promised, tuple(rows))
+
+
+def _within(progress: Progress, at: float, width: float) -> Progress:
+    return lambda what, share: progress(what, at + share * width)
+
+
+def _row(
+    desk: Desk, cause: str, first: Controller, blind: Controller | None, out: Path, progress: Progress
+) -> Row:
+    real = RealFrame(desk.nominal, cause)
+    progress(f"{cause}: the real frame", 0.0)
+    measured = [desk.of(real.run(load, first)[0]) for load in desk.loads]
+    write_case(real, first, desk.training, out / cause / "case", desk.seed)
+    progress(f"{cause}: diagnosis", 0.15)
+    found = diagnose(read_case(out / cause / "case"), jobs=desk.jobs)
+    write_atomic(out / cause / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
+    corrected = _with_range(found.corrected, desk.nominal)
+    corrected.write(out / cause / "corrected.json")
+    progress(f"{cause}: the corrected simulator", 0.5)
+    before = [desk.criteria(desk.nominal, first, load) for load in desk.loads]
+    after = [desk.criteria(corrected, first, load) for load in desk.loads]
+    errors = {name: (_error(before, measured, name), _error(after, measured, name)) for name in CRITERIA}
+    row = Row(
+        cause,
+        found.verdict,
+        tuple(e.effect if e.place is None else f"{e.effect}@{e.place}" for e in found.effects),
+        float(np.mean([e[0] for e in errors.values()])),
+        float(np.mean([e[1] for e in errors.values()])),
+        desk.score(measured),
+        errors,
+        _interval(before, after, measured),
+    )
+    if not is_tuned(desk.controller) or blind is None:
+        return row
+    progress(f"{cause}: tuning again", 0.6)
+    site = desk.site(corrected)
+    ranges = {(e.effect, e.place): e.intervals for e in found.effects}
+    retuned = desk.tune([corrected], site)
+    randomised = desk.tune(desk.drawn(corrected, ranges), site)
+
+    def on_real(controller: Controller) -> float:
+        return desk.score([desk.of(real.run(load, controller)[0]) for load in desk.loads])
+
+    return replace(row, retuned=on_real(retuned), randomised=on_real(randomised), blind=on_real(blind))
+
+
+def _with_range(model: Model, nominal: Model) -> Model:
+    """With the command's range, which a corrected simulator need not carry."""
+    ends = {k: v for k, v in nominal.parameters.items() if k.startswith("command_")}
+    return replace(model, parameters={**ends, **model.parameters})
+
+
+def _largest(c: Criteria, name: str) -> float:
+    return float(np.max(getattr(c, name)))
+
+
+def _relative(simulated: Criteria, measured: Criteria, name: str) -> float:
+    return abs(_largest(simulated, name) / _largest(measured, name) - 1)
+
+
+def _error(simulated: Sequence[Criteria], measured: Sequence[Criteria], name: str) -> float:
+    return float(np.mean([_relative(s, m, name) for s, m in zip(simulated, measured, strict=True)]))
+
+
+def _interval(
+    before: Sequence[Criteria], after: Sequence[Criteria], measured: Sequence[Criteria]
+) -> tuple[float, float]:
+    """95 %, by drawing the motions again."""
+    table = np.array(
+        [[[_relative(s, m, name) for name in CRITERIA] for s, m in zip(runs, measured, strict=True)]
+         for runs in (before, after)]
+    ).mean(axis=2)  # fmt: skip
+    rng = np.random.default_rng(0)
+    picks = rng.integers(0, table.shape[1], (2000, table.shape[1]))
+    closed = 1 - table[1][picks].mean(axis=1) / table[0][picks].mean(axis=1)
+    low, high = np.percentile(closed, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def _kept(path: Path, key: Mapping[str, Any]) -> Row | None:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["key"] != json.loads(json.dumps(key)):
+            return None
+        row = data["row"]
+        pairs = {k: (v[0], v[1]) for k, v in row["errors"].items()}
+        return Row(
+            **{**row, "named": tuple(row["named"]), "errors": pairs, "interval": tuple(row["interval"])}
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
