@@ -61,12 +61,12 @@ class CableRows:
         self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
         at = self.plants.sensors
         self._direct = slice(at["force"].start, at["current"].stop)
-        self._force, self._velocity = at["true_force"], at["stroke_velocity"]
+        self._pull, self._velocity = at["pull"], at["stroke_velocity"]
         self._current = at["current"].start
         many = range(1, len(places) + 1)
         self.names: tuple[str, ...] = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
-            *SIGNALS,
+            *SIGNALS[:-1],
         )
 
     def start(self, row: int, load: CableLoad) -> Array:
@@ -97,7 +97,7 @@ class CableRows:
         found[:, 2] = np.abs(share).sum(axis=1) / inner
         found[:, 3] = np.square(share).sum(axis=1) / inner
         energy = work(
-            sensors[:, :, self._force],
+            sensors[:, :, self._pull],
             sensors[:, :, self._velocity],
             now["sensordata"][:, self._velocity],
             self.plants.timestep,

@@ -13,8 +13,8 @@ from mrdamp.mjcf import damper_config
 from mrdamp.model import Model
 from mrdamp.structures import GRAVITY, FloatArray
 
-#: What is read of the damper, in this order.
-SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current")
+#: What is read of the damper, in this order; `pull` is its mean force on the cable over a step.
+SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current", "pull")
 
 
 def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
@@ -68,12 +68,13 @@ def add_damper(
     for name in ("stroke", "stroke_velocity"):
         for item in sensor.findall(f"*[@name='{name}']"):
             sensor.remove(item)
-    for signal in SIGNALS:
+    for signal in SIGNALS[:-1]:
         item = ET.SubElement(
             sensor, "plugin", name=signal, plugin="mrdamp.force_sensor", objtype="actuator", objname="damper"
         )
         if signal != "force":
             ET.SubElement(item, "config", key="signal", value=signal)
+    ET.SubElement(sensor, "actuatorfrc", name="pull", actuator="damper")
 
 
 def chain_xml(

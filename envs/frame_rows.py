@@ -70,7 +70,7 @@ class FrameRows:
         self._drift = slice(at["drift_1"].start, at[f"drift_{floors[-1]}"].stop)
         self._drift_velocity = slice(at["drift_velocity_1"].start, at[f"drift_velocity_{floors[-1]}"].stop)
         of = {s: slice(at[s].start, at[sensor_name(s, many[-1])].stop) for s in SIGNALS}
-        self._true_force, self._velocity = of["true_force"], of["stroke_velocity"]
+        self._pull, self._velocity = of["pull"], of["stroke_velocity"]
         self._current = of["current"]
         self._direct = slice(of["force"].start, of["current"].stop)
         self.names: tuple[str, ...] = (
@@ -79,7 +79,7 @@ class FrameRows:
                 for what in ("acceleration", "displacement", "velocity", "drift")
                 for j in floors
             ),
-            *(sensor_name(s, k) for s in SIGNALS for k in many),
+            *(sensor_name(s, k) for s in SIGNALS[:-1] for k in many),
         )
 
     def start(self, row: int, motion: GroundMotion) -> Array:
@@ -112,7 +112,7 @@ class FrameRows:
         found[:, 3] = mean * (share * share).reshape(n, -1).sum(axis=1)
         found[:, 4] = mean * current.reshape(n, -1).sum(axis=1)
         energy = work(
-            data[:, :, self._true_force],
+            data[:, :, self._pull],
             data[:, :, self._velocity],
             after[:, self._velocity],
             self.plants.timestep,
@@ -141,17 +141,17 @@ class FrameRows:
         self.steps[row] = len(state.moment.load) // self.plants.inner - 1
 
 
-def work(force: Array, velocity: Array, after: Array, timestep: float) -> Array:
-    """(n,) J, of forces (n, k, m) N along velocities (n, k, m) m/s at k steps and `after` (n, m) the last one.
+def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
+    """(n,) J taken from a structure by actuators that pull with (n, k, m) N over k steps.
 
-    The engine's velocities stand half a step before its positions and forces: the mean of a step's two is beside
-    them.
+    velocity: (n, k, m) m/s at the steps, after: (n, m) behind the last one. A step changes the velocity by the pull, so
+    the pull times the mean of both velocities is the work of the step, exactly.
     """
-    n = len(force)
-    total = (force * velocity).reshape(n, -1).sum(axis=1)
-    total += (force[:, :-1] * velocity[:, 1:]).reshape(n, -1).sum(axis=1)
-    total += (force[:, -1] * after).sum(axis=1)
-    return np.asarray(0.5 * timestep * total)
+    n = len(pull)
+    total = (pull * velocity).reshape(n, -1).sum(axis=1)
+    total += (pull[:, :-1] * velocity[:, 1:]).reshape(n, -1).sum(axis=1)
+    total += (pull[:, -1] * after).sum(axis=1)
+    return np.asarray(-0.5 * timestep * total)
 
 
 def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:

@@ -14,8 +14,8 @@ from mrdamp.structures import ShearFrame, dyke1996
 
 Position = tuple[int, int]
 
-#: What is read of each damper, in this order.
-SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current")
+#: What is read of each damper, in this order; `pull` is its mean force on the structure over a step.
+SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current", "pull")
 _DRAWN_ONLY = ("asset", "visual", "statistic")
 
 
@@ -63,6 +63,9 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
         sensor.remove(old)
     for signal in SIGNALS:
         for k in range(len(models)):
+            if signal == "pull":
+                ET.SubElement(sensor, "actuatorfrc", name=sensor_name(signal, k), actuator=actuator_name(k))
+                continue
             item = ET.SubElement(
                 sensor,
                 "plugin",

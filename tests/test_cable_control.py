@@ -83,11 +83,12 @@ def test_active_control_minimises_its_cost() -> None:
         return motion**2 + r * force**2
 
     best = cost(gain)
-    rng = np.random.default_rng(0)
-    for share in (0.02, -0.02):
-        assert best < cost((1 + share) * gain) < 1.01 * best
-    for _ in range(20):
-        assert cost(gain + 0.1 * rng.standard_normal(len(gain))) > best
+    for share in (0.05, -0.05):
+        assert best < cost((1 + share) * gain) < 1.05 * best
+    for c in (0.3, -0.3):
+        assert best < cost(gain + c * cable.velocity_row) < 1.1 * best
+    with pytest.raises(InputError, match="unstable"):
+        cable.rms(-gain)
     assert cost(cable.best_viscous() * cable.velocity_row) > 3 * best
 
 

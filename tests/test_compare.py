@@ -29,6 +29,8 @@ from mrdamp.compare.motions import (
 )
 from mrdamp.compare.runner import run_all
 from mrdamp.compare.summary import difference, interval, summarise
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Network, Policy
 from mrdamp.criteria import evaluate
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
@@ -175,6 +177,32 @@ def test_several_files_are_seeds() -> None:
     assert result.against("c", "d", "mean_command").mean == pytest.approx(0.6)
 
 
+def steady_policy(action: float, path: Path) -> None:
+    """A policy of no layers to speak of: the same action whatever it sees, every 5 ms."""
+    network = Network(((np.zeros((1, 3)), np.array([action])),))
+    Policy("steady", 5e-3, Observer(("stroke", "force"), (1.0, 1.0)), np.eye(3), network, 2.25).write(path)
+
+
+def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> None:
+    for seed, action in ((1, 0.0), (2, 1.0)):
+        (tmp_path / f"seed_{seed}").mkdir()
+        steady_policy(action, tmp_path / f"seed_{seed}" / "policy.json")
+    names = [f"learned=policy:{tmp_path}", "constant:value=1.125", "passive-on"]
+    rows = contenders(BENCH, names, {})
+    assert [row.learned for row in rows] == [True, False, False]
+    assert [Path(spec).parent.name for spec in rows[0].specs] == ["seed_1", "seed_2"]
+    result = compare(BENCH, rows, MOTIONS[:1], (1.0,))
+    for key in ("J1", "J2", "mean_command", "coil_energy", "dissipated_energy"):
+        one, two = (result.values[row.name][key][0, 0, 0] for row in rows[1:])
+        np.testing.assert_allclose(result.values["learned"][key].ravel(), [one, two], rtol=1e-12)
+    s = result.against("learned", "passive-on", "mean_command")
+    assert [s.mean, s.low, s.high] == pytest.approx([-0.5625, -1.125, 0.0])
+    # Another file under the same name is another run.
+    key = BENCH.key(rows[0].specs[0], MOTIONS[0], 1.0)
+    steady_policy(-1.0, tmp_path / "seed_1" / "policy.json")
+    assert BENCH.key(rows[0].specs[0], MOTIONS[0], 1.0) != key
+
+
 def test_names_of_contenders() -> None:
     settings = {"best-constant": tuning.Setting("constant:value=0.9", 0.4)}
     rows = contenders(BENCH, ["best-constant", "mine=constant:value=0.2", "skyhook:damping=100"], settings)
@@ -303,7 +331,7 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
         pytest.skip(f"needs {preset.FILE} in the shared data beside the repository")
     out = tmp_path / "out"
     assert run("compare", "--preset", "dyke1996", "--motions", record, "--json", "-o", out) == 0
-    data = json.loads(capsys.readouterr().out.partition("\npage:")[0])
+    data = json.loads(capsys.readouterr().out)
     # Typed in from the paper: third floor's peak acceleration (cm/s2) and the damper's force (N).
     a3 = {"uncontrolled": 1400, "passive-off": 717, "passive-on": 767, "clipped-optimal": 703}
     for name, row in data["rows"].items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp.comparison import table_1
+from mrdamp.comparison import paper_network, table_1
 from mrdamp.errors import InputError
 from mrdamp.records import RecordSet
 from sine_records import grid, straight
@@ -31,3 +31,15 @@ def test_table_1_and_its_picture() -> None:
         table.picture("x")
     with pytest.raises(InputError, match="network: no force"):
         table_1(records, ("bingham",), {"network": {held[0].name: np.zeros(3)}}, starts=1)
+
+
+def test_the_papers_network_is_not_chosen_on_the_held_out_records() -> None:
+    """10 and 4 units over four samples of four channels; other held-out forces give the same weights."""
+    train, held = grid(straight, (0.0, 0.8)), grid(straight, (0.4,), seed=50)[:1]
+    fit = paper_network(RecordSet("grid", tuple(train[:1] + train[2:3]), tuple(held)), initialisations=1)
+    assert fit.network.topology == "16-10-4-1"
+    assert {channel for channel, _ in fit.network.inputs} == set("xviF")
+    other = held[0].with_channels({"force_N": -held[0].channel("force_N")})
+    again = paper_network(RecordSet("grid", tuple(train[:1] + train[2:3]), (other,)), initialisations=1)
+    np.testing.assert_array_equal(again.network.theta, fit.network.theta)
+    assert again.free_run.test[0].rmse != pytest.approx(fit.free_run.test[0].rmse, rel=0.1)

@@ -12,7 +12,16 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import mrdamp.envs
 from mrdamp.control.observe import Stack
-from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask, Observer, SyntheticMotions
+from mrdamp.envs import (
+    AmbientLoads,
+    CableEnv,
+    CableTask,
+    FrameEnv,
+    FrameReward,
+    FrameTask,
+    Observer,
+    SyntheticMotions,
+)
 from mrdamp.envs.task import Task
 from mrdamp.envs.vector import CableVectorEnv, FrameVectorEnv, PlantVectorEnv
 from mrdamp.errors import InputError
@@ -159,7 +168,17 @@ OBSERVER = Observer(("a", "b"), (2.0, 10.0), history=3, command_max=(4.0,), limi
 
 
 def test_an_observer_scales_cuts_and_stacks() -> None:
-    assert OBSERVER.names == ("a", "b", "command", "a[-1]", "b[-1]", "command[-1]", "a[-2]", "b[-2]", "command[-2]")
+    assert OBSERVER.names == (
+        "a",
+        "b",
+        "command",
+        "a[-1]",
+        "b[-1]",
+        "command[-1]",
+        "a[-2]",
+        "b[-2]",
+        "command[-2]",
+    )
     first = OBSERVER({"a": 1.0, "b": 20.0, "c": 7.0}, 0.0)
     np.testing.assert_array_equal(first, [0.5, 2, 0] * 3)
     OBSERVER({"a": 2.0, "b": -1000.0}, 1.0)

@@ -33,6 +33,7 @@ from mrdamp.records import Record, RecordSet, embedded, read_records
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ROOT / "docs" / "identification"
 WORK = ROOT / "out" / "identification"
+_BEGIN, _END = "<!-- figures -->", "<!-- end of figures -->"
 
 
 def records_of(name: str, data: Path | None, cutoff: float | None) -> RecordSet:
@@ -81,6 +82,7 @@ def table(
     lines += ["mrdamp " + shlex.join(command(name, row, t.cutoff, "records")) for row in t.rows] + ["```", ""]
     head = ["model", "fitted records", "held-out records"]
     head += ["held out at the network's rate"] if t.sample_time else []
+    head += [f"without {t.without}"] if t.without else []
     head += ["mark"] if any(row.mark is not None for row in t.rows) else []
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     models = {row.file: run(name, row, t.cutoff, data) for row in t.rows}
@@ -91,8 +93,10 @@ def table(
         ]
         if t.sample_time:
             values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
+        if t.without:
+            values.append(pooled([error(model, r) for r in records.validation if t.without not in r.name]))
+        figures[row.file] = [*values, row.mark]
         values += [row.mark] if "mark" in head else []
-        figures[row.file] = values
         lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
     lines += ["", *by_record(records, models, t), ""]
     return lines, models
@@ -193,12 +197,27 @@ def write(name: str, data: Path | None) -> None:
             shrink(picture, PAGES / f"{name}-{picture.name}")
             lines += [f"![{row.name}: {picture.stem.split('-')[-1]}]({name}-{picture.name})", ""]
     (PAGES / f"{name}.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    kept[name] = figures
-    rounded = {
-        s: {f: [None if v is None else round(v, 4) for v in row] for f, row in fs.items()}
-        for s, fs in kept.items()
-    }
-    store.write_text(json.dumps(rounded, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    kept[name] = {file: [None if v is None else round(v, 4) for v in row] for file, row in figures.items()}
+    store.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    summarise(kept)
+
+
+def summarise(kept: Mapping[str, Mapping[str, Sequence[float | None]]]) -> None:
+    """Puts the figures of all pages into the table of the summary, between its two marks."""
+    lines = ["| set | model | fitted records | held-out records | mark |", "|---|---|---|---|---|"]
+    for name, page in SETS.items():
+        for t in page.tables:
+            for row in t.rows:
+                if row.file in kept.get(name, {}):
+                    seen, new, *_, mark = kept[name][row.file]
+                    where = f"[{name}]({name}.md), {t.title[0].lower()}{t.title[1:]}"
+                    lines.append(
+                        f"| {where} | {row.name} | {seen:.3f} | {new:.3f} | {'' if mark is None else mark} |"
+                    )
+    path = PAGES / "README.md"
+    before, _, rest = path.read_text(encoding="utf-8").partition(_BEGIN)
+    _, _, after = rest.partition(_END)
+    path.write_text("\n".join([before + _BEGIN, *lines, _END + after]), encoding="utf-8")
 
 
 def _folder(name: str, data: Path | None) -> Path:

@@ -20,7 +20,7 @@ class Judge:
 
     def __init__(self, world: World, loads: Sequence[Any]) -> None:
         self.world, self.loads = world, loads
-        self.task: Task = world.task(len(loads))
+        self.task: Task = world.judging(len(loads))
         self._names = list(self.task.score.NAMES)
 
     def __call__(self, policy: Policy | float) -> dict[str, Array]:

@@ -36,6 +36,10 @@ class World(ABC):
         """n rows under training loads."""
 
     @abstractmethod
+    def judging(self, n: int) -> Task:
+        """n rows whose `info` holds the measures as they are reported, whatever the reward is."""
+
+    @abstractmethod
     def validation(self) -> Sequence[Any]:
         """Loads that a policy is judged by while it is trained."""
 
@@ -63,6 +67,9 @@ class FrameWorld(World):
 
     def task(self, n: int) -> FrameTask:
         return FrameTask(n, motions=training_motions(), **self.arguments)
+
+    def judging(self, n: int) -> FrameTask:
+        return FrameTask(n, **{**self.arguments, "reward": None})
 
     def validation(self) -> Sequence[Any]:
         return validation_motions()
@@ -92,6 +99,9 @@ class CableWorld(World):
 
     def task(self, n: int) -> CableTask:
         return CableTask(n, loads=CableLoads(), **self.arguments)
+
+    def judging(self, n: int) -> CableTask:
+        return CableTask(n, **{**self.arguments, "reward": None})
 
     def validation(self) -> Sequence[Any]:
         return validation_loads(self.task(1).cable.length)

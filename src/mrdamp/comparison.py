@@ -72,7 +72,12 @@ class Table1:
 
 
 def paper_network(
-    records: RecordSet, *, seed: int = 0, workers: int = 1, progress: Progress | None = None
+    records: RecordSet,
+    *,
+    initialisations: int = 3,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
 ) -> FitNarx:
     """The paper's network: displacement, velocity, command and force, four samples of each, 10 and 4 tanh units.
 
@@ -83,8 +88,9 @@ def paper_network(
     channels = "xviF" if stretches.varies else "xvF"
     tell = progress or (lambda what, share: None)
     return train_narx(
-        stretches.train, test=stretches.validation, inputs=lagged(channels, 3), hidden=(10, 4), initialisations=3,
-        refined=2, seed=seed, workers=workers, progress=lambda what, share: tell(f"network: {what}", share),
+        stretches.train, test=stretches.validation, inputs=lagged(channels, 3), hidden=(10, 4),
+        initialisations=initialisations, refined=min(2, initialisations), seed=seed, workers=workers,
+        progress=lambda what, share: tell(f"network: {what}", share),
     )  # fmt: skip
 
 

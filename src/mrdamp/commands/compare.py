@@ -204,9 +204,9 @@ def _dyke1996(a: argparse.Namespace) -> int:
     if a.out:
         _keep(a.out)
         write_atomic(a.out / "table.md", preset.markdown(rows, motion))
-        page = preset.page(rows, motion)
-        page.write(a.out / "index.html")
-        print(f"page: {a.out / 'index.html'}")
+        preset.page(rows, motion).write(a.out / "index.html")
+        if not a.json:
+            print(f"page: {a.out / 'index.html'}")
     return 0
 
 
@@ -223,7 +223,8 @@ def _cable_reference(a: argparse.Namespace) -> int:
     if a.out:
         _keep(a.out)
         write_atomic(a.out / "table.md", preset.markdown(rows))
-        print(f"table: {a.out / 'table.md'}")
+        if not a.json:
+            print(f"table: {a.out / 'table.md'}")
     return 0
 
 

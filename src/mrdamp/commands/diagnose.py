@@ -31,19 +31,26 @@ def run_diagnose(a: argparse.Namespace) -> int:
     """Diagnoses a case, writes diagnosis.json and corrected.json, prints the sentence and the table."""
     from mrdamp.diagnosis.case import read_case
     from mrdamp.diagnosis.run import diagnose
+    from mrdamp.diagnosis.store import Store, write_arrays
     from mrdamp.diagnosis.words import table
     from mrdamp.files import write_atomic
+    from mrdamp.record_csv import render
 
     if a.jobs is not None and a.jobs < 1:
         raise InputError(f"--jobs is {a.jobs}; at least 1")
     case = read_case(a.case)
-    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_tell)
     try:
         a.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    store = Store.of(a.out / ".fits.json", case)
+    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_tell, store=store)
     found.corrected.write(a.out / "corrected.json")
+    if found.next_signal is not None:
+        write_atomic(a.out / "next_experiment.csv", render(found.next_signal))
+    write_arrays(a.out / "arrays.npz", found.pictures)
     write_atomic(a.out / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
+    store.remove()
     print(found.sentence)
     print(table(found))
     return 0

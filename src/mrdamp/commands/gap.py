@@ -44,7 +44,8 @@ def run_gap(a: argparse.Namespace) -> int:
     """Runs the study, writes study.json and index.html, prints the tables."""
     from mrdamp.files import write_atomic
     from mrdamp.gap.page import COLUMNS, gap_rows, page, score_rows
-    from mrdamp.gap.study import EFFECTS, Options, study
+    from mrdamp.gap.real import EFFECTS
+    from mrdamp.gap.study import Options, study
 
     options = Options(a.controller, tuple(a.effects or EFFECTS), a.loads, a.draws, a.seed)
     with progress_bar() as progress:
@@ -57,10 +58,11 @@ def run_gap(a: argparse.Namespace) -> int:
     rows = score_rows(found)
     if rows:
         print("score on the real frame, tuned on the simulator that is")
-        for row in (("", "nominal", "randomised blindly", "corrected", "drawn from its ranges"), *rows):
+        heads = ("", "nominal", "randomised blindly", "corrected", "drawn from its ranges")
+        for scored in (heads, *rows):
             print(
                 "  ".join(
-                    f"{v:.3f}".ljust(20) if isinstance(v, float) else str(v).ljust(20) for v in row
+                    f"{v:.3f}".ljust(20) if isinstance(v, float) else str(v).ljust(20) for v in scored
                 ).rstrip()
             )
     print(f"page: {a.out / 'index.html'}")

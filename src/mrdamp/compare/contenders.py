@@ -78,8 +78,10 @@ def _contender(
 
 
 def _files(path: Path) -> tuple[Path, ...]:
+    """A file, or those of a folder: policy.json in its subfolders, as training leaves them, or every .json in it."""
     if path.is_dir():
-        return tuple(sorted(f for f in path.iterdir() if f.name.endswith(_SUFFIXES)))
+        trained = sorted(path.glob("**/policy.json"))
+        return tuple(trained or sorted(f for f in path.iterdir() if f.name.endswith(_SUFFIXES)))
     if not path.is_file():
         raise InputError(f"{path}: no such policy file")
     return (path,)

@@ -108,9 +108,15 @@ class TautCable:
         return np.hstack([lower.T, np.zeros_like(lower)])
 
     def rms(self, gain: FloatArray) -> tuple[float, float]:
-        """J and the RMS force under F = -gain s, gain (2N+2,), in white noise of intensity one."""
+        """J and the RMS force under F = -gain s, gain (2N+2,), in white noise of intensity one.
+
+        Raises InputError where the cable is unstable under that gain.
+        """
         p = self.plant
-        covariance = solve_continuous_lyapunov(p.a - np.outer(p.b, gain), -np.outer(p.e, p.e))
+        closed = p.a - np.outer(p.b, gain)
+        if np.linalg.eigvals(closed).real.max() >= 0:
+            raise InputError("cable: unstable under this gain")
+        covariance = solve_continuous_lyapunov(closed, -np.outer(p.e, p.e))
         motion = np.trace(self.cost_factor @ covariance @ self.cost_factor.T)
         return math.sqrt(motion), math.sqrt(max(gain @ covariance @ gain, 0.0))
 

@@ -9,8 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from mrdamp import core
+from mrdamp.between import Fine, between, mended_ends
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.experiment import Envelope, Signal
 from mrdamp.diagnosis.problem import SKIP
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
@@ -20,8 +22,8 @@ from mrdamp.sampling import derivative
 
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
-#: s, the chain's inner step while searching; behind a mount every step is solved for, and twice as short.
-_COARSE, _COARSE_MOUNT = 1e-3, 2e-3
+#: s, the chain's step while searching, the same where a mount is solved for in every step, and in the last fit.
+_COARSE, _COARSE_MOUNT, _FINE = 1e-3, 2e-3, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class DamperRig:
         """Displacement (m), velocity (m/s) and acceleration (m/s2) where measured, of each record."""
         out = []
         for r in self.records:
-            x = smoothed(r.displacement)
+            x = smoothed(mended_ends(np.asarray(r.displacement)))
             out.append((x, r.channels.get("velocity_m_s"), r.channels.get("acceleration_m_s2")))
         return tuple(out)
 
@@ -88,27 +90,37 @@ class DamperRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
-        step = (_COARSE_MOUNT if mount else _COARSE) if coarse else None
-        return self._run(self._vectors(settings), record, self.motions[record][0], step)
+        step = (_COARSE_MOUNT if mount else _COARSE) if coarse else _FINE
+        return self._run(settings, self._fine(record, step))
 
-    def _vectors(self, settings: Sequence[Settings]) -> Array:
-        return np.array([core.vector(self.nominal_model.law, self._base | s) for s in settings])
+    def _fine(self, record: int, step: float) -> Fine:
+        """A record's inputs on a clock of about this step (s); kept."""
+        factor = max(1, round(self.records[record].sample_time / step))
+        if (record, factor) not in self._inputs:
+            r = self.records[record]
+            x, v, a = self.motions[record]
+            self._inputs[record, factor] = between(x, r.command, r.sample_time, factor, v, a)
+        return self._inputs[record, factor]
 
-    def _run(self, vectors: Array, record: int, x: Array, substep: float | None = None) -> Array:
-        r = self.records[record]
-        _, v, a = self.motions[record]
-        return core.run_many(
-            self.nominal_model.law,
-            vectors,
-            r.sample_time,
-            x,
-            r.command,
-            v=v,
-            a=a,
-            substep=substep,
+    @cached_property
+    def _inputs(self) -> dict[tuple[int, int], Fine]:
+        return {}
+
+    def _run(self, settings: Sequence[Settings], inputs: Fine) -> Array:
+        law = self.nominal_model.law
+        out = core.run_many(
+            law,
+            np.array([core.vector(law, self._base | s) for s in settings]),
+            inputs.sample_time,
+            inputs.x,
+            inputs.u,
+            v=inputs.v,
+            a=inputs.a,
+            substep=inputs.sample_time,
             narx=self.nominal_model.narx,
             columns=[_COLUMNS[c] for c in self.channels],
         )
+        return np.ascontiguousarray(out[:, :, :: inputs.factor])
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,) N: what the noise of the displacement, as far as smoothing leaves it, does to the force."""
@@ -118,8 +130,29 @@ class DamperRig:
         rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
         again = smoothed(x + level * rng.standard_normal(r.n), level)
         skip = round(SKIP / r.sample_time)
-        change = self._run(self._vectors([settings]), record, again) - self._run(self._vectors([settings]), record, x)
+        inputs = self._fine(record, _COARSE)
+        disturbed = between(again, r.command, r.sample_time, inputs.factor, *self.motions[record][1:])
+        change = self._run([settings], disturbed) - self._run([settings], inputs)
         return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """The limits that the next test stays within: what the records span."""
+        command = np.concatenate([r.command for r in self.records])
+        v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
+        return Envelope(
+            stroke=self.sizes.stroke,
+            velocity=v,
+            command_low=float(command.min()) if command.min() > 1e-6 * self.sizes.command else 0.0,
+            command_high=float(command.max()),
+            sample_time=self.sizes.sample_time,
+        )
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        factor = max(1, round(self.sizes.sample_time / _COARSE))
+        inputs = between(signal.displacement, signal.command, self.sizes.sample_time, factor)
+        return self._run(settings, inputs)
 
     def conditions(self, record: int) -> dict[str, Array]:
         """What the gap is mapped over: name with unit -> (n,)."""

@@ -69,7 +69,7 @@ def fit(
     r = problem.residuals(hypothesis, q)[0]
     cost = float(r @ r)
     total = cost + float(np.sum((prior * q) ** 2))
-    damping, converged, fresh, k = 1e-2, False, known is None, 0
+    damping, converged, fresh, k = 1e-2, most == 0, known is None, 0
     j = _jacobian(problem, hypothesis, q, r, known)
     for k in range(1, most + 1):
         steps = np.array([_step(j, r, prior, q, low, high, damping * d) for d in _DAMPINGS])

@@ -23,8 +23,8 @@ from mrdamp.records import Record
 from mrdamp.sampling import derivative
 from mrdamp.structures import ShearFrame
 
-#: s, the chain's inner step while searching; the frame is stepped with half of it.
-_COARSE = 2e-3
+#: s, the chain's inner step while searching and for the last fit; the frame is stepped with half of it.
+_COARSE, _FINE = 2e-3, 1e-3
 _STRUCTURE = ("mass", "stiffness", "damping")
 
 
@@ -32,14 +32,18 @@ _STRUCTURE = ("mass", "stiffness", "damping")
 class FrameRig:
     """A frame case's simulator and records (see `mrdamp.diagnosis.rig.Rig`).
 
-    threads: of the C entry. block: so many samples are averaged into one, of what is measured and of what is
-    simulated alike: a frame moves below some 20 Hz, and noise is white.
+    raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
+    the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
     """
 
     nominal_model: Model
-    records: tuple[Record, ...]
-    threads: int = 1
+    raw: tuple[Record, ...]
     block: int = 1
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        """The records at the rate of the comparison."""
+        return tuple(averaged(r, self.block) for r in self.raw)
 
     @cached_property
     def structure(self) -> ShearFrame:
@@ -52,7 +56,7 @@ class FrameRig:
         """Accelerations, then displacements of the floors, the ground up, then the force: those all records have."""
         floors = range(1, self.structure.storeys + 1)
         names = [f"floor{j}_acceleration_m_s2" for j in floors] + [f"floor{j}_displacement_m" for j in floors]
-        return tuple(c for c in (*names, "force_N") if all(c in r.channels for r in self.records))
+        return tuple(c for c in (*names, "force_N") if all(c in r.channels for r in self.raw))
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -65,16 +69,16 @@ class FrameRig:
     @cached_property
     def sizes(self) -> Sizes:
         """What the damper goes through in the nominal simulator's free runs."""
-        runs = [self._run([{}], k, coarse=True)[0] for k in range(len(self.records))]
+        runs = [self._run([{}], k, coarse=True)[0] for k in range(len(self.raw))]
         x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
-        dt = max(r.sample_time for r in self.records)
+        dt = max(r.sample_time for r in self.raw)
         heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o in runs)
         return Sizes(
             force=rms(f) or 1.0,
             stroke=2 * rms(x),
             velocity=rms(v),
             acceleration=rms(np.concatenate([derivative(o["stroke_velocity"], dt) for o in runs])),
-            command=max(float(np.abs(r.command).max()) for r in self.records) or 1.0,
+            command=max(float(np.abs(r.command).max()) for r in self.raw) or 1.0,
             heat=heat,
             sample_time=dt,
         )
@@ -91,10 +95,10 @@ class FrameRig:
         return (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes))
 
     def measured(self, record: int) -> Array:
-        return self._blocks(np.vstack([self.records[record].channel(c) for c in self.channels]))
+        return np.vstack([self.records[record].channel(c) for c in self.channels])
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
-        r = self.records[record]
+        r = self.raw[record]
         runs = self._run(settings, record, coarse=coarse)
         out = np.array([[o[c] for c in self.columns] for o in runs])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
@@ -104,11 +108,24 @@ class FrameRig:
             if shift:
                 for k in late:
                     row[k] = np.interp(t - shift, t, row[k])
-        return self._blocks(out)
+        return block_means(out, self.block)
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,), nothing: a table's motion and the command are taken as they were sent."""
         return np.zeros(len(self.channels))
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        """What the gap is mapped over: name with unit -> (n,)."""
+        r = self.records[record]
+        out = {"command": np.asarray(r.command), "command rate (1/s)": derivative(r.command, r.sample_time)}
+        for j in range(1, self.structure.storeys + 1):
+            upper, lower = (f"floor{k}_displacement_m" for k in (j, j - 1))
+            if upper in r.channels and (lower in r.channels or j == 1):
+                drift = r.channel(upper) - (r.channel(lower) if j > 1 else 0.0)
+                out[f"drift of storey {j} (m)"] = drift
+                out[f"drift velocity of storey {j} (m/s)"] = derivative(drift, r.sample_time)
+        ground = np.asarray(r.channel("ground_acceleration_m_s2"))
+        return out | {"ground acceleration (m/s2)": ground, "time (s)": np.asarray(r.time)}
 
     def model(self, settings: Mapping[str, float]) -> Model:
         own, s = set(self.nominal_model.parameters), self.structure
@@ -127,17 +144,12 @@ class FrameRig:
             structure=ShearFrame(mass, stiffness, damping, s.damper_between),
         )
 
-    def _blocks(self, channels: Array) -> Array:
-        """Means over blocks of samples (..., n / block)."""
-        n = channels.shape[-1] // self.block * self.block
-        return np.asarray(channels[..., :n].reshape(*channels.shape[:-1], -1, self.block).mean(axis=-1))
-
     @cached_property
     def _base(self) -> dict[str, float]:
         return dict(self.nominal_model.attributes)
 
     def _run(self, settings: Sequence[Settings], record: int, *, coarse: bool) -> list[dict[str, Array]]:
-        r = self.records[record]
+        r = self.raw[record]
         vectors = [
             core.vector(self.nominal_model.law, self._base | {k: v for k, v in s.items() if "@" not in k})
             for s in settings
@@ -149,8 +161,7 @@ class FrameRig:
             r.sample_time,
             r.channel("ground_acceleration_m_s2"),
             r.command,
-            substep=_COARSE if coarse else None,
-            threads=self.threads,
+            substep=_COARSE if coarse else _FINE,
             narx=self.nominal_model.narx,
         )
 
@@ -164,6 +175,20 @@ class FrameRig:
         effects = (*self.nominal_model.effects, *placed_effects(settings))
         frame = ShearFrame(values["mass"], values["stiffness"], values["damping"], s.damper_between)
         return Model("bingham", _NO_DAMPER, tuple(e for e in effects if e.place), "frame", frame).frame
+
+
+def block_means(values: Array, block: int) -> Array:
+    """Means over blocks of samples: (..., n) -> (..., n // block)."""
+    n = values.shape[-1] // block * block
+    return np.asarray(values[..., :n].reshape(*values.shape[:-1], -1, block).mean(axis=-1))
+
+
+def averaged(record: Record, block: int) -> Record:
+    """A record of block means; as it is for a block of 1."""
+    if block == 1:
+        return record
+    channels = {name: block_means(np.asarray(x), block) for name, x in record.channels.items()}
+    return Record(record.name, record.path, block * record.sample_time, channels, record.ignored)
 
 
 #: `Model.frame` asks for a law; the frame does not depend on it.

@@ -23,53 +23,63 @@ def structure_coordinates(s: ShearFrame) -> tuple[Coordinate, ...]:
 
 
 def frame_terms(s: ShearFrame, records: Sequence[Record], sizes: Sizes) -> tuple[Term, ...]:
-    """What may be wrong with each storey, floor and accelerometer."""
+    """What may be wrong with each storey, floor and accelerometer, the ground up."""
     out: list[Term] = []
-    dt = sizes.sample_time
     for j in range(1, s.storeys + 1):
-        mass, damping = float(s.mass[j - 1]), float(s.damping[j - 1])
         shear, acceleration = _sizes(s, records, j)
-        out += [
-            _placed("storey_stiffness", "structure", j, (linear(f"storey_stiffness_e@{j}", 0.05, -0.8, 3.0),), ((0.05,), (-0.2,))),
-            _placed("storey_damping", "structure", j, (linear(f"storey_damping_e@{j}", 0.3, -0.99, 60.0),), ((0.3,), (3.0,))),
-            _placed(
-                "joint_friction", "structure", j,
-                (
-                    linear(f"joint_friction_coulomb@{j}", 0.02 * shear, 0.0, 2 * shear),
-                    positive(f"joint_friction_width@{j}", 2e-3, 5e-5, 0.1),
-                ),
-                ((0.02 * shear, 2e-3), (0.1 * shear, 2e-3)),
-            ),
-            _placed("floor_mass", "structure", j, (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),), ((0.03 * mass,), (0.2 * mass,))),
-            _placed("sensor_gain", "sensor", j, (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),), ((1.05,), (0.95,))),
-            _placed("sensor_offset", "sensor", j, (linear(f"sensor_offset_f@{j}", 0.02 * acceleration, -5 * acceleration, 5 * acceleration),), ((0.02 * acceleration,),)),
-            _placed("sensor_leakage", "sensor", j, (positive(f"sensor_leakage_tau@{j}", 1.0, 0.01, 200.0),), ((1.0,), (0.1,))),
-            _placed(
-                "sensor_lag", "sensor", j,
-                (
-                    positive(f"sensor_lag_tau@{j}", 2 * dt, 0.1 * dt, 50 * dt),
-                    positive(f"sensor_lag_tau2@{j}", 0.3 * dt, 0.05 * dt, 25 * dt),
-                ),
-                ((2 * dt, 0.2 * dt), (5 * dt, dt)),
-            ),
-        ]  # fmt: skip
-        if not damping > 0:  # a relative change of nothing
-            out = [t for t in out if t.cause != f"storey_damping@{j}"]
-    return tuple(out)
+        out += _storey(j, float(s.mass[j - 1]), shear)
+        out += _accelerometer(j, acceleration, sizes.sample_time)
+    # A relative change of no damping is none.
+    return tuple(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
+
+
+def _storey(j: int, mass: float, shear: float) -> tuple[Term, ...]:
+    """mass (kg) of floor j, shear (N) that its storey carries."""
+    stiffness = (linear(f"storey_stiffness_e@{j}", 0.05, -0.8, 3.0),)
+    damping = (linear(f"storey_damping_e@{j}", 0.3, -0.99, 60.0),)
+    friction = (
+        linear(f"joint_friction_coulomb@{j}", 0.02 * shear, 0.0, 2 * shear),
+        positive(f"joint_friction_width@{j}", 2e-3, 5e-5, 0.1),
+    )
+    return (
+        _placed("storey_stiffness", "structure", j, stiffness, (0.05,), (-0.2,)),
+        _placed("storey_damping", "structure", j, damping, (0.3,), (3.0,), (-0.4,)),
+        _placed("joint_friction", "structure", j, friction, (0.02 * shear, 2e-3), (0.1 * shear, 2e-3)),
+        _placed(
+            "floor_mass", "structure", j, (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),),
+            (0.03 * mass,), (0.2 * mass,),
+        ),
+    )  # fmt: skip
+
+
+def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
+    """acceleration (m/s2) that the accelerometer of floor j reads, sample time dt (s)."""
+    offset = linear(f"sensor_offset_f@{j}", 0.02 * acceleration, -5 * acceleration, 5 * acceleration)
+    leakage = positive(f"sensor_leakage_tau@{j}", 1.0, 0.01, 200.0)
+    lag = (
+        positive(f"sensor_lag_tau@{j}", 2 * dt, 0.1 * dt, 50 * dt),
+        positive(f"sensor_lag_tau2@{j}", 0.3 * dt, 0.05 * dt, 25 * dt),
+    )
+    return (
+        _placed("sensor_gain", "sensor", j, (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),), (1.05,), (0.95,)),
+        _placed("sensor_offset", "sensor", j, (offset,), (0.02 * acceleration,), (-0.02 * acceleration,)),
+        _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
+        _placed("sensor_lag", "sensor", j, lag, (2 * dt, 0.2 * dt), (5 * dt, dt)),
+    )
 
 
 def _placed(
-    effect: str, stage: str, place: int, coordinates: tuple[Coordinate, ...], starts: tuple[tuple[float, ...], ...]
+    effect: str, stage: str, place: int, coordinates: tuple[Coordinate, ...], *starts: tuple[float, ...]
 ) -> Term:
     return Term(effect, stage, coordinates, starts, place)
 
 
 def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, float]:
     """RMS force (N) that storey j carries, from what is above it, and RMS acceleration (m/s2) of floor j."""
-    floors = [k for k in range(j, s.storeys + 1)]
+    floors = range(j, s.storeys + 1)
     shear, acceleration = [], []
     for r in records:
         a = [r.channels.get(f"floor{k}_acceleration_m_s2", r.channel("ground_acceleration_m_s2")) for k in floors]
-        shear.append(rms(sum((s.mass[k - 1] * x for k, x in zip(floors, a, strict=True)), np.zeros(r.n))))
-        acceleration.append(rms(a[0]))
+        shear.append(rms(np.sum([s.mass[k - 1] * x for k, x in zip(floors, a, strict=True)], axis=0)))
+        acceleration.append(rms(np.asarray(a[0])))
     return float(np.mean(shear)), float(np.mean(acceleration))

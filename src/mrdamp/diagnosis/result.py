@@ -119,7 +119,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer for a case. `pictures`: arrays by name, for the page (see `mrdamp.diagnosis.pictures_data`)."""
+    """The answer for a case. `pictures`: arrays by name, for the page."""
 
     case: str
     rig: str
@@ -138,6 +138,7 @@ class Diagnosis:
     corrections: tuple[str, ...] = ()  # terms in the corrected model that mend a form and are not named
     probabilities: Mapping[str, float] = field(default_factory=dict)  # by cause, and of none, parameters, unknown
     seconds: float = 0.0
+    next_signal: Mapping[str, Any] | None = field(default=None, repr=False)  # columns of the next test's CSV
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def with_sentence(self, text: str) -> Diagnosis:

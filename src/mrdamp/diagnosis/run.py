@@ -12,6 +12,7 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.experiment import Signal, columns, propose, rival, with_term
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors
 from mrdamp.diagnosis.problem import Problem
@@ -19,6 +20,7 @@ from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Wher
 from mrdamp.diagnosis.rig import Rig
 from mrdamp.diagnosis.search import Limits, Search
 from mrdamp.diagnosis.settle import Settled, heldout, settle
+from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
 from mrdamp.diagnosis.where import record_shares, regimes, stage_shares
@@ -41,9 +43,21 @@ def make_rig(case: Case) -> Rig:
 
 
 def diagnose(
-    case: Case, *, jobs: int = 1, progress: Progress = lambda what, share: None, limits: Limits | None = None
+    case: Case,
+    *,
+    jobs: int = 1,
+    progress: Progress = lambda what, share: None,
+    limits: Limits | None = None,
+    store: Store | None = None,
 ) -> Diagnosis:
-    """The answer for a case; the same for any number of jobs. Raises InputError."""
+    """The answer for a case; the same for any number of jobs, and for a run that goes on from a store.
+
+    Raises InputError.
+    """
+    if case.model.rig == "frame":
+        from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame
+
+        return diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS)
     begun = time.monotonic()
     rig = make_rig(case)
     notes = list(audit(case))
@@ -52,14 +66,14 @@ def diagnose(
     noise = channel_noise(case, rig)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.02)
-    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits or Limits(), jobs)
+    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits or Limits(), jobs, store or Store())
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
     settled = settle(search, chosen, mend=decision.verdict != "none")
     progress("looking at what is tied and unseen", 0.85)
-    return _assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    return assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
 
 
 def judge(search: Search) -> tuple[list[Fit], Decision]:
@@ -78,7 +92,7 @@ def judge(search: Search) -> tuple[list[Fit], Decision]:
     return fits, decide(scored, search.floor)
 
 
-def _assemble(
+def assemble(
     case: Case,
     rig: Rig,
     search: Search,
@@ -93,7 +107,6 @@ def _assemble(
     chosen = fits[decision.chosen.index]
     sets = by_causes([_scored_of(f) for f in fits], decision.probabilities)
     causes = of_cause(sets)
-    channels = len(rig.channels)
     rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
     nominal_gaps = search.problem.gaps(search.residual)
     recalibrated = heldout(search.problem, search.base)
@@ -142,6 +155,8 @@ def _assemble(
     }
     model = rig.model(settled.fit.settings if decision.verdict != "none" else {})
     ties = tie_classes(search, chosen, sets) if decision.verdict == "effect" else ()
+    hidden = unseen(search, chosen)
+    test, signal = _next_test(search, chosen, fits, decision, ties, hidden, noise)
     found = Diagnosis(
         case=case.name,
         rig=case.model.rig,
@@ -153,17 +168,48 @@ def _assemble(
         where=where,
         gap=gap,
         waterfall=tuple(waterfall),
-        next_experiment={"why": "nothing is tied", "signal": "none needed"},
+        next_experiment=test,
+        next_signal=None if signal is None else columns(signal, rig.records[0].sample_time),
         corrected=model,
-        unseen=unseen(search, chosen),
+        unseen=hidden,
         notes=tuple(notes),
         corrections=settled.corrections,
         probabilities=causes,
         seconds=time.monotonic() - begun,
         pictures=pictures,
     )
-    del channels
     return found.with_sentence(sentence(found))
+
+
+def _next_test(
+    search: Search,
+    chosen: Fit,
+    fits: list[Fit],
+    decision: Decision,
+    ties: tuple[tuple[str, ...], ...],
+    hidden: tuple[dict[str, Any], ...],
+    noise: Noise,
+) -> tuple[dict[str, Any], Signal | None]:
+    """The test that would part the answer from its nearest rival, or show what these records hide."""
+    rig = search.problem.rig
+    if not isinstance(rig, DamperRig):
+        return {"why": "nothing to part", "signal": "none"}, None
+    other: dict[str, float] | None = None
+    why = ""
+    near = rival(chosen, [f for _, f in sorted(zip(decision.probabilities, fits, strict=True), key=lambda x: -x[0])])
+    if ties and near is not None:
+        other, why = near.settings, f"these records leave {' and '.join(ties[0])} tied"
+    elif decision.verdict == "unknown":
+        if near is not None:
+            other, why = near.settings, f"to part {chosen.hypothesis.name} from {near.hypothesis.name}, the nearest known causes"
+    elif hidden:
+        term = next(t for t in rig.terms if t.cause == hidden[0]["effect"])
+        other, why = with_term(chosen, term, 1.0), f"these records hardly show {term.cause}"
+    elif near is not None:
+        other, why = near.settings, f"nothing is tied; it would part {chosen.hypothesis.name} from {near.hypothesis.name} best"
+    if other is None:
+        return {"why": "nothing is tied and nothing is unseen", "signal": "none"}, None
+    return propose(rig, rig.envelope, chosen.settings, other, noise.levels, why)
 
 
 def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, float]) -> tuple[Named, ...]:

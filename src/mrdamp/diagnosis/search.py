@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -19,6 +19,7 @@ from joblib import Parallel, delayed
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import Fit, fit
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis, Term
 
 Progress = Callable[[str, float], None]
@@ -37,13 +38,14 @@ _FLOOR_DOUBT = 0.3
 class Limits:
     """How wide the search goes. singles: terms fitted alone of those screened, for each flavour; beam: sets carried
     on; additions: terms fitted to each of them; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own."""
+    that get a full Jacobian of their own; base: iterations for the nominal parameters alone."""
 
     singles: int = 8
     beam: int = 3
     additions: int = 4
     depth: int = 3
     polished: int = 3
+    base: int = 15
 
 
 @dataclass
@@ -54,6 +56,7 @@ class Search:
     floor: float
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
+    store: Store = field(default_factory=Store)
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
 
@@ -64,7 +67,7 @@ class Search:
         held = Hypothesis(())
         self._keep(Fit(held, np.zeros(0), self.nominal_cost, self.residual, np.zeros((self.problem.samples, 0))))
         free = Hypothesis(rig.nominal)
-        self._keep(fit(self.problem, free, np.zeros(len(rig.nominal)), most=15))
+        self._keep(fit(self.problem, free, np.zeros(len(rig.nominal)), most=self.limits.base))
 
     @property
     def excess(self) -> float:
@@ -133,7 +136,7 @@ class Search:
 
     def extend(self, free: bool, depth: int) -> None:
         parents = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1][: self.limits.beam]
-        tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array]] = {}
+        tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None]] = {}
         for parent in parents:
             taken = set(parent.hypothesis.causes)
             terms = [t for t in self.problem.rig.terms if t.cause not in taken]
@@ -143,7 +146,7 @@ class Search:
                 hypothesis, start = self.start_from(parent, term, k)
                 key = frozenset(t.name for t in hypothesis.terms)
                 if (free, key) not in self.fits:
-                    tasks.setdefault(key, (hypothesis, start, parent.jacobian))
+                    tasks.setdefault(key, (hypothesis, start, self.law_columns(parent)))
         for found in self._map(self._try, list(tasks.values())):
             if found is not None:
                 self._keep(found)
@@ -153,7 +156,7 @@ class Search:
                 self._keep(found)
 
     def _polish(self, found: Fit) -> Fit:
-        return fit(self.problem, found.hypothesis, found.point, most=4)
+        return self.fitted(found.hypothesis, found.point, most=4, stage=" polished")
 
     def _choose(self, ranked: list[tuple[float, Term, int]], depth: int) -> list[tuple[float, Term, int]]:
         """The most promising terms; of singles also the best of every stage."""
@@ -167,14 +170,34 @@ class Search:
                     chosen.append(item)
         return chosen
 
-    def _try(self, hypothesis: Hypothesis, start: Array, known: Array) -> Fit | None:
+    @staticmethod
+    def law_columns(found: Fit) -> Array | None:
+        """Columns of a fit's Jacobian for the nominal parameters; None where they are held."""
+        count = len(found.hypothesis.nominal)
+        return found.jacobian[:, :count] if count else None
+
+    def _try(self, hypothesis: Hypothesis, start: Array, known: Array | None) -> Fit | None:
         try:
-            if hypothesis.nominal:
-                return fit(self.problem, hypothesis, start, most=8, known=known, frozen=True)
-            return fit(self.problem, hypothesis, start, most=15)
+            return self.fitted(hypothesis, start, most=8 if hypothesis.nominal else 15, known=known)
         except (np.linalg.LinAlgError, ValueError) as error:
             self.failed.append(f"{hypothesis.name}: the fit failed ({error})")
             return None
+
+    def fitted(
+        self, hypothesis: Hypothesis, start: Array, *, most: int, known: Array | None = None, stage: str = ""
+    ) -> Fit:
+        """A fit from a start, or what an interrupted run had found for it.
+
+        known: columns of the Jacobian that stay as they are (of the nominal parameters, at the parent's fit).
+        """
+        name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
+        kept = self.store.get(name)
+        if kept is not None and kept[0].shape == start.shape:
+            found = fit(self.problem, hypothesis, kept[0], most=0, known=known, frozen=known is not None)
+            return replace(found, converged=kept[1])
+        found = fit(self.problem, hypothesis, start, most=most, known=known, frozen=known is not None)
+        self.store.put(name, found.point, found.converged)
+        return found
 
     def _keep(self, found: Fit) -> None:
         key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))

@@ -44,14 +44,14 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
         if not best.hypothesis.nominal:
             free = Hypothesis(search.problem.rig.nominal, best.hypothesis.terms)
             start = np.concatenate([np.zeros(len(free.nominal)), best.point])
-            trials.append((fit(search.problem, free, start, most=6), corrections))
+            trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
         taken = {t.cause for t in best.hypothesis.terms}
         ranked = search.screen(best, [t for t in search.problem.rig.terms if t.cause not in taken])
         for promise, term, k in ranked[:2]:
             if promise > (1 - _WORTH / 3) * best.cost:
                 continue
             hypothesis, start = search.start_from(best, term, k)
-            found = fit(search.problem, hypothesis, start, most=8, known=best.jacobian, frozen=True)
+            found = search.fitted(hypothesis, start, most=8, known=search.law_columns(best), stage=" mended")
             trials.append((found, (*corrections, term.name)))
         scored = [(_cost(search, f), f, c) for f, c in trials]
         if not scored:

@@ -22,13 +22,15 @@ MATERIAL = 0.04
 
 @dataclass(frozen=True)
 class Scored:
-    """A fitted set of causes. cost: sum of squares of its residuals; numbers: free coordinates of its effects."""
+    """A fitted set of causes. cost: sum of squares of its residuals; numbers: free coordinates of its effects; doubt:
+    nats against the nominal parameters that it needs."""
 
     causes: tuple[str, ...]
     free: bool
     cost: float
     numbers: int
     index: int = -1
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def decide(fits: Sequence[Scored], floor: float) -> Decision:
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
-    price = FREE_PRICE * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers
+    price = FREE_PRICE * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
     return -0.5 * INDEPENDENT * math.log(left + resolution) - price
 
 

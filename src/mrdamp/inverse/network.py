@@ -20,9 +20,13 @@ from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.inverse.base import check_period, previewed
-from mrdamp.narx.data import Series
+from mrdamp.narx import layers as nn
+from mrdamp.narx.bayes import minimise
+from mrdamp.narx.data import Series, check
 from mrdamp.narx.network import Network
-from mrdamp.narx.train import Progress, train_narx
+from mrdamp.narx.problems import OneStep
+from mrdamp.narx.train import blank
+from mrdamp.parallel import mapped
 
 FORMAT = 1
 #: Lags (samples) of displacement, velocity and measured force. The force now tells how much current there is, but a
@@ -149,18 +153,18 @@ def train_inverse(
     hidden: Sequence[int] = HIDDEN,
     commands: tuple[float, float] | None = None,
     judge: Judge | None = None,
-    initialisations: int = 1,
     seed: int = 0,
-    most: int | None = 6_000,
+    most: int = 6_000,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> NetworkInverse:
     """Trains network inverses on records whose command varies and returns the best.
 
     train, validation: stretches at the control period. leads: samples ahead to try. lags: sets of them to try, as in
     `LAGS`. hidden: tanh units per layer. commands: range; None: from 0 to the largest of the training. judge: smaller
     is better; None: the error of the command on the validation stretches, which does not see what a command does to
-    the next one: a force tracking in simulation is the better judge. Raises InputError.
+    the next one: a force tracking in simulation is the better judge. most: samples that are trained on, evenly
+    spread. workers: processes; the same network for any number. Raises InputError.
     """
     if not train or not validation:
         raise InputError("an inverse needs records to train on and others to choose by")
@@ -171,19 +175,38 @@ def train_inverse(
     if not np.ptp(values) > 0 or not varying:
         raise InputError(f"{train[0].name}: the command never varies; an inverse cannot be learnt from it")
     low, high = commands or (0.0, float(values.max()))
-    say = progress or (lambda what, share: None)
-    best: tuple[float, NetworkInverse] | None = None
     trials = list(product(lags, leads))
-    for count, (chosen, lead) in enumerate(trials):
-        say(f"{1e3 * lead * train[0].sample_time:g} ms ahead", count / len(trials))
-        fit = train_narx(
-            [swapped(s, lead) for s in train], [swapped(s, lead) for s in varying],
-            inputs=network_inputs(lead, chosen), hidden=hidden, initialisations=initialisations, horizons=(),
-            seed=seed, most=most, workers=workers,
-        )  # fmt: skip
-        found = NetworkInverse(fit.network, lead, low, high, fit.one_step.pooled[1])
+    tasks = [(train, chosen, lead, hidden, seed, most) for chosen, lead in trials]
+    best: tuple[float, NetworkInverse] | None = None
+    for count, network in enumerate(mapped(_trained, tasks, workers)):
+        lead = trials[count][1]
+        if progress:
+            progress(f"{1e3 * lead * network.sample_time:g} ms ahead", (count + 1) / len(trials))
+        found = NetworkInverse(network, lead, low, high, _command_error(network, varying, lead))
         cost = judge(found) if judge else found.error
         if best is None or cost < best[0]:
             best = cost, found
     assert best is not None
     return best[1]
+
+
+def _trained(
+    train: Sequence[Series], lags: Mapping[str, Sequence[int]], lead: int, hidden: Sequence[int], seed: int,
+    most: int,
+) -> Network:  # fmt: skip
+    turned = [swapped(s, lead) for s in train]
+    inputs = network_inputs(lead, lags)
+    start = nn.nguyen_widrow(len(inputs), hidden, np.random.default_rng(seed))
+    check(turned, inputs, len(start))
+    network = blank(turned, inputs, hidden)
+    return network.with_theta(minimise(OneStep.of(network, turned, most), start, iterations=150).theta)
+
+
+def _command_error(network: Network, varying: Sequence[Series], lead: int) -> float:
+    """RMS error of the command over its standard deviation, mean squares pooled."""
+    turned = [swapped(s, lead) for s in varying]
+    lag = network.max_lag
+    left = [network.forward(s.regressors(network.inputs)[lag:]) - s.force[lag:] for s in turned]
+    return float(
+        np.sqrt(np.mean([np.mean(e**2) for e in left]) / np.mean([np.var(s.force[lag:]) for s in turned]))
+    )
