@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mrdamp import __version__
-from mrdamp.commands import Run, add_command, blindtest, citation, completion, diagnose, gap, inverse
+from mrdamp.commands import Run, add_command, blindtest, case, citation, completion, diagnose, gap, inverse
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
@@ -59,6 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
 
     identification.add_to(commands)
+    case.add_to(commands)
     diagnose.add_to(commands)
     gap.add_to(commands)
     inverse.add_to(commands)

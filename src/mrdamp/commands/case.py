@@ -1,0 +1,73 @@
+"""The command `mrdamp case`: a model and records as a folder for `mrdamp diagnose`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+from mrdamp.commands import add_command
+from mrdamp.errors import InputError
+
+
+def add_to(commands: Any) -> None:
+    """Adds case to the subparsers of an argparse parser."""
+    p = add_command(
+        commands,
+        "case",
+        run_case,
+        "put a model and the records that it should match into a folder for `mrdamp diagnose`",
+        "mrdamp case model.json records/*.csv -o case",
+    )
+    p.add_argument("model", help="a model file, or the name of a parameter set")
+    p.add_argument("records", type=Path, nargs="+", help="record files, or folders of them")
+    p.add_argument("--repeat", type=Path, nargs="*", default=[], help="records that repeat an earlier test")
+    p.add_argument("-o", "--out", type=Path, required=True, help="folder to write; it must not exist")
+
+
+def run_case(a: argparse.Namespace) -> int:
+    """Reads everything first, then writes the folder."""
+    from mrdamp.commands.models import named_model
+    from mrdamp.predict import INPUTS
+    from mrdamp.records import SUFFIXES, read_record
+
+    model = named_model(a.model)
+    required = INPUTS[model.rig]
+    files = [f for path in a.records for f in _files(path, SUFFIXES)]
+    names = {file: file.name for file in files}
+    for file in a.repeat:
+        names[file] = file.name if "repeat" in file.name.lower() else f"repeat_{file.name}"
+    if len(set(names.values())) < len(names):
+        raise InputError("case: two records have the same file name; rename one of them")
+    records = {file: read_record(file, required=required) for file in names}
+    shared = [c for c in next(iter(records.values())).channels if all(c in r.channels for r in records.values())]
+    rates = {round(1 / r.sample_time, 6) for r in records.values()}
+    body = model.to_dict()["model"]
+    data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}
+    if len(rates) == 1:
+        data["sample_rate_hz"] = rates.pop()
+    data |= {"nominal": body, "channels": shared, "records": list(names.values())}
+    try:
+        a.out.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    try:
+        for file, name in names.items():
+            shutil.copyfile(file, a.out / name)
+        (a.out / "case.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        shutil.rmtree(a.out, ignore_errors=True)
+        raise InputError(f"{a.out}: cannot be written: {error.strerror}") from None
+    print(a.out / "case.json")
+    return 0
+
+
+def _files(path: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    found = sorted(f for f in path.iterdir() if f.name.endswith(suffixes))
+    if not found:
+        raise InputError(f"{path}: no record in this folder; allowed: {', '.join(suffixes)}")
+    return found

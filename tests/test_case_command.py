@@ -1,0 +1,43 @@
+"""`mrdamp case`: a folder that `mrdamp diagnose` reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mrdamp.cli import main
+from mrdamp.diagnosis.case import read_case
+from mrdamp.files import write_atomic
+from mrdamp.record_csv import render
+from mrdamp.records import embedded
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "records").mkdir()
+    for record in embedded().train[:2]:
+        write_atomic(tmp_path / "records" / f"{record.name}.csv", render(record.channels))
+    return tmp_path / "records"
+
+
+def test_a_case_is_what_went_in(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, again = folder.parent / "case", folder.parent / "again.csv"
+    again.write_bytes(next(iter(sorted(folder.iterdir()))).read_bytes())
+    assert main(["case", "dyke1996_3kN", str(folder), "--repeat", str(again), "-o", str(out)]) == 0
+    case = read_case(out)
+    assert case.model.law == "modified_bouc_wen"
+    assert [r.name for r in case.records] == sorted(r.name for r in embedded().train[:2])
+    assert [(r.name, of) for r, of in case.repeats] == [("repeat_again", 0)]
+
+
+def test_bad_input_leaves_no_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "case"
+    (folder / "zz.csv").write_text("time_s,displacement_m\n0,0\n1,0\n")
+    assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 2
+    assert "zz.csv" in capsys.readouterr().err
+    assert not out.exists()
+    out.mkdir()
+    (folder / "zz.csv").unlink()
+    assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 2
+    assert list(out.iterdir()) == []
