@@ -14,7 +14,7 @@ endif
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help venv build demo test check-all bench lint cpp-test sanitize tsan fuzz wheel-test clean
+.PHONY: help venv build demo test check-all bench docs lint cpp-test sanitize tsan fuzz wheel-test clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
@@ -49,7 +49,7 @@ demo: build  ## the main job on the project's own records; page: out/demo/index.
 test: lint cpp-test sanitize  ## C++ tests (plain, sanitized), ruff, mypy, pytest without the slow ones
 	@$(bin)/python -m pytest -n 2 -m "not slow"
 
-check-all: lint cpp-test sanitize tsan fuzz wheel-test  ## test, slow tests, thread sanitizer, fuzzing, wheel
+check-all: lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, slow tests, thread sanitizer, fuzzing, wheel, docs
 	@$(bin)/python -m pytest -n 2
 
 lint: build  ## ruff and mypy
@@ -70,6 +70,11 @@ fuzz: build  ## fuzz every target for 60 s in all (fuzz_seconds=...)
 
 wheel-test: build  ## sdist, wheel from it, installed and tried in a fresh environment elsewhere
 	@BIN=$(bin) tools/wheel_test.sh
+
+docs: build  ## the documentation site: out/site/index.html
+	@$(pip) mkdocs-material mkdocstrings mkdocstrings-python
+	@$(bin)/python tools/command_reference.py
+	@$(bin)/mkdocs build --quiet
 
 # OpenSees' wheel does not find its own libraries without the path.
 bench: build  ## speed, as ratios, beside OpenSeesPy where it can be had
