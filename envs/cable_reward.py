@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from mrdamp.cables import StayCable
-from mrdamp.envs.cable_rows import CablePeriod
 from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -90,43 +89,42 @@ def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
 class CableScore:
     """Rewards of n rows, and how each row has done since its start.
 
-    values (n, 8) are all it remembers: the free run's mean squares of motion and acceleration and its energy; sums
-    of mean squares of the motion, of current and power shares; dissipated energy, J; periods.
+    values (n, 8) are all it remembers: the free run's mean squares of motion and acceleration and its energy; sums of
+    mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods.
     """
 
     NAMES: tuple[str, ...] = (
         *(f"reward_{part}" for part in PARTS),
         "rms_motion",
         "motion_ratio",
-        "mean_current",
         "mean_power",
+        "mean_current",
         "dissipated_energy",
     )
 
-    def __init__(self, weights: CableReward, command_max: float, n: int) -> None:
-        self.weights, self.command_max = weights, command_max
+    def __init__(self, weights: CableReward, n: int) -> None:
+        self.weights = weights
         self.values = np.ones((n, 8))
-        self._dense = np.array([weights.motion, weights.acceleration])
-        self._electric = np.array([weights.current, weights.power])
+        self._signed = np.array([-getattr(weights, part) for part in PARTS])
+        self._signed[PARTS.index("energy")] *= -1.0
 
     def start(self, row: int, free: Array) -> None:
         self.values[row] = 0.0
         self.values[row, :3] = free
 
-    def of(self, period: CablePeriod) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, and what `info` says, (n, names)."""
+    def of(self, period: Array) -> tuple[Array, Array]:
+        """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
         v = self.values
         info = np.empty((len(v), len(self.NAMES)))
-        info[:, 0:2] = -self._dense * (period.squares / v[:, :2]) ** (0.5 * self.weights.exponent)
-        info[:, 2:4] = -self._electric * period.current
-        info[:, 4] = self.weights.energy * period.energy / v[:, 2]
-        v[:, 3] += period.squares[:, 0]
-        v[:, 4:6] += period.current
-        v[:, 6] += period.energy
+        np.power(period[:, :2] / v[:, :2], 0.5 * self.weights.exponent, out=info[:, 0:2])
+        info[:, 2:4] = period[:, 2:4]
+        np.divide(period[:, 5], v[:, 2], out=info[:, 4])
+        info[:, :5] *= self._signed
+        v[:, 3] += period[:, 0]
+        v[:, 4:7] += period[:, 3:6]
         v[:, 7] += 1.0
-        info[:, 5] = np.sqrt(v[:, 3] / v[:, 7])
-        info[:, 6] = info[:, 5] / np.sqrt(v[:, 0])
-        info[:, 7:9] = v[:, 4:6] / v[:, 7:8]
-        info[:, 7] *= self.command_max
+        np.sqrt(v[:, 3] / v[:, 7], out=info[:, 5])
+        np.divide(info[:, 5], np.sqrt(v[:, 0]), out=info[:, 6])
+        np.divide(v[:, 4:6], v[:, 7:8], out=info[:, 7:9])
         info[:, 9] = v[:, 6]
-        return info[:, :5].sum(axis=1), info
+        return np.add.reduce(info[:, :5], axis=1), info

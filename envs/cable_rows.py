@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from mrdamp.cables import StayCable
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import SIGNALS, modal_xml
-from mrdamp.envs.frame_rows import work
+from mrdamp.envs.frame_rows import currents, work
 from mrdamp.envs.plants import Moment, Plants, whole_steps
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -20,13 +19,10 @@ from mrdamp.model import Model
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class CablePeriod:
-    """What happened in one control period, over all steps of the engine in it, in each of n rows."""
-
-    squares: Array  # (n, 2): means of int v^2 dx / L, m2, and of int (v'')^2 dx / L, m2/s4, primes in time
-    current: Array  # (n, 2): mean over the period of |current| over the largest command, and of its square
-    energy: Array  # (n,) J, taken in by the damper
+#: What happened in one control period, over all steps of the engine in it: columns of (n, 6).
+#: means of int v^2 dx / L, m2, and of int a^2 dx / L, m2/s4, a the acceleration; means over the period of |current|
+#: over the largest command, of its square, and of |current| in A or V; energy taken in by the damper, J.
+PERIOD = ("motion", "acceleration", "share", "power", "current", "energy")
 
 
 class CableRows:
@@ -62,7 +58,7 @@ class CableRows:
         at = self.plants.sensors
         self._direct = slice(at["force"].start, at["current"].stop)
         self._pull, self._velocity = at["pull"], at["stroke_velocity"]
-        self._current = at["current"].start
+        self._current = at["current"]
         many = range(1, len(places) + 1)
         self.names: tuple[str, ...] = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
@@ -83,26 +79,24 @@ class CableRows:
         """(rows, names) what the sensors of rows that have just started read."""
         return self._read(self.plants.measure(rows))
 
-    def advance(self, commands: Array) -> tuple[CablePeriod, Array]:
-        """One control period with commands (n, 1) held; what happened in it, and what the sensors read after it."""
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """One control period with commands (n, 1) held: `PERIOD` (n, 6), and what the sensors read after it."""
         data, now = self.plants.advance(commands)
-        sensors = data["sensordata"]
+        sensors, after = data["sensordata"], now["sensordata"]
         n, inner, _ = sensors.shape
-        share = sensors[:, :, self._current] / self.command_max[0]
-        found = np.empty((n, 4))
+        found = np.empty((n, 6))
         # The modal mass is 1 kg: the sum of squares is m int v^2 dx.
         whole = 1.0 / (inner * self.cable.mass * self.cable.length)
         for k, field in enumerate(("qpos", "qacc")):
-            found[:, k] = whole * np.square(data[field]).reshape(n, -1).sum(axis=1)
-        found[:, 2] = np.abs(share).sum(axis=1) / inner
-        found[:, 3] = np.square(share).sum(axis=1) / inner
-        energy = work(
+            found[:, k] = whole * np.add.reduce(np.square(data[field]).reshape(n, -1), axis=1)
+        found[:, 2:5] = currents(sensors[:, :, self._current], self.command_max)
+        found[:, 5] = work(
             sensors[:, :, self._pull],
             sensors[:, :, self._velocity],
-            now["sensordata"][:, self._velocity],
+            after[:, self._velocity],
             self.plants.timestep,
         )
-        return CablePeriod(found[:, :2], found[:, 2:], energy), self._read(now)
+        return found, self._read(now)
 
     def _read(self, data: Mapping[str, Array]) -> Array:
         motion = [self._somewhere(data[field]) for field in ("qacc", "qpos", "qvel")]

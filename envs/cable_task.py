@@ -77,7 +77,7 @@ class CablePlant:
     def step(self, command: float) -> Mapping[str, float]:
         """One control period with the command held; the measurements at its end."""
         period, values = self.rows.advance(np.array([[command]], dtype=np.float64))
-        self.mean_square = float(period.squares[0, 0])
+        self.mean_square = float(period[0, 0])
         return as_mapping(self.rows.names, values[0])
 
 
@@ -126,7 +126,7 @@ class CableTask(Task):
             )
         self.weights = reward if isinstance(reward, CableReward) else CableReward.from_dict(reward or {})
         self.loads = WindLoads() if loads is None else loads
-        self.cable_score = CableScore(self.weights, float(maximum[0]), n)
+        self.cable_score = CableScore(self.weights, n)
         super().__init__(self.cable_rows, self.cable_score, observer, maximum, noise)
 
     drawn_size = 0.45

@@ -93,7 +93,9 @@ def chain_xml(
     step = cable.length / segments
     weight = cable.mass * GRAVITY
     x = step * np.arange(segments + 1)
-    z = -weight * x * (cable.length - x) / (2 * cable.tension)
+    # In balance with one tension all along the path: the sine of the slope rises by the same at every node.
+    sine = weight * step / cable.tension * (np.arange(segments) - 0.5 * (segments - 1))
+    z = np.append(0.0, np.cumsum(step * sine / np.sqrt(1 - sine**2)))
     world, tendon = _get(root, "worldbody"), _get(root, "tendon")
     for body in world.findall("body"):
         if (body.get("name") or "").startswith("node"):
@@ -103,10 +105,10 @@ def chain_xml(
     ET.SubElement(path, "site", site="anchor_low")
     for k in range(1, segments):
         body = ET.SubElement(
-            world, "body", name=f"node{k}", pos=f"{x[k]:.9g} 0 {z[k]:.9g}", childclass="node"
+            world, "body", name=f"node{k}", pos=f"{x[k]:.12g} 0 {z[k]:.12g}", childclass="node"
         )
         ET.SubElement(body, "joint", name=f"node{k}")
-        ET.SubElement(body, "geom", mass=f"{cable.mass * step:.9g}")
+        ET.SubElement(body, "geom", mass=f"{cable.mass * step:.12g}")
         ET.SubElement(body, "site", name=f"node{k}")
         ET.SubElement(path, "site", site=f"node{k}")
     ET.SubElement(path, "site", site="anchor_high")
@@ -115,8 +117,8 @@ def chain_xml(
     least = (weight * cable.length / cable.tension) ** 2
     # Nodes that only move across the chord: the pull along it is the tension.
     stiffness = max(cable.sag, least) / least * cable.tension / cable.length
-    path.set("stiffness", f"{stiffness:.12g}")
-    path.set("springlength", f"{max(curved - cable.tension / stiffness, 0.0):.12g}")
+    path.set("stiffness", f"{stiffness:.15g}")
+    path.set("springlength", f"{max(curved - cable.tension / stiffness, 0.0):.15g}")
     stroke = _get(tendon, "fixed[@name='stroke']")
     stroke[:] = []
     position = cable.damper_at * segments

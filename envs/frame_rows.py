@@ -19,16 +19,10 @@ from mrdamp.motions import GroundMotion
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Period:
-    """What happened in one control period, over all steps of the engine in it, in each of n rows."""
-
-    peaks: Array  # (n, 2): largest |drift| of a storey, m, and |absolute acceleration| of a floor, m/s2
-    current: (
-        Array  # (n, 2): mean over period and dampers of |current| over the largest command, and of its square
-    )
-    mean_current: Array  # (n,) of |current|, over period and dampers, A or V
-    energy: Array  # (n,) J, taken in by the dampers
+#: What happened in one control period, over all steps of the engine in it: columns of (n, 6).
+#: largest |drift| of a storey, m; largest |absolute acceleration| of a floor, m/s2; means over period and dampers of
+#: |current| over the largest command, of its square, and of |current| in A or V; energy taken in by the dampers, J.
+PERIOD = ("drift", "acceleration", "share", "power", "current", "energy")
 
 
 @dataclass(frozen=True)
@@ -97,27 +91,18 @@ class FrameRows:
         """(rows, names) what the sensors of rows that have just started read."""
         return self._read(self.plants.measure(rows)["sensordata"], rows)
 
-    def advance(self, commands: Array) -> tuple[Period, Array]:
-        """One control period with commands (n, m) held; what happened in it, and what the sensors read after it."""
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """One control period with commands (n, m) held: `PERIOD` (n, 6), and what the sensors read after it."""
         record, now = self.plants.advance(commands)
         data, after = record["sensordata"], now["sensordata"]
-        n, inner, _ = data.shape
-        current = np.abs(data[:, :, self._current])
-        share = current / self.command_max
-        mean = 1.0 / (inner * len(self.command_max))
-        found = np.empty((n, 5))
-        np.abs(data[:, :, self._drift]).max(axis=(1, 2), out=found[:, 0])
-        np.abs(data[:, :, self._acceleration]).max(axis=(1, 2), out=found[:, 1])
-        found[:, 2] = mean * share.reshape(n, -1).sum(axis=1)
-        found[:, 3] = mean * (share * share).reshape(n, -1).sum(axis=1)
-        found[:, 4] = mean * current.reshape(n, -1).sum(axis=1)
-        energy = work(
-            data[:, :, self._pull],
-            data[:, :, self._velocity],
-            after[:, self._velocity],
-            self.plants.timestep,
+        found = np.empty((len(data), 6))
+        np.maximum.reduce(np.abs(data[:, :, self._drift]), axis=(1, 2), out=found[:, 0])
+        np.maximum.reduce(np.abs(data[:, :, self._acceleration]), axis=(1, 2), out=found[:, 1])
+        found[:, 2:5] = currents(data[:, :, self._current], self.command_max)
+        found[:, 5] = work(
+            data[:, :, self._pull], data[:, :, self._velocity], after[:, self._velocity], self.plants.timestep
         )
-        return Period(found[:, :2], found[:, 2:4], found[:, 4], energy), self._read(after, None)
+        return found, self._read(after, None)
 
     def _read(self, data: Array, fresh: Sequence[int] | None) -> Array:
         drift = data[:, self._drift]
@@ -141,17 +126,24 @@ class FrameRows:
         self.steps[row] = len(state.moment.load) // self.plants.inner - 1
 
 
+def currents(current: Array, command_max: Array) -> Array:
+    """(n, 3) means over (n, k, m) currents: |current| over its largest (m,), its square, and |current|."""
+    _, k, m = current.shape
+    size = np.abs(current)
+    share = size / command_max
+    sums = [np.add.reduce(part, axis=(1, 2)) for part in (share, share * share, size)]
+    return np.asarray(np.stack(sums, axis=1) / (k * m))
+
+
 def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
     """(n,) J taken from a structure by actuators that pull with (n, k, m) N over k steps.
 
     velocity: (n, k, m) m/s at the steps, after: (n, m) behind the last one. A step changes the velocity by the pull, so
     the pull times the mean of both velocities is the work of the step, exactly.
     """
-    n = len(pull)
-    total = (pull * velocity).reshape(n, -1).sum(axis=1)
-    total += (pull[:, :-1] * velocity[:, 1:]).reshape(n, -1).sum(axis=1)
-    total += (pull[:, -1] * after).sum(axis=1)
-    return np.asarray(-0.5 * timestep * total)
+    both = velocity + np.concatenate([velocity[:, 1:], after[:, None]], axis=1)
+    both *= pull
+    return np.asarray(-0.5 * timestep * np.add.reduce(both.reshape(len(both), -1), axis=1))
 
 
 def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:

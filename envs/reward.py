@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import core
-from mrdamp.envs.frame_rows import Period
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -118,7 +117,8 @@ class Score:
     """Rewards of n rows, and how each row has done since its start.
 
     values (n, 9) are all it remembers: the reference's drift, acceleration and strain energy; the largest drift and
-    acceleration so far over the reference's; dissipated energy, J; sums of currents, A or V, and power; periods.
+    acceleration so far over the reference's; sums of power shares, of currents (A or V) and of dissipated energy (J);
+    periods.
     """
 
     NAMES: tuple[str, ...] = (
@@ -127,39 +127,37 @@ class Score:
         "peak_acceleration",
         "drift_ratio",
         "acceleration_ratio",
-        "mean_current",
         "mean_power",
+        "mean_current",
         "dissipated_energy",
     )
 
     def __init__(self, weights: FrameReward, n: int) -> None:
         self.weights = weights
         self.values = np.ones((n, 9))
-        self._dense = np.array([weights.drift, weights.acceleration])
-        self._peak = np.array([weights.drift_peak, weights.acceleration_peak])
-        self._electric = np.array([weights.current, weights.power])
+        self._signed = np.array([-getattr(weights, part) for part in PARTS])
+        self._signed[PARTS.index("energy")] *= -1.0
 
     def start(self, row: int, reference: Reference) -> None:
         self.values[row] = 0.0
         self.values[row, :3] = reference.drift, reference.acceleration, reference.strain_energy
 
-    def of(self, period: Period) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, and what `info` says, (n, names)."""
+    def of(self, period: Array) -> tuple[Array, Array]:
+        """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
         v = self.values
         reference, best = v[:, :2], v[:, 3:5]
-        ratio = period.peaks / reference
+        ratio = period[:, :2] / reference
         info = np.empty((len(v), len(self.NAMES)))
-        info[:, 0:2] = -self._dense * ratio**self.weights.exponent
-        info[:, 2:4] = -self._peak * np.maximum(ratio - best, 0.0)
-        info[:, 4:6] = -self._electric * period.current
-        info[:, 6] = self.weights.energy * period.energy / v[:, 2]
+        np.power(ratio, self.weights.exponent, out=info[:, 0:2])
+        np.maximum(ratio - best, 0.0, out=info[:, 2:4])
+        info[:, 4:6] = period[:, 2:4]
+        np.divide(period[:, 5], v[:, 2], out=info[:, 6])
+        info[:, :7] *= self._signed
         np.maximum(best, ratio, out=best)
-        v[:, 5] += period.energy
-        v[:, 6] += period.mean_current
-        v[:, 7] += period.current[:, 1]
+        v[:, 5:8] += period[:, 3:6]
         v[:, 8] += 1.0
-        info[:, 7:9] = best * reference
+        np.multiply(best, reference, out=info[:, 7:9])
         info[:, 9:11] = best
-        info[:, 11:13] = v[:, 6:8] / v[:, 8:9]
-        info[:, 13] = v[:, 5]
-        return info[:, :7].sum(axis=1), info
+        np.divide(v[:, 5:7], v[:, 8:9], out=info[:, 11:13])
+        info[:, 13] = v[:, 7]
+        return np.add.reduce(info[:, :7], axis=1), info

@@ -6,6 +6,7 @@ depend on how many there are.
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Rows(Protocol):
-    """n structures with their sensors; `period` of the rows is whatever their score takes."""
+    """n structures with their sensors; what `advance` says of a period is for their score."""
 
     names: tuple[str, ...]
     plants: Plants
@@ -34,7 +35,7 @@ class Rows(Protocol):
 
     def measure(self, rows: Sequence[int]) -> Array: ...
 
-    def advance(self, commands: Array) -> tuple[Any, Array]: ...
+    def advance(self, commands: Array) -> tuple[Array, Array]: ...
 
     def save(self, row: int) -> Any: ...
 
@@ -47,7 +48,7 @@ class RowScore(Protocol):
     NAMES: tuple[str, ...]
     values: Array
 
-    def of(self, period: Any) -> tuple[Array, Array]: ...
+    def of(self, period: Array) -> tuple[Array, Array]: ...
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,8 @@ class Task(ABC):
         self._command = self.commands(actions)
         period, values = self.rows.advance(self._command)
         reward, info = self.score.of(period)
+        if not math.isfinite(np.add.reduce(reward)):
+            raise InputError("the simulation diverged; check the structure, the damper and the load's unit")
         if self.noise.where:
             for row, rng in enumerate(self._rngs):
                 if rng is not None and row not in quiet:

@@ -2,6 +2,7 @@
 
 | name | what |
 |---|---|
+| `cable` | stay cable with sag, an MR damper near its anchorage |
 | `frame3` | three-storey shear frame on a shake table, an MR damper under the first floor |
 | `rig` | displacement-driven testing machine with one MR damper |
 

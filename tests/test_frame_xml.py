@@ -144,13 +144,14 @@ def test_models_are_drawn_only_and_stay_at_rest(name: str, file: str) -> None:
     model = compiled(name, file)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 100)
-    assert not data.qpos.any()
+    # The cable hangs in balance to rounding; nothing moves the others at all.
+    assert np.abs(data.qpos).max() < (1e-9 if name == "cable" else 1e-300)
     assert data.ncon == 0
     for camera in ("front", "damper"):
         assert model.camera(camera).id >= 0
 
 
-@pytest.mark.parametrize("name", models_xml.names())
+@pytest.mark.parametrize("name", ["frame3", "rig"])
 def test_damper_of_the_models_is_the_published_one(name: str) -> None:
     # Spencer et al. 1997, converted from cm by hand; x0 = 0 and the driver of Dyke et al. 1996.
     published = {
@@ -169,11 +170,11 @@ def test_damper_of_the_models_is_the_published_one(name: str) -> None:
 
 
 def test_paths() -> None:
-    assert models_xml.names() == ("frame3", "rig")
+    assert models_xml.names() == ("cable", "frame3", "rig")
     for name in models_xml.names():
         for file in ("model.xml", "scene.xml", "README.md"):
             assert models_xml.path(name, file).is_file()
-    with pytest.raises(InputError, match=r"model 'frame' is unknown; there are: frame3, rig"):
+    with pytest.raises(InputError, match=r"model 'frame' is unknown; there are: cable, frame3, rig"):
         models_xml.path("frame")
     with pytest.raises(
         InputError, match=r"model 'rig' has no file '../__init__.py'; it has: README.md, model.xml"

@@ -65,8 +65,8 @@ def errors(text: str, record: str) -> tuple[float, float, float, float]:
 def test_both_errors_are_printed_and_the_model_runs_in_mujoco(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, picture = tmp_path / "m.json", tmp_path / "p.png"
-    assert run("identify", folder, *SMALL, "--picture", picture, "-o", out) == 0
+    out, picture, page = tmp_path / "m.json", tmp_path / "p.png", tmp_path / "p.html"
+    assert run("identify", folder, *SMALL, "--picture", picture, "--page", page, "-o", out) == 0
     text = capsys.readouterr().out
     model = Model.read(out)
     assert model.weights is not None
@@ -82,6 +82,9 @@ def test_both_errors_are_printed_and_the_model_runs_in_mujoco(
     assert found[2] == pytest.approx(float(np.sqrt(np.mean((one - s.force[2:]) ** 2))), abs=0.2)
     assert "the training records suffice: " in text
     assert picture.stat().st_size > 5000
+    html = page.read_text()
+    assert "The training records suffice" in html
+    assert "<svg" in html
     assert not list(tmp_path.glob("*.unfinished"))
     x, v, i = motion(300, net.sample_time, 8)
     driven = drive_rig(

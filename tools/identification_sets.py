@@ -211,18 +211,33 @@ _NEES = Page(
     (
         Table(
             "Plain laws",
-            "Without an offset or any other effect.",
-            _laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
+            "Without any effect; the last row with an offset, and quadratic in the command as the marks are.",
+            (
+                *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
+                Row(
+                    "modified Bouc-Wen, offset",
+                    "offset",
+                    ("--law", "modified_bouc_wen", "--dependence", "quadratic"),
+                    0.34,
+                ),
+            ),
         ),
         Table(
             "With effects, and the network",
-            "Offset, stiffness of the accumulator and lag of the command are fitted along. The network, at 300 Hz,"
+            "Offset, stiffness of the accumulator and lag of the command are fitted along, and in one row the"
+            " displacement's delay against the force. The network, at 300 Hz,"
             " reads velocities that are low-passed with its rate; at 3 kHz the measured displacement's noise, mains"
             " lines among it, stands in them in full. So all are judged at 300 Hz too, on the same low-passed channels."
             " Mark of the network: an independent quick one at 300 Hz.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
-                       suffix="_effects"),
+                       "--dependence", "quadratic", suffix="_effects"),
+                Row(
+                    "modified Bouc-Wen, channel shift too",
+                    "shift",
+                    ("--law", "modified_bouc_wen", "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
+                     "channel_shift"),
+                ),
                 Row("network 15-20-1", "narx", ("--law", "narx", "--sample-time", "0.003328", "--lags", "4"), 0.09),
             ),
             sample_time=3.328e-3,

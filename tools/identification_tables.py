@@ -86,19 +86,20 @@ def table(
     head += ["mark"] if any(row.mark is not None for row in t.rows) else []
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     models = {row.file: run(name, row, t.cutoff, data) for row in t.rows}
+    by_record: dict[str, dict[str, float]] = {}
     for row in t.rows:
         model = models[row.file]
-        values: list[float | None] = [
-            pooled([error(model, r) for r in half]) for half in (records.train, records.validation)
-        ]
+        seen, new = ([error(model, r) for r in half] for half in (records.train, records.validation))
+        by_record[row.name] = {e.record: e.nrmse for e in new}
+        values: list[float | None] = [pooled(seen), pooled(new)]
         if t.sample_time:
             values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
         if t.without:
-            values.append(pooled([error(model, r) for r in records.validation if t.without not in r.name]))
+            values.append(pooled([e for e in new if t.without not in e.record]))
         figures[row.file] = [*values, row.mark]
         values += [row.mark] if "mark" in head else []
         lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
-    lines += ["", *by_record(records, models, t), ""]
+    lines += ["", *details(by_record), ""]
     return lines, models
 
 
@@ -109,14 +110,14 @@ def slower(record: Record, sample_time: float) -> Record:
     return Record(record.name, None, sample_time, channels)
 
 
-def by_record(records: RecordSet, models: Mapping[str, Model], t: Table) -> list[str]:
-    """Errors by held-out record."""
-    names = {row.file: row.name for row in t.rows}
+def details(found: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Errors by held-out record, folded away."""
     lines = ["<details><summary>by held-out record</summary>", ""]
-    lines += ["| record | " + " | ".join(names.values()) + " |", "|---|" + "---|" * len(names)]
-    for r in records.validation:
-        cells = [f"{error(models[file], r).nrmse:.3f}" for file in names]
-        lines.append(f"| {r.name} | " + " | ".join(cells) + " |")
+    lines += ["| record | " + " | ".join(found) + " |", "|---|" + "---|" * len(found)]
+    for record in next(iter(found.values())):
+        lines.append(
+            f"| {record} | " + " | ".join(f"{errors[record]:.3f}" for errors in found.values()) + " |"
+        )
     return [*lines, "", "</details>"]
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mrdamp.errors import InputError
 from mrdamp.pictures import style
-from mrdamp.train.learn import Result
+from mrdamp.train.run import Result
 
 
 @style.styled

@@ -1,8 +1,8 @@
-"""A policy's figures on given loads, all of them at once as the rows of one task."""
+"""Episodes of many rows at once: what a policy, or a command, comes to under given loads."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,38 +13,50 @@ from mrdamp.envs.task import Task
 from mrdamp.train.worlds import World
 
 Array = NDArray[np.float64]
+Act = Callable[[NDArray[np.float32]], Array]
+
+
+def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[dict[str, Array], int]:
+    """The world's measures (n,) of the n rows of a task, row k under loads[k], and the control periods of all rows.
+
+    act: commands (n,), A or V, from observations (n, size).
+    """
+    rngs = [np.random.default_rng(k) for k in range(task.n)]
+    seen = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(loads)])
+    alive, periods = np.ones(task.n, dtype=np.bool_), 0
+    columns = [task.score.NAMES.index(name) for name in world.measures]
+    found = np.zeros((task.n, len(columns)))
+    while alive.any():
+        step = task.step(2.0 * act(seen)[:, None] / float(task.command_max[0]) - 1.0)
+        ended = step.over & alive
+        found[ended] = step.info[ended][:, columns]
+        periods += int(alive.sum())
+        alive &= ~step.over
+        seen = step.observation
+    return dict(zip(world.measures, found.T, strict=True)), periods
+
+
+def forces(task: Task, seen: NDArray[np.float32]) -> Array:
+    """(n,) N, the damper's, as observations (n, size) hold it; zero where they do not."""
+    if "force" not in task.observer.signals:
+        return np.zeros(len(seen))
+    column = task.observer.signals.index("force")
+    return np.asarray(task.observer.scales[column] * seen[:, column].astype(np.float64))
 
 
 class Judge:
-    """Runs policies on loads. task: as many rows as there are loads, its observer that of the policies."""
+    """Runs policies on loads, all at once. Attributes: task, whose observer must be that of the policies."""
 
     def __init__(self, world: World, loads: Sequence[Any]) -> None:
         self.world, self.loads = world, loads
         self.task: Task = world.judging(len(loads))
-        self._names = list(self.task.score.NAMES)
 
     def __call__(self, policy: Policy | float) -> dict[str, Array]:
         """(loads,) for each of the world's measures; a number is a constant command."""
-        task, n = self.task, len(self.loads)
-        rngs = [np.random.default_rng(k) for k in range(n)]
-        seen = np.concatenate(
-            [task.reset([k], rngs, {self.world.option: load})[0] for k, load in enumerate(self.loads)]
-        )
-        largest = float(task.command_max[0])
-        signals = task.observer.signals
-        column = signals.index("force") if "force" in signals else None
-        alive = np.ones(n, dtype=np.bool_)
-        found = {name: np.zeros(n) for name in self.world.measures}
-        while alive.any():
+
+        def act(seen: NDArray[np.float32]) -> Array:
             if isinstance(policy, Policy):
-                force = 0.0 if column is None else task.observer.scales[column] * seen[:, column].astype(np.float64)
-                command = policy.commands(seen, force)
-            else:
-                command = np.full(n, policy)
-            step = task.step(2.0 * command[:, None] / largest - 1.0)
-            for row in np.flatnonzero(step.over & alive):
-                for name in found:
-                    found[name][row] = step.info[row, self._names.index(name)]
-            alive &= ~step.over
-            seen = step.observation
-        return found
+                return policy.commands(seen, forces(self.task, seen))
+            return np.full(len(seen), policy)
+
+        return episodes(self.task, self.world, self.loads, act)[0]

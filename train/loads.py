@@ -13,7 +13,7 @@ from mrdamp.motions import GroundMotion, embedded_motion
 
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
 VALIDATION_SEED = 902
-AMPLITUDES = (0.1, 0.5, 1.0, 1.5)
+AMPLITUDES = (0.1, 0.6, 1.0, 1.5)
 _PEAK = 2.5  # m/s2, of a validation motion at amplitude 1, that of the measured ones on average
 
 
@@ -44,27 +44,36 @@ class Pulses:
         return replace(motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse")
 
 
+def _kind(duration: float, plateau: float, pga: tuple[float, float]) -> Pulses:
+    return Pulses(
+        SyntheticMotions(
+            pga=pga, ground_frequency=(6.0, 40.0), ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
+            rise=(1.0, 4.0), decay=(0.25, 1.0), duration=duration,
+        )
+    )  # fmt: skip
+
+
 def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
     """Synthetic ground of every kind, short to long, and the embedded motion: peaks pga in m/s2, evenly in the log."""
-    kinds = [
-        Pulses(
-            SyntheticMotions(
-                pga=pga, ground_frequency=(6.0, 40.0), ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
-                rise=(1.0, 4.0), decay=(0.25, 1.0), duration=duration,
-            )
-        )
-        for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
-    ]  # fmt: skip
+    kinds = [_kind(duration, plateau, pga) for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))]
     embedded = RecordedMotions([embedded_motion()], amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25))
     return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))
 
 
-def validation_motions(count: int = 8, amplitudes: Sequence[float] = AMPLITUDES) -> list[GroundMotion]:
+def validation_motions(count: int = 6, amplitudes: Sequence[float] = AMPLITUDES) -> list[GroundMotion]:
     """count motions at each amplitude, of the kinds that training draws from but drawn apart."""
     rng = np.random.default_rng([VALIDATION_SEED, 1])
     source = training_motions((1.0, 1.0))
     drawn = [source.draw(rng) for _ in range(count)]
     return [motion.scaled(a * _PEAK / motion.pga) for motion in drawn for a in amplitudes]
+
+
+def some_motions(rng: np.random.Generator, count: int, shortest: float = 10.0) -> list[GroundMotion]:
+    """count synthetic motions of `shortest` s full-size, amplitudes evenly over AMPLITUDES' range, for searches that
+    run every candidate under all of them."""
+    drawn = [_kind(shortest, 4.0, (1.0, 1.0)).draw(rng) for _ in range(count)]
+    factors = np.linspace(AMPLITUDES[0], AMPLITUDES[-1], count) * _PEAK
+    return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from typing import Any, Literal
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 
-ALGORITHMS = ("a2c", "ddpg", "ppo", "sac", "td3")
+#: Those of stable-baselines3, and the evolution strategy of `mrdamp.train.evolution`.
+ALGORITHMS = ("a2c", "ddpg", "es", "ppo", "sac", "td3")
 
 
 @dataclass(frozen=True)

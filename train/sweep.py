@@ -13,7 +13,8 @@ import numpy as np
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.parallel import mapped
-from mrdamp.train.learn import Progress, Result, train
+from mrdamp.train.learn import train
+from mrdamp.train.run import Progress, Result
 from mrdamp.train.settings import Options, folder_name, settings
 
 

@@ -17,7 +17,13 @@ from mrdamp.envs.cable_task import CableTask
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
-from mrdamp.train.loads import CableLoads, training_motions, validation_loads, validation_motions
+from mrdamp.train.loads import (
+    CableLoads,
+    some_motions,
+    training_motions,
+    validation_loads,
+    validation_motions,
+)
 
 Array = NDArray[np.float64]
 
@@ -38,6 +44,10 @@ class World(ABC):
     @abstractmethod
     def judging(self, n: int) -> Task:
         """n rows whose `info` holds the measures as they are reported, whatever the reward is."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
+        """Loads as training draws them."""
 
     @abstractmethod
     def validation(self) -> Sequence[Any]:
@@ -61,7 +71,7 @@ class FrameWorld(World):
     """`mrdamp/Frame-v0`. arguments: of `FrameTask`. weight: of peak acceleration to peak drift in the score."""
 
     arguments: Mapping[str, Any]
-    weight: float = 1.5
+    weight: float = 1.25
     option: ClassVar[str] = "motion"
     measures: ClassVar[tuple[str, ...]] = ("drift_ratio", "acceleration_ratio", "mean_current")
 
@@ -70,6 +80,9 @@ class FrameWorld(World):
 
     def judging(self, n: int) -> FrameTask:
         return FrameTask(n, **{**self.arguments, "reward": None})
+
+    def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
+        return some_motions(rng, count)
 
     def validation(self) -> Sequence[Any]:
         return validation_motions()
@@ -102,6 +115,10 @@ class CableWorld(World):
 
     def judging(self, n: int) -> CableTask:
         return CableTask(n, **{**self.arguments, "reward": None})
+
+    def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
+        length = self.task(1).cable.length
+        return [CableLoads().draw(rng, length) for _ in range(count)]
 
     def validation(self) -> Sequence[Any]:
         return validation_loads(self.task(1).cable.length)

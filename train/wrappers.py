@@ -50,7 +50,7 @@ class ForceAction(VecEnvWrapper):  # type: ignore[misc]
 
 
 class Whitened(VecEnvWrapper):  # type: ignore[misc]
-    """Observations times a fixed matrix (k, size), see `whitening`."""
+    """Observations times a fixed matrix (k, size), see `mrdamp.train.run.whitening`."""
 
     def __init__(self, venv: VecEnv, matrix: NDArray[np.float32], limit: float = 1e3) -> None:
         super().__init__(venv, observation_space=Box(-limit, limit, (len(matrix),), np.float32))
@@ -65,17 +65,3 @@ class Whitened(VecEnvWrapper):  # type: ignore[misc]
             if "terminal_observation" in info:
                 info["terminal_observation"] = self.matrix @ info["terminal_observation"]
         return observation @ self.matrix.T, reward, done, infos
-
-
-def whitening(observations: Observation, floor: float = 1e-3) -> NDArray[np.float32]:
-    """(size, size) matrix W that makes the second moment of W o the identity, for observations (n, size).
-
-    Stacked measurements are nearly the same number several times; their differences, small and telling, come out as
-    large as the rest. Nothing is subtracted: rest stays zero. floor: directions whose RMS is below this share of the
-    largest are held to it, so that noise is not blown up without bound.
-    """
-    o = observations.astype(np.float64)
-    values, vectors = np.linalg.eigh(o.T @ o / len(o))
-    least = max(floor**2 * float(values.max()), 1e-12)
-    matrix = vectors / np.sqrt(np.maximum(values, least)) @ vectors.T
-    return np.asarray(matrix, dtype=np.float32)

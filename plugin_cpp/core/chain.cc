@@ -198,14 +198,14 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     }
     ChainState& c = s->c;
     const double field0 = FieldNow(d, c);
-    const double first = Lag(c.coil1, from, to, p.driver_lag_tau, dt);
-    const double coil = Lag(c.coil, p.driver_lag_tau > 0 ? c.coil1 : from, first, p.driver_lag_tau2, dt);
+    const double first = Drive(c.coil1, from, to, p, dt);
+    const double coil = Lag(c.coil, HasFirstPole(p) ? c.coil1 : from, first, p.driver_lag_tau2, dt);
     if (p.remanence_b > 0) c.branch = coil == c.coil ? c.branch : Branch(p, c.branch, c.coil, coil);
     c.coil1 = first;
     c.coil = coil;
     const double field1 = FieldNow(d, c);
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
-    const bool jump = d.hold && !(p.driver_lag_tau > 0) && !(p.driver_lag_tau2 > 0);
+    const bool jump = d.hold && !HasLag(p);
     const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
     if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
     else PistonPiece(d, s, piece, jump ? field1 : field0, field1);
@@ -223,7 +223,7 @@ namespace {
 ChainState Commanded(const Damper& d, const State& s, double u) {
   const Params& p = d.p;
   ChainState c = s.c;
-  if (p.driver_lag_tau > 0 || p.driver_lag_tau2 > 0) return c;
+  if (HasLag(p)) return c;
   double now = d.Clamp(u);
   if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
   if (p.remanence_b > 0 && now != c.coil) c.branch = Branch(p, c.branch, c.coil, now);

@@ -48,7 +48,8 @@ inline double TrappedGas(const Params& p, const Stroke& stroke, double x) {
   if (p.trapped_gas_d == 0 || stroke.direction == 0) return 1;
   if (p.trapped_gas_direction != 0 && stroke.direction * p.trapped_gas_direction < 0) return 1;
   const double s = (x - stroke.turn) / p.trapped_gas_s_g;
-  return 1 - p.trapped_gas_d * std::exp(-s * s);
+  const double power = p.trapped_gas_shape == 2 ? s * s : std::pow(std::fabs(s), p.trapped_gas_shape);
+  return 1 - p.trapped_gas_d * std::exp(-power);
 }
 
 }  // namespace mrdamp

@@ -8,9 +8,9 @@
 
 namespace mrdamp {
 
-// gas_spring: k x (1 + k2 x) + F0
+// gas_spring: k x (1 + k2 x + k3 x^2) + F0
 inline double GasSpring(const Params& p, double x) {
-  return p.gas_spring_k * x * (1 + p.gas_spring_k2 * x) + p.gas_spring_f0;
+  return p.gas_spring_k * x * (1 + (p.gas_spring_k2 + p.gas_spring_k3 * x) * x) + p.gas_spring_f0;
 }
 
 // seal_friction: a bristle q (m) that follows the path, q' = v - |v| q sigma / g(v), with

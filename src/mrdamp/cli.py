@@ -9,7 +9,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mrdamp import __version__
-from mrdamp.commands import Run, add_command, blindtest, case, citation, completion, diagnose, gap, inverse
+from mrdamp.commands import (
+    Run,
+    add_command,
+    blindtest,
+    case,
+    citation,
+    completion,
+    datasets,
+    diagnose,
+    gap,
+    inverse,
+)
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
@@ -93,6 +104,7 @@ def build_parser() -> argparse.ArgumentParser:
     sets.add_argument("name", nargs="?", help="print this one as a model file")
     sets.add_argument("--json", action="store_true", help="print the list as JSON")
 
+    datasets.add_to(commands)
     citation.add_to(commands)
     add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
     completion.add_to(commands)

@@ -66,8 +66,7 @@ def greedy(case: Case) -> Answer:
 def no_retuning(case: Case) -> Answer:
     """The same with the nominal parameters held."""
     search = _search(case)
-    held = search.fits[False, frozenset()]
-    return _forward(case, search, held)
+    return _forward(case, search, search.fits[False, frozenset()])
 
 
 def sparse_regression(case: Case) -> Answer:
@@ -84,12 +83,16 @@ def _forward(case: Case, search: Search, start: Fit) -> Answer:
     """Forward steps by the error on the records they are fitted to."""
     if _no_gap(search):
         return nominal_only(case)
+    held = search.fits[False, frozenset()]
     best, free = start, bool(start.hypothesis.nominal)
     for _ in range(_MOST):
         taken = set(best.hypothesis.causes)
         terms = [t for t in search.problem.rig.terms if t.cause not in taken]
+        # A recalibration that stands at its bounds hides what the nominal numbers would show: both are asked.
+        asked = [best, held] if best is search.base else [best]
+        promising = {t.name: (t, k) for f in asked for _, t, k in search.screen(f, terms)[:_TRIED]}
         tries = []
-        for _, term, k in search.screen(best, terms)[:_TRIED]:
+        for term, k in promising.values():
             hypothesis, point = search.start_from(best, term, k)
             known = best.jacobian if free else None
             tries.append(fit(search.problem, hypothesis, point, most=8, known=known, frozen=free))

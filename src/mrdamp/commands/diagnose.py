@@ -24,7 +24,12 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records")
     p.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
-    p.add_argument("--jobs", type=int, default=None, help="workers (default: the machine's cores); the answer is the same")
+    p.add_argument(
+        "--jobs",
+        type=int,
+        default=None,
+        help="workers (default: the machine's cores); the answer is the same",
+    )
 
 
 def run_diagnose(a: argparse.Namespace) -> int:

@@ -48,6 +48,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--workers", type=int, default=1, help="processes for the network; the answer is the same")
     p.add_argument("--command-unit", default="A", choices=("A", "V"))
+    p.add_argument("--picture", type=Path, help="tracks of a force between the extremes (.svg, .png or .pdf)")
     p.add_argument("--json", action="store_true", help="print the table as JSON")
     p.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
 
@@ -55,9 +56,9 @@ def add_to(commands: Any) -> None:
 def run_inverse(a: argparse.Namespace) -> int:
     """Trains, tracks, prints the table and writes page, picture and network."""
     from mrdamp.commands.models import named_model
-    from mrdamp.commands.output import progress_bar
+    from mrdamp.commands.output import check_picture, progress_bar, save_picture
     from mrdamp.inverse.network import NetworkInverse
-    from mrdamp.inverse.page import write_page
+    from mrdamp.inverse.page import draw, write_page
     from mrdamp.inverse.tracking import RandomMotion
     from mrdamp.inverse.trial import trial
     from mrdamp.records import read_records
@@ -66,6 +67,9 @@ def run_inverse(a: argparse.Namespace) -> int:
         raise InputError(f"--seconds is {a.seconds:g}; allowed: at least 2")
     if a.network and a.no_network:
         raise InputError("--network and --no-network exclude each other")
+    if a.json and a.picture:
+        raise InputError("--json and --picture exclude each other")
+    check_picture(a.picture)
     records = None
     if a.records:
         records = read_records(a.records[0] if len(a.records) == 1 else a.records)
@@ -79,6 +83,8 @@ def run_inverse(a: argparse.Namespace) -> int:
         )  # fmt: skip
     page = write_page(result, a.out, a.command_unit)
     print(_json(result) if a.json else _text(result, page))
+    if a.picture:
+        save_picture(draw(result, "between", a.command_unit), a.picture)
     return 0
 
 

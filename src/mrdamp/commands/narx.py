@@ -14,6 +14,7 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.model import Model
     from mrdamp.narx import Choice, FitNarx, Judged, Network, Pruned
+    from mrdamp.narx.doubt import Sufficiency
     from mrdamp.narx.stretches import Stretches
     from mrdamp.records import RecordSet
 
@@ -23,6 +24,7 @@ Progress = Callable[[str, float], None]
 def add_narx_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `--law narx`."""
     p = parser.add_argument_group("network", "with --law narx")
+    p.add_argument("--page", type=Path, help="page to write, HTML: errors, training and pictures")
     p.add_argument("--inputs", help="channels x, v, i, F (default: vF, and viF where the command varies)")
     p.add_argument("--lags", type=int, help="lag space in samples (default: about 8 ms)")
     p.add_argument(
@@ -98,6 +100,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
     cache = Path(f"{a.out}.unfinished")
     channels, lags, hidden = a.inputs or stretches.channels, a.lags, _hidden(a.hidden) or stretches.units
     lags = stretches.lags if lags is None else lags
+    choice = None
     if a.select:
         choice = _select(a, stretches, cache, progress)
         channels, lags, hidden = choice.candidate.channels, choice.candidate.lags, choice.candidate.hidden
@@ -117,7 +120,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         progress=progress,
     )
     model = _described(fit.model, fit.network, fit)
-    _print_fit(fit, stretches, a.protocol)
+    found = _print_fit(fit, stretches, a.protocol)
     pruned = _prune(a, fit, stretches, progress) if a.prune else None
     if pruned:
         text = pruned.smallest.to_text()
@@ -126,7 +129,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         )
     model.write(a.out)
     cache.unlink(missing_ok=True)
-    _pictures(a, choice if a.select else None, pruned, model, stretches)
+    _pictures(a, records.name, fit, stretches, found, choice, pruned, model)
     print(f"model: {a.out}")
     return 0
 
@@ -201,7 +204,7 @@ def _prune(a: argparse.Namespace, fit: FitNarx, stretches: Stretches, progress: 
     return pruned
 
 
-def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> None:
+def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> Sufficiency:
     from mrdamp.narx.doubt import sufficiency
 
     net, p = fit.network, fit.posterior
@@ -221,10 +224,10 @@ def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> None:
             f" one step {one.rmse:.1f} N, {share[1]:.2f} % (the paper, one step: 38 N, 3.5 %)"
         )
     others = (*stretches.validation, *stretches.test)
-    if others:
-        new = (*fit.free_run.validation, *fit.free_run.test)
-        found = sufficiency(net, p, stretches.train, others, fit.free_run.train, new)
-        print(f"the training records {'suffice' if found.suffice else 'do not suffice'}: {found.why}")
+    new = (*fit.free_run.validation, *fit.free_run.test)
+    found = sufficiency(net, p, stretches.train, others, fit.free_run.train, new)
+    print(f"the training records {'suffice' if found.suffice else 'do not suffice'}: {found.why}")
+    return found
 
 
 def _print_errors(net: Network, one: Judged, free: Judged, stretches: Stretches) -> None:
@@ -267,42 +270,25 @@ def _described(model: Model, net: Network, fit: FitNarx) -> Model:
         "weights": net.nonzero,
         "gamma": round(fit.posterior.gamma, 1),
     }
-    return replace(model, extra={**model.extra, "network": facts | {"nrmse_before_pruning": reached}})
+    return replace(model, extra={**model.extra, "network": facts | {"nrmse_as_trained": reached}})
 
 
 def _pictures(
-    a: argparse.Namespace, choice: Choice | None, pruned: Pruned | None, model: Model, stretches: Stretches
-) -> None:
-    """The courses of the choice and of the pruning, or the network's loops where there is neither."""
-    from mrdamp.narx import draw_choice, draw_course
-
-    if not a.picture:
+    a: argparse.Namespace, name: str, fit: FitNarx, stretches: Stretches, found: Sufficiency, choice: Choice | None,
+    pruned: Pruned | None, model: Model,
+) -> None:  # fmt: skip
+    """The page, and the pictures as files: the courses, or the network's loops where there is no course."""
+    if not a.picture and not a.page:
         return
-    figures = {}
-    if choice:
-        figures["choice"] = draw_choice(choice)
-    if pruned:
-        figures["pruning"] = draw_course(pruned)
-    if not figures:
-        figures["loops"] = _loops(model, stretches)
-    for name, fig in figures.items():
-        path = a.picture if len(figures) == 1 else a.picture.with_stem(f"{a.picture.stem}-{name}")
-        save_picture(fig, path)
+    from mrdamp.commands.narx_page import figures, write_page
 
-
-def _loops(model: Model, stretches: Stretches) -> Any:
-    import numpy as np
-
-    from mrdamp.narx import Network
-    from mrdamp.narx.judge import free_run_force
-    from mrdamp.pictures.identification import model_loops
-
-    assert model.weights is not None
-    s = max(stretches.test or stretches.validation or stretches.train, key=lambda s: float(np.std(s.force)))
-    force = free_run_force(Network.from_text(model.weights), s)
-    return model_loops(
-        np.arange(s.n, dtype=float) * s.sample_time, s.x, s.v, s.force, {f"{s.name}, free run": force}
-    )
+    drawn = figures(choice, pruned, model, stretches)
+    if a.page:
+        write_page(a.page, name, fit, stretches, found, model, drawn)
+        print(f"page: {a.page}")
+    shown = {key: fig for key, fig in drawn.items() if len(drawn) == 1 or key != "loops"}
+    for key, fig in shown.items() if a.picture else ():
+        save_picture(fig, a.picture if len(shown) == 1 else a.picture.with_stem(f"{a.picture.stem}-{key}"))
 
 
 def _hidden(text: str | None) -> tuple[int, ...]:

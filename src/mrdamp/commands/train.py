@@ -14,7 +14,7 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.train.sweep import Setting
 
-_ALGORITHMS = ("ppo", "sac", "td3", "a2c", "ddpg")
+_ALGORITHMS = ("ppo", "sac", "td3", "a2c", "ddpg", "es")
 
 
 def add_to(commands: Any) -> None:
@@ -27,7 +27,10 @@ def add_to(commands: Any) -> None:
         "mrdamp train mrdamp/Frame-v0 --algo ppo --seeds 5 --jobs 2 -o out/frame",
     )
     p.add_argument("environment", help="mrdamp/Frame-v0 or mrdamp/Cable-v0")
-    p.add_argument("--algo", default="ppo", choices=_ALGORITHMS, help="default: %(default)s")
+    p.add_argument(
+        "--algo", default="ppo", choices=_ALGORITHMS,
+        help="of stable-baselines3, or es: an evolution strategy (default: %(default)s)",
+    )  # fmt: skip
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
     p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
     p.add_argument("--timesteps", type=int, help="control periods (default: the hyperparameters')")

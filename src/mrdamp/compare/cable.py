@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mrdamp import __version__
 from mrdamp.cables import StayCable
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
 from mrdamp.compare.frame import file_of, specs
@@ -113,11 +114,14 @@ class CableBench:
 
     def grid(self, kind: str) -> tuple[str, ...]:
         largest = self.site.command_max
-        optimal = {"r": [1e-10, 1e-9, 1e-8, 1e-7], "noise_ratio": [0.1, 10.0, 1000.0]}
         choices: Mapping[str, Mapping[str, Sequence[float]]] = {
             "constant": {"value": [largest * k / 8 for k in range(9)]},
-            "clipped-optimal": optimal,
-            "modulated-optimal": {**optimal, "force_max": [self.site.force_max * k for k in (0.5, 1.0, 2.0)]},
+            "clipped-optimal": {"r": [1e-10, 1e-9, 1e-8], "noise_ratio": [1.0, 100.0]},
+            "modulated-optimal": {
+                "r": [1e-9, 1e-8],
+                "noise_ratio": [10.0],
+                "force_max": [self.site.force_max * k for k in (0.5, 1.0, 2.0)],
+            },
         }
         return specs(kind, choices)
 
@@ -133,19 +137,17 @@ class CableBench:
 
     def key(self, spec: str, load: CableLoad, amplitude: float) -> str:
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "cable")}
-        parts = [_VERSION, own, asdict(self.cable), self.model.to_dict(), spec, amplitude, load.sample_time]
-        digest = hashlib.sha256(json.dumps(parts).encode())
+        parts = [_VERSION, __version__, own, asdict(self.cable), self.model.to_dict()]
+        digest = hashlib.sha256(json.dumps([*parts, spec, amplitude, load.sample_time]).encode())
         digest.update(load.force.tobytes() + load.places.tobytes())
         digest.update(Path(library_path()).read_bytes())
         digest.update(file_of(spec))
         return digest.hexdigest()[:32]
 
     def identity(self) -> str:
-        own = [asdict(self.cable), self.model.to_dict()["model"], self.period, self.tuning_amplitudes]
-        digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
-        for load in self.tuning_loads():
-            digest.update(np.round(load.force, 6).tobytes())
-        return digest.hexdigest()[:16]
+        loads = [load.name for load in self.tuning_loads()]
+        own = [asdict(self.cable), self.model.to_dict()["model"], self.period, loads, self.tuning_amplitudes]
+        return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
 
     def about(self) -> str:
         c = self.cable

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mrdamp import __version__
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
 from mrdamp.compare.motions import TUNING_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.control import registry
@@ -137,24 +138,24 @@ class FrameBench:
         """Forces are weighed in units of the structure's mass."""
         frame, largest = self.site.frame, self.site.command_max
         mass, first = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0])
-        weights = [k / mass**2 for k in (1e-7, 1e-3, 1e-1, 1.0)]
-        balances = [0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0]
+        weights = [k / mass**2 for k in (1e-3, 1e-1)]
+        balances = [30.0, 100.0, 300.0, 1000.0]
         twentieths = (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)
         choices: Mapping[str, Mapping[str, Sequence[float]]] = {
             "constant": {"value": [largest * k / 20 for k in twentieths]},
-            "clipped-optimal": {"balance": balances, "r": weights},
+            "clipped-optimal": {"balance": [1.0, 10.0, *balances, 3000.0], "r": weights, "level": [0.6, 1.0]},
             "modulated-optimal": {
-                "balance": balances[2:6],
-                "r": weights[1:3],
-                "force_max": [self.site.force_max() * k for k in (0.2, 0.5, 1.0)],
+                "balance": balances,
+                "r": weights[1:],
+                "force_max": [self.site.force_max() * k for k in (0.1, 0.2, 0.5)],
             },
-            "force-tracking": {"balance": balances[1:6], "r": weights[1:]},
+            "force-tracking": {"balance": [10.0, *balances], "r": weights[1:]},
             "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0]},
             "skyhook": {
                 "damping": [first * mass * k for k in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)],
                 "leak": [2 * math.pi / first * k for k in (1.0, 2.0)],
             },
-            registry.IDEAL: {"balance": balances[1:], "r": weights[1:]},
+            registry.IDEAL: {"balance": [3.0, 10.0, *balances, 3000.0], "r": weights},
         }
         return specs(kind, choices)
 
@@ -176,11 +177,9 @@ class FrameBench:
         return digest.hexdigest()[:32]
 
     def identity(self) -> str:
-        own = [self.model.to_dict()["model"], self.compression, self.period, self.tuning_amplitudes]
-        digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
-        for motion in self.tuning_loads():
-            digest.update(np.round(motion.acceleration, 6).tobytes())
-        return digest.hexdigest()[:16]
+        loads = [load.name for load in self.tuning_loads()]
+        own = [self.model.to_dict()["model"], self.compression, self.period, loads, self.tuning_amplitudes]
+        return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
 
     def about(self) -> str:
         frame = self.site.frame
@@ -193,7 +192,7 @@ class FrameBench:
     @cached_property
     def _own(self) -> bytes:
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
-        digest = hashlib.sha256(json.dumps([_VERSION, own, self.model.to_dict()]).encode())
+        digest = hashlib.sha256(json.dumps([_VERSION, __version__, own, self.model.to_dict()]).encode())
         digest.update(Path(library_path()).read_bytes())
         return digest.digest()
 

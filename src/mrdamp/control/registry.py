@@ -86,14 +86,9 @@ def _regulate(site: Site, o: Mapping[str, float]) -> dict[str, float] | None:
     return None if math.isnan(o["balance"]) else balanced(site.frame, o["balance"])
 
 
-def _optimal(make: Callable[..., Controller]) -> Builder:
-    def build(site: Site, o: Mapping[str, float]) -> Controller:
-        return make(
-            site.frame, site.command_max, regulate=_regulate(site, o), r=o["r"], noise_ratio=o["noise_ratio"],
-            period=site.period,
-        )  # fmt: skip
-
-    return build
+def _optimal(site: Site, o: Mapping[str, float]) -> Controller:
+    on = o["level"] * site.command_max
+    return clipped_optimal(site.frame, on, _regulate(site, o), o["r"], o["noise_ratio"], site.period)
 
 
 def _modulated(site: Site, o: Mapping[str, float]) -> Controller:
@@ -125,7 +120,7 @@ def _skyhook(site: Site, o: Mapping[str, float]) -> Controller:
 
 
 _DYKE = {"balance": math.nan, "r": 1e-17, "noise_ratio": 50.0}
-_BALANCED = {"balance": 1.0, "r": 1e-10, "noise_ratio": 50.0}
+_BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
 
 ENTRIES: Mapping[str, Entry] = {
     "passive-off": Entry(lambda site, o: passive_off(site.period), "no command", {}),
@@ -136,7 +131,9 @@ ENTRIES: Mapping[str, Entry] = {
         {"value": 0.0},
     ),
     "clipped-optimal": Entry(
-        _optimal(clipped_optimal), "LQG force with on/off switching; by default as Dyke et al. 1996", _DYKE
+        _optimal,
+        "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",
+        {**_DYKE, "level": 1.0},
     ),
     "modulated-optimal": Entry(
         _modulated, "LQG force with a command in proportion to it", {**_BALANCED, "force_max": math.nan}
@@ -151,14 +148,12 @@ ENTRIES: Mapping[str, Entry] = {
         {"noise_ratio": 50.0},
     ),
     "skyhook": Entry(
-        _skyhook, "a dashpot to a fixed point in space, with on/off switching",
+        _skyhook,
+        "a dashpot to a fixed point in space, with on/off switching",
         {"damping": math.nan, "leak": math.nan},
     ),
-    IDEAL: Entry(
-        _active, "the LQG force itself, from an ideal actuator: a bound no damper reaches",
-        {**_BALANCED, "balance": 5.0, "r": 1e-6},
-    ),
-}  # fmt: skip
+    IDEAL: Entry(_active, "the LQG force itself, from an ideal actuator that can push as well", _BALANCED),
+}
 
 
 def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) -> tuple[str, str, Options]:

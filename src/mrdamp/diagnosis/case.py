@@ -109,9 +109,13 @@ def _original(repeat: Record, records: tuple[Record, ...]) -> int | None:
     for k, record in enumerate(records):
         if record.n != repeat.n or any(n not in record.channels for n in names):
             continue
-        size = [max(float(np.std(record.channels[n])), 1e-12 + 1e-3 * float(np.ptp(record.channels[n]))) for n in names]
+        size = [
+            max(float(np.std(record.channels[n])), 1e-12 + 1e-3 * float(np.ptp(record.channels[n])))
+            for n in names
+        ]
         if all(
-            float(np.std(repeat.channels[n] - record.channels[n])) <= _SAME * s or np.ptp(record.channels[n]) == 0
+            float(np.std(repeat.channels[n] - record.channels[n])) <= _SAME * s
+            or np.ptp(record.channels[n]) == 0
             for n, s in zip(names, size, strict=True)
         ):
             return k

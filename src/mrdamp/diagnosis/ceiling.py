@@ -14,6 +14,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.problem import Problem
 
 #: Random features and the ridge's strength over the number of samples.
 _WIDTH, _RIDGES = 240, (1e-4, 1e-2, 1.0)
@@ -57,21 +58,55 @@ def stroke_since_reversal(x: Array, back: float) -> Array:
     return out
 
 
-def features(inputs: Sequence[Array], force: Array, sample_time: float, stroke: Array) -> Array:
-    """(n, features): inputs are the record's own (motion, velocity, command ...), force the simulated one."""
+def features(
+    inputs: Sequence[Array], force: Array, velocity: Array, sample_time: float, stroke: Array
+) -> Array:
+    """(n, features): inputs are the record's own (motion, velocity, command ...), force the simulated answer."""
     columns = [*inputs, force, stroke]
     for x in (*inputs, force):
         columns += [memory(x, sample_time, tau) for tau in _MEMORIES]
-    columns.append(np.cumsum(np.abs(force * inputs[1])) * sample_time)
+    columns.append(np.cumsum(np.abs(force * velocity)) * sample_time)
     return np.column_stack(columns)
 
 
-def ceiling(
-    tables: Sequence[Array], residuals: Sequence[Array], weights: Sequence[Array], noise: float, stride: int = 4
-) -> Ceiling:
-    """What is predictable of weighted residuals (per record) from tables of features (n, features) per record.
+def of_fit(problem: Problem, residual: Array, floor: float) -> Ceiling:
+    """Ceiling of a fit's weighted residuals (samples,), from what the rig's conditions and its answer hold.
 
-    noise: sum of squares of the weighted residuals that is noise; it cannot be predicted and does not count.
+    floor: sum of squares of the weighted residuals that is noise. Each channel of a record is a series of its own.
+    """
+    tables, left, weights = [], [], []
+    simulated = residual / problem.weights + problem.measured()
+    for b in problem.blocks:
+        record = problem.rig.records[b.record]
+        conditions = problem.rig.conditions(b.record)
+        taken, dt = problem.taken(b.record), record.sample_time * problem.stride
+        inputs = [v[taken] for name, v in conditions.items() if not name.startswith("time")]
+        motion = next((v for name, v in conditions.items() if name.startswith("displacement")), inputs[0])
+        speed = next((v for name, v in conditions.items() if name.startswith("velocity")), inputs[0])
+        stroke = stroke_since_reversal(motion, 0.01 * float(np.std(motion)))[taken]
+        answer = simulated[b.span]
+        channel = np.zeros((len(answer), len(problem.rig.channels)))
+        channel[:, b.channel] = 1.0
+        table = features(inputs, answer, speed[taken], dt, stroke)
+        tables.append(np.hstack([table, channel]))
+        left.append(residual[b.span] / problem.weights[b.span] / b.size)
+        weights.append(problem.weights[b.span] * b.size)
+    groups = [b.record for b in problem.blocks]
+    return ceiling(tables, left, weights, floor, groups)
+
+
+def ceiling(
+    tables: Sequence[Array],
+    residuals: Sequence[Array],
+    weights: Sequence[Array],
+    noise: float,
+    groups: Sequence[int],
+    stride: int = 2,
+) -> Ceiling:
+    """What is predictable of weighted residuals (series) from tables of features (n, features) for each.
+
+    noise: sum of squares of the weighted residuals that is noise; it cannot be predicted and does not count. groups:
+    number of the record that each series belongs to; a record's series are left out together.
     """
     mean = np.mean(np.vstack([t[::stride] for t in tables]), axis=0)
     scale = np.std(np.vstack([t[::stride] for t in tables]), axis=0)
@@ -95,10 +130,14 @@ def ceiling(
     gram, moment = sum(p[0] for p in parts), sum(p[1] for p in parts)
     for ridge in _RIDGES:
         left = []
-        for k, (m, r) in enumerate(zip(maps, residuals, strict=True)):
-            a = gram - parts[k][0]
-            a = a + ridge * np.diag(np.diag(gram)) + 1e-12 * np.trace(gram) * np.eye(len(gram))
-            left.append(r - m @ np.linalg.solve(a, moment - parts[k][1]))
+        solved: dict[int, Array] = {}
+        for group in dict.fromkeys(groups):
+            own = [p for p, g in zip(parts, groups, strict=True) if g == group]
+            a = gram - sum(p[0] for p in own) + ridge * np.diag(np.diag(gram))
+            a = a + 1e-12 * np.trace(gram) * np.eye(len(gram))
+            solved[group] = np.linalg.solve(a, moment - sum(p[1] for p in own))
+        for m, r, group in zip(maps, residuals, groups, strict=True):
+            left.append(r - m @ solved[group])
         cost = sum(float(np.sum((weight * e) ** 2)) for weight, e in zip(weights, left, strict=True))
         if cost < best[0]:
             best = (cost, left)

@@ -58,7 +58,8 @@ class DamperRig:
         v = [self.velocity(k) for k in range(len(self.records))]
         a = [derivative(v[k], r.sample_time) for k, r in enumerate(self.records)]
         heat = max(
-            float(np.sum(np.abs(f * w)) * r.sample_time) for f, w, r in zip(force, v, self.records, strict=True)
+            float(np.sum(np.abs(f * w)) * r.sample_time)
+            for f, w, r in zip(force, v, self.records, strict=True)
         )
         return Sizes(
             force=rms(np.concatenate(force)),

@@ -15,7 +15,6 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 
 
-
 @dataclass(frozen=True)
 class Sizes:
     """What the records span: RMS force (N), stroke amplitude (m), RMS velocity (m/s) and acceleration (m/s2),
@@ -46,13 +45,32 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     dt = s.sample_time
     return (
         Term(
-            "driver_lag", "driver",
+            "driver_lag",
+            "driver",
             (positive("driver_lag_tau", 0.01, 3e-4, 0.5), positive("driver_lag_tau2", 1e-3, 1e-4, 0.2)),
             ((0.01, 5e-4), (0.03, 5e-3)),
         ),
+        Term(
+            "driver_lag",
+            "driver",
+            (positive("driver_lag_tau", 0.01, 3e-4, 0.5), positive("driver_lag_fall", 0.01, 3e-4, 0.5)),
+            ((0.01, 0.02), (0.03, 0.015)),
+            form="falling apart",
+        ),
+        Term(
+            "driver_lag",
+            "driver",
+            (
+                positive("driver_lag_tau", 0.005, 1e-4, 0.5),
+                positive("driver_lag_rate", 50 * s.command, 0.5 * s.command, 5000 * s.command),
+            ),
+            ((0.005, 50 * s.command), (0.005, 15 * s.command)),
+            form="slew",
+        ),
         Term("command_delay", "driver", (positive("command_delay_d", 0.01, 3e-4, 0.3),), ((0.006,), (0.02,))),
         Term(
-            "saturation", "magnetics",
+            "saturation",
+            "magnetics",
             (
                 positive("saturation_i_s", s.command, 0.05 * s.command, 30 * s.command),
                 positive("saturation_shape", 2.0, 0.7, 12.0),
@@ -60,7 +78,8 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ((1.0 * s.command, 2.0), (0.4 * s.command, 2.0), (2.0 * s.command, 1.0)),
         ),
         Term(
-            "remanence", "magnetics",
+            "remanence",
+            "magnetics",
             (
                 linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
                 positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
@@ -68,7 +87,8 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
         ),
         Term(
-            "heating", "fluid",
+            "heating",
+            "fluid",
             (
                 linear("heating_kappa", 0.02, 0.0, 1.0),
                 linear("heating_kappa_yield", 0.02, 0.0, 1.0),
@@ -78,39 +98,57 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             fixed={"heating_capacity": s.heat / 10},  # then the rise in the hottest record is about 10 K
         ),
         Term(
-            "asymmetry", "fluid",
-            (linear("asymmetry_a", 0.05, -0.9, 0.9), positive("asymmetry_width", 0.1 * s.velocity, 1e-4, 3 * s.velocity)),
+            "asymmetry",
+            "fluid",
+            (
+                linear("asymmetry_a", 0.05, -0.9, 0.9),
+                positive("asymmetry_width", 0.1 * s.velocity, 1e-4, 3 * s.velocity),
+            ),
             ((0.1, 0.05 * s.velocity), (-0.1, 0.3 * s.velocity)),
         ),
         Term(
-            "shear_thinning", "fluid",
-            (linear("shear_thinning_m", 0.1, 0.02, 1.0, 1.0), positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity)),
+            "shear_thinning",
+            "fluid",
+            (
+                linear("shear_thinning_m", 0.1, 0.02, 1.0, 1.0),
+                positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
+            ),
             ((0.6, 0.5 * s.velocity), (0.4, 1.5 * s.velocity)),
         ),
         *(
             Term(
-                "trapped_gas", "fluid",
+                "trapped_gas",
+                "fluid",
                 (
                     linear("trapped_gas_d", 0.1, 0.0, 1.0),
                     positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
+                    positive("trapped_gas_shape", 2.0, 0.5, 10.0, 0.3),
                 ),
-                ((0.3, 0.1 * s.stroke), (0.3, 0.4 * s.stroke)),
+                ((0.3, 0.1 * s.stroke, 2.0), (0.3, 0.4 * s.stroke, 2.0)),
                 form=form,
                 fixed={"trapped_gas_direction": direction},
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0), ("both", 0.0))
         ),
         Term(
-            "gas_spring", "mechanics",
+            "gas_spring",
+            "mechanics",
             (
                 linear("gas_spring_k", 0.05 * k, -3 * k, 3 * k),
                 linear("gas_spring_k2", 0.3 / s.stroke, -3 / s.stroke, 3 / s.stroke),
+                linear("gas_spring_k3", 0.3 / s.stroke**2, -5 / s.stroke**2, 50 / s.stroke**2),
                 linear("gas_spring_f0", 0.05 * s.force, -2 * s.force, 2 * s.force),
             ),
-            ((0.1 * k, 0.3 / s.stroke, 0.05 * s.force), (0.1 * k, -0.3 / s.stroke, 0.0)),
+            (
+                (0.1 * k, 0.3 / s.stroke, 0.0, 0.0),
+                (0.1 * k, -0.3 / s.stroke, 0.0, 0.0),
+                (0.03 * k, 0.0, 3.0 / s.stroke**2, 0.0),
+                (0.0, 0.0, 0.0, 0.05 * s.force),
+            ),
         ),
         Term(
-            "seal_friction", "mechanics",
+            "seal_friction",
+            "mechanics",
             (
                 linear("seal_friction_coulomb", 0.03 * s.force, 0.0, 2 * s.force),
                 positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
@@ -119,33 +157,58 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ),
             ((0.08 * s.force, 1.2, 0.1 * s.velocity, 2e-3 * s.stroke),),
         ),
-        Term("moving_mass", "mechanics", (linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),), ((0.1 * inertia,),)),
         Term(
-            "mount_compliance", "mount",
+            "moving_mass",
+            "mechanics",
+            (linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),),
+            ((0.1 * inertia,),),
+        ),
+        Term(
+            "mount_compliance",
+            "mount",
             (positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),),
             ((30 * k,), (200 * k,)),
         ),
         Term(
-            "backlash", "mount",
+            "backlash",
+            "mount",
             (
                 positive("backlash_gap", 0.03 * s.stroke, 2e-4 * s.stroke, 0.5 * s.stroke),
                 positive("backlash_k", 300 * k, 10 * k, 1e4 * k),
             ),
-            ((0.02 * s.stroke, 300 * k), (0.06 * s.stroke, 300 * k)),
+            ((0.005 * s.stroke, 300 * k), (0.02 * s.stroke, 300 * k), (0.06 * s.stroke, 300 * k)),
         ),
-        Term("sensor_gain", "sensor", (positive("sensor_gain_g", 1.0, 0.2, 5.0, 0.05),), ((1.1,),)),
-        Term("sensor_offset", "sensor", (linear("sensor_offset_f", 0.02 * s.force, -2 * s.force, 2 * s.force),), ((0.05 * s.force,),)),
-        Term("sensor_leakage", "sensor", (positive("sensor_leakage_tau", 2.0, 0.02, 200.0),), ((2.0,), (0.3,))),
+        Term("sensor_gain", "sensor", (linear("sensor_gain_g", 0.05, 0.2, 5.0, 1.0),), ((1.1,),)),
         Term(
-            "sensor_lag", "sensor",
-            (positive("sensor_lag_tau", 2 * dt, 0.1 * dt, 50 * dt), positive("sensor_lag_tau2", 0.3 * dt, 0.05 * dt, 25 * dt)),
+            "sensor_offset",
+            "sensor",
+            (linear("sensor_offset_f", 0.02 * s.force, -2 * s.force, 2 * s.force),),
+            ((0.05 * s.force,),),
+        ),
+        Term(
+            "sensor_leakage", "sensor", (positive("sensor_leakage_tau", 2.0, 0.02, 200.0),), ((2.0,), (0.3,))
+        ),
+        Term(
+            "sensor_lag",
+            "sensor",
+            (
+                positive("sensor_lag_tau", 2 * dt, 0.1 * dt, 50 * dt),
+                positive("sensor_lag_tau2", 0.3 * dt, 0.05 * dt, 25 * dt),
+            ),
             ((2 * dt, 0.2 * dt), (5 * dt, dt)),
         ),
-        Term("channel_shift", "sensor", (linear("channel_shift_d", dt, -25 * dt, 25 * dt),), ((2 * dt,), (-2 * dt,))),
-    )  # fmt: skip
+        Term(
+            "channel_shift",
+            "sensor",
+            (linear("channel_shift_d", dt, -25 * dt, 25 * dt),),
+            ((2 * dt,), (-2 * dt,)),
+        ),
+    )
 
 
-def nominal_coordinates(law: str, parameters: Settings, command: float, stroke: float) -> tuple[Coordinate, ...]:
+def nominal_coordinates(
+    law: str, parameters: Settings, command: float, stroke: float
+) -> tuple[Coordinate, ...]:
     """The law's parameters, free about their nominal values: a factor of 4 and a prior of a third to either side."""
     out = []
     for name, value in parameters.items():
@@ -154,7 +217,9 @@ def nominal_coordinates(law: str, parameters: Settings, command: float, stroke: 
         if name == "n":
             out.append(Coordinate(name, value, 1.0, 8.0, 0.05, log=True, prior=3.0))
         elif name == "x0":
-            out.append(Coordinate(name, value, value - 2 * stroke, value + 2 * stroke, 0.1 * stroke, prior=3.0))
+            out.append(
+                Coordinate(name, value, value - 2 * stroke, value + 2 * stroke, 0.1 * stroke, prior=3.0)
+            )
         elif value > 0:
             out.append(Coordinate(name, value, value / 4, 4 * value, 0.1, log=True, prior=3.0))
         else:

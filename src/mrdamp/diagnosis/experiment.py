@@ -59,17 +59,22 @@ def signals(e: Envelope) -> tuple[Signal, ...]:
         out.append(Signal(f"sine of {hz:g} Hz, command stepped every 0.4 s", sine(hz, 0.9), steps))
     slow = e.stroke * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * 0.25 * t))
     for name, value in (("smallest", e.command_low), ("largest", e.command_high)):
-        out.append(Signal(f"slow triangle of 0.25 Hz at the {name} command", 0.9 * slow, np.full(len(t), value)))
+        out.append(
+            Signal(f"slow triangle of 0.25 Hz at the {name} command", 0.9 * slow, np.full(len(t), value))
+        )
     ramp = e.command_low + (e.command_high - e.command_low) * np.abs((t / 2) % 2 - 1)
     out.append(Signal("sine of 2 Hz, command ramped up and down in 4 s", sine(2.0, 0.9), ramp))
     phase = 2 * np.pi * (0.5 * t + 0.5 * (14.5 / _SECONDS) * t**2)
     rate = 0.5 + 14.5 * t / _SECONDS
     amplitude = np.minimum(0.9 * e.stroke, e.velocity / (2 * np.pi * rate))
-    out.append(Signal("sweep from 0.5 to 15 Hz at the middle command", amplitude * np.sin(phase), np.full(len(t), middle)))
+    chirp = amplitude * np.sin(phase)
+    out.append(Signal("sweep from 0.5 to 15 Hz at the middle command", chirp, np.full(len(t), middle)))
     freqs = np.linspace(0.3, 6.0, 24)
-    x = np.sum([np.sin(2 * np.pi * f * t + p) / f for f, p in zip(freqs, rng.uniform(0, 6.28, 24), strict=True)], axis=0)
+    phases = rng.uniform(0, 2 * np.pi, len(freqs))
+    x = np.sum([np.sin(2 * np.pi * f * t + p) / f for f, p in zip(freqs, phases, strict=True)], axis=0)
     x *= min(0.9 * e.stroke / np.abs(x).max(), e.velocity / np.abs(np.gradient(x, e.sample_time)).max())
-    u = np.clip(middle + (e.command_high - e.command_low) * 0.3 * np.cumsum(rng.standard_normal(len(t))) * np.sqrt(e.sample_time / 0.1), e.command_low, e.command_high)
+    walk = np.cumsum(rng.standard_normal(len(t))) * np.sqrt(e.sample_time / 0.1)
+    u = np.clip(middle + 0.3 * (e.command_high - e.command_low) * walk, e.command_low, e.command_high)
     out.append(Signal("random motion of 0.3 to 6 Hz with a random command", x, u))
     return tuple(out)
 
@@ -106,13 +111,13 @@ def rival(chosen: Fit, fits: Sequence[Fit]) -> Fit | None:
 
 def with_term(found: Fit, term: Term, by: float) -> Settings:
     """Settings of a fit with a term at so many times its first start (numbers searched by logarithm stay there)."""
-    values = [v if c.log else c.start + by * (v - c.start) for c, v in zip(term.coordinates, term.starts[0], strict=True)]
-    own = Hypothesis((), (term,))
-    q = np.array([c.point(v) for c, v in zip(term.coordinates, values, strict=True)])
-    return found.settings | own.settings(q)
+    pairs = list(zip(term.coordinates, term.starts[0], strict=True))
+    values = [v if c.log else c.start + by * (v - c.start) for c, v in pairs]
+    q = np.array([c.point(v) for (c, _), v in zip(pairs, values, strict=True)])
+    return found.settings | Hypothesis((), (term,)).settings(q)
 
 
 def columns(signal: Signal, sample_time: float) -> Mapping[str, Array]:
     """The signal's CSV."""
-    t = sample_time * np.arange(len(signal.displacement))
+    t = np.asarray(sample_time * np.arange(len(signal.displacement)), dtype=np.float64)
     return {"time_s": t, "displacement_m": signal.displacement, "command": signal.command}

@@ -40,6 +40,13 @@ class Fit:
         return self.hypothesis.settings(self.point)
 
     @property
+    def move(self) -> float:
+        """RMS of what the nominal parameters move by, as shares (or of their size, where they are not positive)."""
+        scales = np.array([c.scale for c in self.hypothesis.nominal])
+        moved = scales * self.point[: len(scales)]
+        return float(np.sqrt(np.mean(moved**2))) if len(scales) else 0.0
+
+    @property
     def at_bounds(self) -> tuple[str, ...]:
         """Names of the settings that stand at an end of their range."""
         low, high = self.hypothesis.bounds()
@@ -67,20 +74,19 @@ def fit(
     prior = np.sqrt(PRIOR_WEIGHT) * hypothesis.prior()
     q = np.clip(start, low, high)
     r = problem.residuals(hypothesis, q)[0]
-    cost = float(r @ r)
-    total = cost + float(np.sum((prior * q) ** 2))
-    damping, converged, fresh, k = 1e-2, most == 0, known is None, 0
+    total = float(r @ r) + float(np.sum((prior * q) ** 2))
+    damping, converged, fresh, iterations = 1e-2, most == 0, known is None, 0
     j = _jacobian(problem, hypothesis, q, r, known)
-    for k in range(1, most + 1):
+    while iterations < most:
+        iterations += 1
         steps = np.array([_step(j, r, prior, q, low, high, damping * d) for d in _DAMPINGS])
         trials = np.clip(q + steps, low, high)
         rows = problem.residuals(hypothesis, trials)
-        costs = np.sum(rows**2, axis=1)
-        totals = costs + np.sum((prior * trials) ** 2, axis=1)
+        totals = np.sum(rows**2, axis=1) + np.sum((prior * trials) ** 2, axis=1)
         best = int(np.argmin(totals))
         gain = 1 - totals[best] / total if total > 0 else 0.0
         if gain > 0:
-            q, r, cost, total = trials[best], rows[best], float(costs[best]), float(totals[best])
+            q, r, total = trials[best], rows[best], float(totals[best])
             damping = float(np.clip(damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
         if gain < tolerance:
             if fresh or frozen:
@@ -92,7 +98,7 @@ def fit(
             known, fresh = None, True  # the known columns may be what holds it up
         j = _jacobian(problem, hypothesis, q, r, known if frozen or not fresh else None)
         fresh = known is None
-    return Fit(hypothesis, q, cost, r, j, k, converged)
+    return Fit(hypothesis, q, float(r @ r), r, j, iterations, converged)
 
 
 def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:
@@ -115,7 +121,9 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
         part = Problem(problem.rig, inside, stride=problem.stride, coarse=problem.coarse)
         rows = part.gaps(part.residuals(found.hypothesis, np.clip(q + step, low, high))[0])
         for b, value in zip(part.blocks, rows, strict=True):
-            at = next(i for i, o in enumerate(problem.blocks) if (o.record, o.channel) == (b.record, b.channel))
+            at = next(
+                i for i, o in enumerate(problem.blocks) if (o.record, o.channel) == (b.record, b.channel)
+            )
             gaps[at] = value
     return gaps
 

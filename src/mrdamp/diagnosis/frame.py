@@ -15,16 +15,21 @@ import numpy as np
 from mrdamp import core
 from mrdamp.core import Array, FrameInput
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.experiment import Envelope, Signal
 from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
 from mrdamp.records import Record
-from mrdamp.sampling import derivative
+from mrdamp.sampling import derivative, lowpass, second_derivative
 from mrdamp.structures import ShearFrame
 
 #: s, the chain's inner step while searching and for the last fit; the frame is stepped with half of it.
 _COARSE, _FINE = 2e-3, 1e-3
+#: The law's numbers are free within so many times the damper's ranges.
+_WIDER = 4.0
+#: Hz, of the sines of a proposed test.
+_LOWEST, _HIGHEST = 0.8, 16.0
 _STRUCTURE = ("mass", "stiffness", "damping")
 
 
@@ -34,11 +39,16 @@ class FrameRig:
 
     raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
     the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
+    clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there.
+    free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
     """
 
     nominal_model: Model
     raw: tuple[Record, ...]
     block: int = 1
+    clean: frozenset[str] = frozenset()
+    free_structure: bool = False
+    placed: bool = False
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
@@ -85,14 +95,31 @@ class FrameRig:
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
-        """The law's numbers, then the structure's."""
+        """The law's numbers, then the structure's where they are free."""
         s = self.sizes
         law = nominal_coordinates(self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke)
-        return (*law, *structure_coordinates(self.structure))
+        # At small drifts a frame asks little of some numbers and all of others, which may then be far off.
+        law = tuple(replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name != "n" else c for c in law)
+        return (*law, *structure_coordinates(self.structure)) if self.free_structure else law
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        return (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes))
+        """The catalogue without what clean blocks rule out. Of a damper only its force sensor is ruled out, where the
+        storeys that it stands in are in balance with what it reads: a frame's free run shows a damper's effects better
+        than its own block does."""
+        low, high = sorted(self.structure.damper_between)
+        inside = {f"storey {j}" for j in range(low + 1, high + 1)}
+        out = []
+        for term in (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes)):
+            if term.place is not None:
+                at_fault = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}" not in self.clean
+            else:
+                at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.clean
+            if term.effect == "channel_shift":
+                at_fault = not any(f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1))
+            if at_fault and (term.place is not None or not self.placed):
+                out.append(term)
+        return tuple(out)
 
     def measured(self, record: int) -> Array:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
@@ -116,14 +143,17 @@ class FrameRig:
 
     def conditions(self, record: int) -> dict[str, Array]:
         """What the gap is mapped over: name with unit -> (n,)."""
-        r = self.records[record]
-        out = {"command": np.asarray(r.command), "command rate (1/s)": derivative(r.command, r.sample_time)}
+        r, (low, high) = self.records[record], self.structure.damper_between
+        stroke = self._floor(record, high) - self._floor(record, low)
+        out = {
+            "velocity (m/s)": derivative(stroke, r.sample_time),
+            "displacement (m)": stroke,
+            "command": np.asarray(r.command),
+            "command rate (1/s)": derivative(r.command, r.sample_time),
+        }
         for j in range(1, self.structure.storeys + 1):
-            upper, lower = (f"floor{k}_displacement_m" for k in (j, j - 1))
-            if upper in r.channels and (lower in r.channels or j == 1):
-                drift = r.channel(upper) - (r.channel(lower) if j > 1 else 0.0)
-                out[f"drift of storey {j} (m)"] = drift
-                out[f"drift velocity of storey {j} (m/s)"] = derivative(drift, r.sample_time)
+            if (j - 1, j) != (low, high):
+                out[f"drift of storey {j} (m)"] = self._floor(record, j) - self._floor(record, j - 1)
         ground = np.asarray(r.channel("ground_acceleration_m_s2"))
         return out | {"ground acceleration (m/s2)": ground, "time (s)": np.asarray(r.time)}
 
@@ -143,6 +173,35 @@ class FrameRig:
             effects=(*self.nominal_model.effects, *effects),
             structure=ShearFrame(mass, stiffness, damping, s.damper_between),
         )
+
+    def _floor(self, record: int, floor: int) -> Array:
+        """Measured displacement (n,) of a floor, at the rate of the comparison; nothing where it was not measured."""
+        r = self.records[record]
+        return np.asarray(r.channels.get(f"floor{floor}_displacement_m", np.zeros(r.n)))
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """Limits of the next test, as displacement and velocity of the table: no more acceleration than the records
+        have, even at the highest frequency that is proposed."""
+        peak = max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in self.raw)
+        command = np.concatenate([r.command for r in self.raw])
+        velocity = peak / (2 * np.pi * _HIGHEST)
+        return Envelope(
+            stroke=velocity / (2 * np.pi * _LOWEST),
+            velocity=velocity,
+            command_low=max(float(command.min()), 0.0),
+            command_high=float(command.max()),
+            sample_time=self.sizes.sample_time,
+        )
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        """Simulated channels (sets, channels, n) of a test that has not been made; the table's displacement moves."""
+        dt = self.sizes.sample_time
+        ground = second_derivative(lowpass(signal.displacement, dt, 2 * _HIGHEST), dt)
+        channels = {"ground_acceleration_m_s2": ground, "command": signal.command}
+        trial = replace(self, raw=(Record("trial", None, dt, channels),), block=1)
+        runs = trial._run(settings, 0, coarse=True)
+        return np.array([[o[c] for c in self.columns] for o in runs])
 
     @cached_property
     def _base(self) -> dict[str, float]:

@@ -13,6 +13,8 @@ from mrdamp.diagnosis.terms import Hypothesis, Settings
 
 #: s at the start of a record, where the unknown start state fades: they do not count.
 SKIP = 0.1
+#: Samples at a record's end, where a converter's filter bends the motion: they do not count either.
+END = 8
 #: Step of the differences, in units of search.
 _STEP = 0.02
 #: What a diverged run counts as: an error so many times the record's size.
@@ -48,7 +50,7 @@ class Problem:
         at = 0
         for k in self.records:
             skip = min(round(SKIP / rig.records[k].sample_time), rig.records[k].n // 4)
-            measured = rig.measured(k)[:, skip::stride]
+            measured = rig.measured(k)[:, skip : rig.records[k].n - END : stride]
             self._measured[k], self._skip[k] = measured, skip
             for channel, values in enumerate(measured):
                 size = float(np.sqrt(np.mean(values**2))) or 1.0
@@ -65,7 +67,7 @@ class Problem:
         out = np.empty((len(settings), self.samples))
         at = 0
         for k in self.records:
-            run = self.rig.simulate(settings, k, coarse=self.coarse)[:, :, self._skip[k] :: self.stride]
+            run = self.rig.simulate(settings, k, coarse=self.coarse)[:, :, self.taken(k)]
             self.runs += len(settings)
             width = run.shape[1] * run.shape[2]
             out[:, at : at + width] = run.reshape(len(settings), width)
@@ -74,7 +76,7 @@ class Problem:
 
     def taken(self, record: int) -> slice:
         """Which samples of a record are in the residuals."""
-        return slice(self._skip[record], None, self.stride)
+        return slice(self._skip[record], self.rig.records[record].n - END, self.stride)
 
     def measured(self) -> Array:
         """Measured channels of all records in a row (samples,)."""

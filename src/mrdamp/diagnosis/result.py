@@ -44,7 +44,11 @@ class Candidate:
     heldout_gap: float
 
     def to_dict(self) -> dict[str, Any]:
-        return {"effects": list(self.causes), "probability": self.probability, "heldout_gap": self.heldout_gap}
+        return {
+            "effects": list(self.causes),
+            "probability": self.probability,
+            "heldout_gap": self.heldout_gap,
+        }
 
 
 @dataclass(frozen=True)
@@ -133,10 +137,14 @@ class Diagnosis:
     waterfall: tuple[Step, ...]
     next_experiment: Mapping[str, Any]
     corrected: Model
-    unseen: tuple[Mapping[str, Any], ...] = ()  # effects these records cannot show, and the size they could hide
+    unseen: tuple[
+        Mapping[str, Any], ...
+    ] = ()  # effects these records cannot show, and the size they could hide
     notes: tuple[str, ...] = ()  # audit, bounds, failed fits
     corrections: tuple[str, ...] = ()  # terms in the corrected model that mend a form and are not named
-    probabilities: Mapping[str, float] = field(default_factory=dict)  # by cause, and of none, parameters, unknown
+    probabilities: Mapping[str, float] = field(
+        default_factory=dict
+    )  # by cause, and of none, parameters, unknown
     seconds: float = 0.0
     next_signal: Mapping[str, Any] | None = field(default=None, repr=False)  # columns of the next test's CSV
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)

@@ -18,10 +18,17 @@ class Rig(Protocol):
     parameters, free in every hypothesis. terms: the catalogue.
     """
 
-    records: tuple[Record, ...]
-    channels: tuple[str, ...]
-    nominal: tuple[Coordinate, ...]
-    terms: tuple[Term, ...]
+    @property
+    def records(self) -> tuple[Record, ...]: ...
+
+    @property
+    def channels(self) -> tuple[str, ...]: ...
+
+    @property
+    def nominal(self) -> tuple[Coordinate, ...]: ...
+
+    @property
+    def terms(self) -> tuple[Term, ...]: ...
 
     def measured(self, record: int) -> Array:
         """(channels, n) of a record."""

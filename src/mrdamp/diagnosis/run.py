@@ -11,6 +11,7 @@ import numpy as np
 from mrdamp.core import Array
 from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.ceiling import of_fit
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.experiment import Signal, columns, propose, rival, with_term
 from mrdamp.diagnosis.fit import Fit
@@ -57,7 +58,7 @@ def diagnose(
     if case.model.rig == "frame":
         from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame
 
-        return diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS)
+        return diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store or Store())
     begun = time.monotonic()
     rig = make_rig(case)
     notes = list(audit(case))
@@ -66,7 +67,9 @@ def diagnose(
     noise = channel_noise(case, rig)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.02)
-    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits or Limits(), jobs, store or Store())
+    search = Search(
+        problem, float(np.sum(floor**2)) / len(rig.channels), limits or Limits(), jobs, store or Store()
+    )
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)
     chosen = fits[decision.chosen.index]
@@ -86,6 +89,7 @@ def judge(search: Search) -> tuple[list[Fit], Decision]:
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
+            f.move,
         )
         for index, f in enumerate(fits)
     ]
@@ -133,6 +137,7 @@ def assemble(
         corrected=rms["heldout"],
         noise_floor=rms["floor"],
         interval=last.interval,
+        ceiling=_ceiling(settled, search.floor),
     )
     residual = settled.fit.residual
     conditions, halves = _conditions(search.problem)
@@ -142,7 +147,9 @@ def assemble(
         regimes=regimes(conditions, search.residual, halves),
     )
     candidates = tuple(
-        Candidate(c, p, _candidate_gap(search, fits, c)) for c, p in list(sets.items())[:6] if p > 1e-4 or not c
+        Candidate(c, p, _candidate_gap(search, fits, c))
+        for c, p in list(sets.items())[:6]
+        if p > 1e-4 or not c
     )
     pictures: dict[str, Any] = {
         "nominal": search.residual / search.problem.weights,
@@ -196,20 +203,30 @@ def _next_test(
         return {"why": "nothing to part", "signal": "none"}, None
     other: dict[str, float] | None = None
     why = ""
-    near = rival(chosen, [f for _, f in sorted(zip(decision.probabilities, fits, strict=True), key=lambda x: -x[0])])
-    if ties and near is not None:
-        other, why = near.settings, f"these records leave {' and '.join(ties[0])} tied"
-    elif decision.verdict == "unknown":
-        if near is not None:
-            other, why = near.settings, f"to part {chosen.hypothesis.name} from {near.hypothesis.name}, the nearest known causes"
-    elif hidden:
+    likely = sorted(zip(decision.probabilities, fits, strict=True), key=lambda pair: -pair[0])
+    near = rival(chosen, [f for _, f in likely])
+    pair = f"{chosen.hypothesis.name} from {near.hypothesis.name}" if near is not None else ""
+    if hidden and not ties and decision.verdict != "unknown":
         term = next(t for t in rig.terms if t.cause == hidden[0]["effect"])
         other, why = with_term(chosen, term, 1.0), f"these records hardly show {term.cause}"
     elif near is not None:
-        other, why = near.settings, f"nothing is tied; it would part {chosen.hypothesis.name} from {near.hypothesis.name} best"
+        other = near.settings
+        if ties:
+            why = f"these records leave {' and '.join(ties[0])} tied"
+        elif decision.verdict == "unknown":
+            why = f"to part {pair}, the nearest known causes"
+        else:
+            why = f"nothing is tied; it would part {pair} best"
     if other is None:
         return {"why": "nothing is tied and nothing is unseen", "signal": "none"}, None
     return propose(rig, rig.envelope, chosen.settings, other, noise.levels, why)
+
+
+def _ceiling(settled: Settled, floor: float) -> float:
+    """Gap that a model of any form would leave on records left out."""
+    found = of_fit(settled.problem, settled.fit.residual, floor)
+    cost = settled.fit.cost - found.predictable * max(settled.fit.cost - floor, 0.0)
+    return float(np.sqrt(cost / len(settled.problem.records)))
 
 
 def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, float]) -> tuple[Named, ...]:

@@ -36,16 +36,30 @@ _FLOOR_DOUBT = 0.3
 
 @dataclass(frozen=True)
 class Limits:
-    """How wide the search goes. singles: terms fitted alone of those screened, for each flavour; beam: sets carried
-    on; additions: terms fitted to each of them; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own; base: iterations for the nominal parameters alone."""
+    """How wide the search goes.
+
+    singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
+    to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
+    that get a full Jacobian of their own; base: iterations for the nominal parameters alone.
+    """
 
     singles: int = 8
     beam: int = 3
     additions: int = 4
-    depth: int = 3
+    forms: int = 2
+    depth: int = 2
     polished: int = 3
     base: int = 15
+
+
+@dataclass(frozen=True)
+class Promise:
+    """Cost that a term promises, with its start and the factor that its signature is stretched by."""
+
+    cost: float
+    term: Term
+    start: int
+    by: float
 
 
 @dataclass
@@ -65,9 +79,11 @@ class Search:
         self.residual = self.problem.residuals(Hypothesis(()), np.zeros(0))[0]
         self.nominal_cost = float(self.residual @ self.residual)
         held = Hypothesis(())
-        self._keep(Fit(held, np.zeros(0), self.nominal_cost, self.residual, np.zeros((self.problem.samples, 0))))
+        self.keep(
+            Fit(held, np.zeros(0), self.nominal_cost, self.residual, np.zeros((self.problem.samples, 0)))
+        )
         free = Hypothesis(rig.nominal)
-        self._keep(fit(self.problem, free, np.zeros(len(rig.nominal)), most=self.limits.base))
+        self.keep(fit(self.problem, free, np.zeros(len(rig.nominal)), most=self.limits.base))
 
     @property
     def excess(self) -> float:
@@ -83,38 +99,38 @@ class Search:
         """Share of the excess that a fit leaves."""
         return max(found.cost - self.floor, 0.0) / self.excess
 
-    def start_from(self, found: Fit, term: Term, k: int) -> tuple[Hypothesis, Array]:
-        """A fit with a term added at one of its starts."""
-        hypothesis = found.hypothesis.plus(term)
-        own = Hypothesis((), (term,)).start((k,))
-        return hypothesis, np.concatenate([found.point, own])
+    def start_from(self, found: Fit, term: Term, k: int, by: float = 1.0) -> tuple[Hypothesis, Array]:
+        """A fit with a term added at one of its starts, its linear numbers stretched by a factor."""
+        q = [
+            c.point(v if c.log else c.start + by * (v - c.start))
+            for c, v in zip(term.coordinates, term.starts[k], strict=True)
+        ]
+        return found.hypothesis.plus(term), np.concatenate([found.point, q])
 
-    def screen(self, found: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, int]]:
-        """Costs that each term promises on top of a fit, the best start of each, best first.
+    def screen(self, found: Fit, terms: Sequence[Term]) -> list[Promise]:
+        """What each term promises on top of a fit, best first.
 
         A score test with a signature of finite size: the change that the term makes at a start, less what the free
-        coordinates can make themselves, scaled to the residual.
+        coordinates can make themselves, stretched to the residual (backwards too, where the term has two signs).
         """
         jobs = [(term, k) for term in terms for k in range(len(term.starts))]
 
         def change(term: Term, k: int) -> Array:
             hypothesis, point = self.start_from(found, term, k)
-            return self.problem.residuals(hypothesis, point)[0] - found.residual
+            return np.asarray(self.problem.residuals(hypothesis, point)[0] - found.residual)
 
         basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else found.jacobian
         left = found.residual - basis @ (basis.T @ found.residual)
-        best: dict[str, tuple[float, Term, int]] = {}
+        best: dict[str, Promise] = {}
         for (term, k), d in zip(jobs, self._map(change, jobs), strict=True):
             own = d - basis @ (basis.T @ d)
-            size = float(own @ own)
-            if size <= 1e-6 * float(d @ d) or size == 0:
-                promise = found.cost
-            else:
-                by = min(max(-float(own @ left) / size, 0.0), _STRETCH)
-                promise = found.cost + by * (2 * float(own @ left) + by * size)
-            if term.name not in best or promise < best[term.name][0]:
-                best[term.name] = (promise, term, k)
-        return sorted(best.values(), key=lambda item: (item[0], item[1].name))
+            size, cost, by = float(own @ own), found.cost, 0.0
+            if size > 1e-6 * float(d @ d):
+                by = min(max(-float(own @ left) / size, -_STRETCH if term.two_sided else 0.0), _STRETCH)
+                cost += by * (2 * float(own @ left) + by * size)
+            if term.name not in best or cost < best[term.name].cost:
+                best[term.name] = Promise(cost, term, k, by)
+        return sorted(best.values(), key=lambda p: (p.cost, p.term.name))
 
     def run(self, progress: Progress = lambda what, share: None) -> None:
         """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
@@ -124,11 +140,30 @@ class Search:
             before = self.best(False)
             if before is not None and self.solved(before):
                 break
-            progress(
-                f"{('one cause', 'two causes', 'three causes')[depth - 1]}, nominal parameters {'free' if free else 'held'}",
-                number / (2 * self.limits.depth),
-            )
+            count = ("one cause", "two causes", "three causes")[depth - 1]
+            law = "free" if free else "held"
+            progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
             self.extend(free, depth)
+        self.free_parts()
+
+    def free_parts(self) -> None:
+        """Each cause of the best held set alone, with the law free: numbers that are a little off look like a second
+        cause, and the two have to be weighed."""
+        best = self.best(False)
+        if best is None or len(best.hypothesis.causes) < 2:
+            return
+        tasks = []
+        low = len(best.hypothesis.nominal)
+        for term in best.hypothesis.terms:
+            count = len(term.coordinates)
+            hypothesis = self.base.hypothesis.plus(term)
+            start = np.concatenate([np.zeros(len(self.base.point)), best.point[low : low + count]])
+            low += count
+            if (True, frozenset([term.name])) not in self.fits:
+                tasks.append((hypothesis, start, None))
+        for found in self._map(self._try, tasks):
+            if found is not None:
+                self.keep(found)
 
     def solved(self, found: Fit) -> bool:
         """True where nothing material is left for another cause to explain."""
@@ -140,34 +175,41 @@ class Search:
         for parent in parents:
             taken = set(parent.hypothesis.causes)
             terms = [t for t in self.problem.rig.terms if t.cause not in taken]
-            ranked = self.screen(parent, terms)
-            chosen = self._choose([r for r in ranked if r[0] < (1 - _PROMISE) * parent.cost], depth)
-            for _, term, k in chosen:
-                hypothesis, start = self.start_from(parent, term, k)
+            ranked = [p for p in self.screen(parent, terms) if p.cost < (1 - _PROMISE) * parent.cost]
+            for promise in self._choose(ranked, depth):
+                hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 key = frozenset(t.name for t in hypothesis.terms)
                 if (free, key) not in self.fits:
                     tasks.setdefault(key, (hypothesis, start, self.law_columns(parent)))
         for found in self._map(self._try, list(tasks.values())):
             if found is not None:
-                self._keep(found)
+                self.keep(found)
         if free:
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: self.limits.polished]
             for found in self._map(self._polish, [(f,) for f in best]):
-                self._keep(found)
+                self.keep(found)
 
     def _polish(self, found: Fit) -> Fit:
         return self.fitted(found.hypothesis, found.point, most=4, stage=" polished")
 
-    def _choose(self, ranked: list[tuple[float, Term, int]], depth: int) -> list[tuple[float, Term, int]]:
-        """The most promising terms; of singles also the best of every stage."""
+    def _choose(self, ranked: list[Promise], depth: int) -> list[Promise]:
+        """The most promising causes in their best forms; of singles also the best of every stage."""
         count = self.limits.singles if depth == 1 else self.limits.additions
-        chosen = list(ranked[:count])
+        causes = list(dict.fromkeys(p.term.cause for p in ranked))
+        wanted = set(causes[:count])
         if depth == 1:
-            seen = {term.stage for _, term, _ in chosen}
-            for item in ranked[count:]:
-                if item[1].stage not in seen:
-                    seen.add(item[1].stage)
-                    chosen.append(item)
+            stages = {p.term.stage for p in ranked if p.term.cause in wanted}
+            for promise in ranked:
+                if promise.term.stage not in stages:
+                    stages.add(promise.term.stage)
+                    wanted.add(promise.term.cause)
+        forms: dict[str, int] = {}
+        chosen = []
+        for promise in ranked:
+            cause = promise.term.cause
+            if cause in wanted and forms.get(cause, 0) < self.limits.forms:
+                forms[cause] = forms.get(cause, 0) + 1
+                chosen.append(promise)
         return chosen
 
     @staticmethod
@@ -199,7 +241,8 @@ class Search:
         self.store.put(name, found.point, found.converged)
         return found
 
-    def _keep(self, found: Fit) -> None:
+    def keep(self, found: Fit) -> None:
+        """Takes a fit in, where it is the best of its terms."""
         key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))
         if key not in self.fits or found.cost < self.fits[key].cost:
             self.fits[key] = found
@@ -218,7 +261,9 @@ class Search:
 
     def best(self, free: bool, causes: int | None = None) -> Fit | None:
         """The best fit of a flavour, with so many causes."""
-        return next((f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None)
+        return next(
+            (f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None
+        )
 
     def _map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
         tasks = list(jobs)

@@ -35,7 +35,8 @@ def heldout(problem: Problem, found: Fit) -> Array:
 
 def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
     """Frees the law's numbers, and adds terms that are not named, where records left out get better by it."""
-    best, corrections = chosen, ()
+    best = chosen
+    corrections: tuple[str, ...] = ()
     score = _cost(search, chosen)
     for _ in range(_ROUNDS):
         if search.solved(best):
@@ -47,12 +48,12 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
             trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
         taken = {t.cause for t in best.hypothesis.terms}
         ranked = search.screen(best, [t for t in search.problem.rig.terms if t.cause not in taken])
-        for promise, term, k in ranked[:2]:
-            if promise > (1 - _WORTH / 3) * best.cost:
+        for promise in ranked[:2]:
+            if promise.cost > (1 - _WORTH / 3) * best.cost:
                 continue
-            hypothesis, start = search.start_from(best, term, k)
+            hypothesis, start = search.start_from(best, promise.term, promise.start, promise.by)
             found = search.fitted(hypothesis, start, most=8, known=search.law_columns(best), stage=" mended")
-            trials.append((found, (*corrections, term.name)))
+            trials.append((found, (*corrections, promise.term.name)))
         scored = [(_cost(search, f), f, c) for f, c in trials]
         if not scored:
             break

@@ -71,8 +71,14 @@ class Term:
     fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def two_sided(self) -> bool:
+        """True where the effect has two signs, as its first number has."""
+        first = self.coordinates[0]
+        return not first.log and first.low < first.start < first.high
+
+    @property
     def cause(self) -> str:
-        """The effect with its place, as labels write it: `floor_mass@2`."""
+        """The effect with its place: `floor_mass@2`."""
         return self.effect if self.place is None else f"{self.effect}@{self.place}"
 
     @property

@@ -9,15 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 #: Independent samples that a form error counts for, the price (nats) of a free law, of a cause, of a coordinate.
-INDEPENDENT, FREE_PRICE, CAUSE_PRICE, NUMBER_PRICE = 24.0, 6.0, 3.0, 0.5
+INDEPENDENT, FREE_PRICE, CAUSE_PRICE, NUMBER_PRICE = 24.0, 3.5, 4.0, 0.5
+#: A free law pays up to so much more, in proportion, as its numbers move (RMS of their logarithms) to this share.
+MOVE_PRICE, MOVE = 3.0, 0.15
 #: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
 RESOLUTION, FLOOR_DOUBT = 0.01, 0.05
 #: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, is none.
 NONE_ABOVE, REDUCIBLE = 1.75, 0.06
 #: More than this share of the excess left by the best set of causes: the cause is not in the catalogue.
 UNKNOWN_ABOVE = 0.12
-#: A cause that explains less than this share of the excess is a correction of another's form.
-MATERIAL = 0.04
+#: Free numbers that leave more than this share of the noise floor besides it have the wrong form.
+WRONG_FORM = 0.25
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,7 @@ class Scored:
     cost: float
     numbers: int
     index: int = -1
+    move: float = 0.0
     doubt: float = 0.0
 
 
@@ -63,14 +66,16 @@ def decide(fits: Sequence[Scored], floor: float) -> Decision:
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not chosen.causes and not chosen.free:
         return Decision("unknown", chosen, probabilities, 1.0, floor, excess)
-    if left > UNKNOWN_ABOVE:
+    if left > UNKNOWN_ABOVE or (not chosen.causes and left * excess > WRONG_FORM * floor):
         return Decision("unknown", chosen, probabilities, left, floor, excess)
     return Decision("effect" if chosen.causes else "parameters", chosen, probabilities, left, floor, excess)
 
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
-    price = FREE_PRICE * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
+    price = (
+        FREE_PRICE * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
+    )
     return -0.5 * INDEPENDENT * math.log(left + resolution) - price
 
 

@@ -92,7 +92,7 @@ def regimes(
         for k in range(bins):
             inside = (values >= edges[k]) & ((values < edges[k + 1]) | (k == bins - 1))
             ratios = []
-            for half in (halves, ~halves):
+            for half in (halves, np.logical_not(halves)):
                 n = np.count_nonzero(inside & half)
                 mean = float(np.mean(power[half]))
                 ratios.append(float(np.mean(power[inside & half])) / mean if n > 20 and mean > 0 else 0.0)

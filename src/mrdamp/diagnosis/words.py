@@ -38,10 +38,11 @@ def sentence(d: Diagnosis) -> str:
     """What was found, in one plain sentence."""
     g = d.gap
     shrink = f"the gap on records held out goes from {percent(g.nominal)} to {percent(g.corrected)}"
+    noise = f"noise {percent(g.noise_floor)}"
     if d.verdict == "none":
         return f"The simulator matches the rig: its gap of {percent(g.nominal)} is the noise of the records."
     if d.verdict == "parameters":
-        return f"The model's form is right and its numbers are not: recalibrated, {shrink} (noise {percent(g.noise_floor)})."
+        return f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise})."
     if d.verdict == "unknown":
         stage = max(d.where.stages, key=lambda s: d.where.stages[s])
         return (
@@ -52,25 +53,30 @@ def sentence(d: Diagnosis) -> str:
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
         parts.append(f"{e.effect}{place} ({_PLAIN.get(e.effect, e.stage)})")
-    return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} (noise {percent(g.noise_floor)})."
+    return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise})."
 
 
 def table(d: Diagnosis) -> str:
     """The waterfall, the effects, the candidates and what is tied."""
     lines = ["  gap on held-out records (RMS error over RMS)"]
-    lines += [f"    {s.name:40s} {percent(s.gap):>8s}   {percent(s.interval[0])} to {percent(s.interval[1])}" for s in d.waterfall]
+    for s in d.waterfall:
+        low, high = (percent(end) for end in s.interval)
+        lines.append(f"    {s.name:40s} {percent(s.gap):>8s}   {low} to {high}")
     lines.append(f"    {'noise floor':40s} {percent(d.gap.noise_floor):>8s}")
     if d.effects:
         lines.append("  effects")
         for e in d.effects:
             numbers = ", ".join(f"{k} = {v:.4g}" for k, v in e.parameters.items())
             place = f"@{e.place}" if e.place is not None else ""
-            lines.append(f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}")
+            lines.append(
+                f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}"
+            )
     lines.append("  candidates")
     for c in d.candidates:
-        lines.append(f"    {' + '.join(c.causes) or 'none':40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
+        name = " + ".join(c.causes) or "none"
+        lines.append(f"    {name:40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
     stages = sorted(d.where.stages.items(), key=lambda item: -item[1])
-    lines.append("  stages: " + ", ".join(f"{s} {v:.2f}" for s, v in stages if v > 0.005))
+    lines.append("  stages: " + ", ".join(f"{name} {v:.2f}" for name, v in stages if v > 0.005))
     for tie in d.indistinguishable:
         lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
     if d.corrections:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from mrdamp.files import write_atomic
 from mrdamp.inverse.trial import Trial
 from mrdamp.pictures.tracking import force_tracking
@@ -29,10 +31,9 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
     )
     page = Page(f"mrdamp: inverses of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
     for kind, heading in _KINDS.items():
-        tracks = result.tracks[kind]
         page.figure(
             heading,
-            force_tracking([t for t in tracks if not t.name.startswith("constant")], command_unit),
+            draw(result, kind, command_unit),
             "The part with the largest wanted force. " + _noise(result),
             "Wanted and true force over time, and the command, for each inverse.",
         )
@@ -46,6 +47,11 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
     path = out / "index.html"
     page.write(path)
     return path
+
+
+def draw(result: Trial, kind: str, command_unit: str) -> Figure:
+    """Tracks of one kind of wanted force, without the constant commands."""
+    return force_tracking([t for t in result.tracks[kind] if not t.name.startswith("constant")], command_unit)
 
 
 def _models(page: Page, result: Trial) -> None:

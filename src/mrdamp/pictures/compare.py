@@ -11,7 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrdamp.errors import InputError
 from mrdamp.pictures.style import (
@@ -30,6 +30,8 @@ from mrdamp.pictures.style import (
     styled,
     ticks,
 )  # fmt: skip
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -98,14 +100,16 @@ def trade_off(drift: Mapping[str, float], acceleration: Mapping[str, float], mar
     names = list(drift)
     if not names:
         raise InputError("picture: trade_off has nothing to show; give at least one controller")
-    fig = figure(max(3.0, 0.6 + 0.19 * len(names)))
+    fig = figure(max(3.4, 0.6 + 0.19 * len(names)))
     [[ax, key]] = axes_grid(fig, 1, 2, width_ratios=[1.5, 1.0])
-    for k, name in enumerate(names, start=1):
+    points = np.array([[drift[name], acceleration[name]] for name in names])
+    span = np.maximum(np.ptp(points, axis=0), 1e-9)
+    for k, (name, place) in enumerate(zip(names, _label_places(points / span * _AXES), strict=True), start=1):
         colour = SIMULATED if name in marked else COLOURS[0]
-        ax.plot([drift[name]], [acceleration[name]], marker="o", markersize=4.5, color=colour, linestyle="none")
+        ax.plot([drift[name]], [acceleration[name]], marker="o", markersize=4, color=colour, linestyle="none")
         ax.annotate(
-            str(k), (drift[name], acceleration[name]), xytext=(3.5, 3.5), textcoords="offset points", fontsize=9,
-            color=colour,
+            str(k), points[k - 1], xytext=tuple(place), textcoords="offset points", fontsize=9, color=colour,
+            ha="center", va="center", arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 4},
         )  # fmt: skip
         key.text(
             0.0, 1 - (k - 0.5) / len(names), f"{k}  {elide(name, 124, 9)}", transform=key.transAxes, fontsize=9,
@@ -114,9 +118,27 @@ def trade_off(drift: Mapping[str, float], acceleration: Mapping[str, float], mar
     key.set_axis_off()
     ax.set_xlabel("J1, peak drift over uncontrolled")
     ax.set_ylabel("J2, peak acceleration over uncontrolled")
-    ax.margins(0.12)
+    ax.margins(0.14)
     ticks(ax, 5, 6)
     return fig
+
+
+_AXES = np.array([140.0, 165.0])  # points, about what the data spans in trade_off
+
+
+def _label_places(points: Array) -> list[Array]:
+    """Where each label stands off its point, in typographic points, clear of the other points and labels."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    offsets = np.concatenate([r * np.column_stack([np.cos(angles), np.sin(angles)]) for r in (9.0, 16.0, 24.0, 33.0)])
+    taken, places = list(points), []
+    for point in points:
+        spots = point + offsets
+        clear = np.min([np.hypot(*(spots - other).T) for other in taken], axis=0)
+        # The nearest spot that is clear, or the clearest one; the offsets begin with the nearest.
+        best = int(np.argmax(clear >= 8.5)) if clear.max() >= 8.5 else int(clear.argmax())
+        taken.append(spots[best])
+        places.append(offsets[best])
+    return places
 
 
 @styled

@@ -1,0 +1,237 @@
+"""A diagnosis of a frame, from case to answer.
+
+First where: every block between measured channels is tried alone (`frame_where`). Then which cause: the search and the
+verdict of a damper's diagnosis, over the catalogue without what the clean blocks rule out.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis import run
+from mrdamp.diagnosis.audit import audit
+from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.frame import FrameRig, averaged
+from mrdamp.diagnosis.frame_structure import deviations, promoted
+from mrdamp.diagnosis.frame_where import Block, blocks, place_shares, shares_by_stage
+from mrdamp.diagnosis.noise import Noise, channel_noise, floors
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.result import Diagnosis
+from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.settle import settle
+from mrdamp.diagnosis.smoothing import noise_level
+from mrdamp.diagnosis.store import Store
+from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, Scored, decide
+from mrdamp.diagnosis.words import sentence
+from mrdamp.records import Record
+from mrdamp.sampling import derivative
+
+Progress = Callable[[str, float], None]
+
+#: s, samples are averaged over this; Hz, the band that stays is half of its inverse.
+_AVERAGE = 0.008
+LIMITS = Limits(singles=5, beam=2, additions=3, depth=2, polished=2, base=4)
+#: Fits with free numbers, the best of each number of causes, whose structure is looked at for what stands out.
+_LOOKED_AT = 3
+#: Share of the excess that may be left before the structure's numbers are freed, where several storeys are at fault.
+_LEFT = 0.02
+#: Best held fits whose nominal numbers are freed; a share of the excess that another form of the same cause may leave.
+_FREED, _FORM = 2, 0.02
+#: Iterations for the nominal numbers alone, where no single cause will do.
+_FREE = 15
+#: Share of the noise's cost by which a cause in a block at fault has to lower the cost.
+_SEEN = 0.003
+#: Records that a search goes by, at most.
+_RECORDS = 4
+#: Two runs that differ by more than this times the noise of the high band do not repeat.
+_REPEATS = 1.5
+
+
+def reduced(case: Case, found: Sequence[Block] = ()) -> tuple[Case, FrameRig]:
+    """The case at the rate of the comparison, and its rig."""
+    block = max(1, round(_AVERAGE / case.records[0].sample_time))
+    rig = FrameRig(case.model, case.records, block, frozenset(b.name for b in found if b.clean))
+    repeats = tuple((averaged(r, block), k) for r, k in case.repeats)
+    return replace(case, records=rig.records, repeats=repeats), rig
+
+
+def diagnose_frame(
+    case: Case,
+    *,
+    jobs: int = 1,
+    progress: Progress = lambda what, share: None,
+    limits: Limits = LIMITS,
+    store: Store | None = None,
+) -> Diagnosis:
+    """The answer for a frame case; the same for any number of jobs, and for a run that goes on from a store.
+
+    Raises InputError.
+    """
+    begun = time.monotonic()
+    notes = list(audit(case))
+    progress("trying each storey, accelerometer and the damper alone", 0.01)
+    found = blocks(case)
+    small, rig = reduced(case, found)
+    noise, note = repeatable(channel_noise(small, rig), case, rig)
+    notes += note
+
+    def part(begin: float, end: float) -> Progress:
+        return lambda what, share: progress(what, begin + (end - begin) * share)
+
+    search, floor = _search(rig, noise, limits, jobs, store or Store(), part(0.05, 0.45))
+    fits, decision = judge(search, rig)
+    storeys = [b for b in found if b.kind == "storey" and not b.clean]
+    if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT:
+        rig = replace(rig, free_structure=True)
+        # What was kept is of other nominal numbers.
+        search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7))
+        fits, decision = judge(search, rig)
+    chosen = fits[decision.chosen.index]
+    progress("fitting the corrected simulator", 0.7)
+    settled = settle(search, chosen, mend=decision.verdict != "none")
+    progress("looking at what is tied and unseen", 0.85)
+    answer = run.assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    stages = shares_by_stage(search, chosen, decision.verdict, found)
+    answer = replace(answer, where=replace(answer.where, stages=stages, places=place_shares(found)))
+    return answer.with_sentence(sentence(answer))
+
+
+def repeatable(noise: Noise, case: Case, rig: FrameRig) -> tuple[Noise, list[str]]:
+    """The noise, no more of what two runs differ by than the high band holds, and notes on what does not repeat."""
+    levels, notes = noise.levels.copy(), []
+    for c, name in enumerate(rig.channels):
+        white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(rig.block)
+        if levels[c] > _REPEATS * white > 0:
+            notes.append(f"{name}: two runs of one test differ by {levels[c] / white:.1f} times the sensor's noise")
+            levels[c] = white
+    return replace(noise, levels=levels), notes
+
+
+def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
+    """All fits, those with the structure's numbers told as effects among them, and the decision over them."""
+    doubts: dict[int, float] = {}
+    if rig.free_structure:
+        free = search.ranked(True)
+        doubts = {id(f): deviations(f).doubt() for f in free}
+        for count in {len(f.hypothesis.causes) for f in free}:
+            for f in [f for f in free if len(f.hypothesis.causes) == count][:_LOOKED_AT]:
+                for told, doubt in promoted(rig, f, CAUSE_PRICE + NUMBER_PRICE):
+                    key = (True, frozenset(t.name for t in told.hypothesis.terms))
+                    if key not in search.fits or told.cost < search.fits[key].cost:
+                        search.fits[key] = told
+                        doubts[id(told)] = doubt
+    fits = [*search.ranked(False), *search.ranked(True)]
+    decision = decide(_scored(fits, doubts), search.floor)
+    first = fits[0]
+    weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
+    if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:
+        # A block at fault on its own shows what is small beside the noise of all channels together.
+        scored = _scored(fits, doubts)[0]
+        left = search.unexplained(first)
+        decision = replace(decision, verdict="effect", chosen=scored, unexplained=left)
+    return fits, decision
+
+
+def _scored(fits: Sequence[Fit], doubts: dict[int, float]) -> list[Scored]:
+    return [
+        Scored(
+            f.hypothesis.causes,
+            bool(f.hypothesis.nominal),
+            f.cost,
+            len(f.point) - len(f.hypothesis.nominal),
+            index,
+            doubts.get(id(f), 0.0),
+        )
+        for index, f in enumerate(fits)
+    ]
+
+
+def _search(
+    rig: FrameRig, noise: Noise, limits: Limits, jobs: int, store: Store, progress: Progress
+) -> tuple[Search, Array]:
+    """A search that is through, and the gaps (blocks,) that noise alone leaves.
+
+    Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
+    """
+    problem = Problem(replace(rig, placed=True), telling(rig.records), coarse=True)
+    floor = floors(problem, noise, {})
+    progress("recalibrating the nominal parameters", 0.0)
+    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
+    at_fault = frozenset(_block_names(rig)) - rig.clean
+    places = frozenset(b for b in at_fault if b != "damper")
+    steps: tuple[tuple[str, FrameRig, bool, int], ...] = (
+        ("storeys, floors and accelerometers", replace(rig, placed=True), bool(places), 1),
+        ("two of them", replace(rig, placed=True), len(places) > 1, 2),
+        ("one cause, the damper's among them", rig, True, 1),
+        ("two causes", rig, True, 2),
+    )
+    for number, (what, sought, wanted, depth) in enumerate(steps):
+        if not wanted or _enough(search, rig, at_fault):
+            continue
+        progress(what, (number + 1) / 6)
+        problem.rig = sought
+        search.extend(False, depth)
+        if not sought.placed and depth == 1 and not _enough(search, rig, at_fault):
+            search.keep(search.fitted(Hypothesis(rig.nominal), search.base.point, most=_FREE, stage=" through"))
+            if _enough(search, rig, at_fault):
+                continue
+        held = [f for f in search.ranked(False) if f.hypothesis.terms][:_FREED]
+        for f in held if not _enough(search, rig, at_fault) else []:
+            search.keep(_freed(search, rig, f))
+    problem.rig = rig
+    if not _enough(search, rig, at_fault):
+        progress("one cause beside other numbers", 5 / 6)
+        search.extend(True, 1)
+    return search, floor
+
+
+def _block_names(rig: FrameRig) -> list[str]:
+    floors = range(1, rig.structure.storeys + 1)
+    return [f"{kind} {j}" for kind in ("accelerometer", "storey") for j in floors] + ["damper"]
+
+
+def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str]) -> bool:
+    """True where the best fit so far leaves little, and every block at fault is one that its causes act in."""
+    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    if search.solved(best) and at_fault <= {"damper"}:
+        return True
+    covered: set[str] = {"damper"} if best.hypothesis.nominal else set()
+    for term in best.hypothesis.terms:
+        if term.place is None:
+            covered.add("damper")
+        elif term.stage == "sensor":
+            covered.add(f"accelerometer {term.place}")
+        else:
+            first = 1 if term.effect == "floor_mass" else term.place
+            covered |= {f"storey {j}" for j in range(first, term.place + 1)}
+    little = search.solved(best) or search.unexplained(best) < _FORM
+    return bool(best.hypothesis.terms) and at_fault <= covered and little
+
+
+def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
+    """The same causes with the nominal numbers free."""
+    free = Hypothesis(rig.nominal, held.hypothesis.terms)
+    return search.fitted(free, np.concatenate([np.zeros(len(rig.nominal)), held.point]), most=4, stage=" freed")
+
+
+def telling(records: Sequence[Record]) -> tuple[int, ...]:
+    """Numbers of at most _RECORDS records: of two that are alike in command and ground, the later one is left out."""
+    signs = []
+    for r in records:
+        u, ground = r.command, r.channel("ground_acceleration_m_s2")
+        steps = float(np.std(derivative(u, r.sample_time)))
+        rate = float(np.std(derivative(ground, r.sample_time)) / (np.std(ground) or 1.0))
+        signs.append((float(np.mean(u)), float(np.std(u)), steps, 0.5 * np.log(rate)))
+    scaled = np.array(signs) / np.maximum(np.std(signs, axis=0), 1e-9)
+    kept = list(range(len(records)))
+    while len(kept) > _RECORDS:
+        pairs = [(float(np.linalg.norm(scaled[a] - scaled[b])), a, b) for a in kept for b in kept if a < b]
+        kept.remove(min(pairs)[2])
+    return tuple(kept)

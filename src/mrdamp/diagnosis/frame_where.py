@@ -1,0 +1,184 @@
+"""Where in a frame the gap sits: measured signals put in at every interface that was measured.
+
+Three kinds of block stand between measured channels, and each is tried with what was measured at its ends, whatever
+the others do: an accelerometer (the floor's displacement, differentiated twice, and the ground against its reading),
+a storey (its drift against the force that the floors above and the damper leave for it), and the damper (the measured
+stroke and the command against its force). What two runs of one test differ by is each block's own noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.terms import STAGES
+from mrdamp.diagnosis.verdict import shapley
+from mrdamp.diagnosis.where import stage_shares
+from mrdamp.model import Model
+from mrdamp.records import Record
+from mrdamp.sampling import derivative, lowpass, second_derivative
+from mrdamp.structures import ShearFrame
+
+#: Hz, the band that blocks are compared in: what a frame does, and little of a displacement's noise.
+_BAND = 20.0
+#: s at both ends of a record that do not count (filters, start states).
+_ENDS = 0.2
+#: A block is at fault where its gap is so many times its noise.
+_FAULT = 1.35
+_STAGE = {"accelerometer": "sensor", "storey": "structure"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of the rig between measured channels: `kind` accelerometer, storey or damper, its place from 1 (damper:
+    None); gap: its error over the size of what it answers with, records pooled; noise: the same of noise alone."""
+
+    kind: str
+    place: int | None
+    gap: float
+    noise: float
+
+    @property
+    def name(self) -> str:
+        return self.kind if self.place is None else f"{self.kind} {self.place}"
+
+    @property
+    def clean(self) -> bool:
+        """True where noise alone explains the gap."""
+        return self.gap < _FAULT * self.noise
+
+    @property
+    def excess(self) -> float:
+        """Mean square of the gap beyond the noise, none in a clean block."""
+        return 0.0 if self.clean else self.gap**2 - self.noise**2
+
+
+def blocks(case: Case) -> tuple[Block, ...]:
+    """All blocks that the records' channels allow to judge, the ground up, the damper last."""
+    model, structure = case.model, case.model.structure
+    assert structure is not None
+    errors = [_errors(model, structure, r) for r in case.records]
+    pairs = [(errors[k], _errors(model, structure, r)) for r, k in case.repeats if k is not None]
+    out = []
+    for key in errors[0]:
+        sizes = [_mean_square(e[key][1]) for e in errors]
+        gap = float(np.sqrt(np.mean([np.mean(e[key][0] ** 2) / size for e, size in zip(errors, sizes, strict=True)])))
+        # Noise is the same in every record, whatever the size of what is measured.
+        noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
+        kind, place = key
+        out.append(Block(kind, place or None, gap, float(np.sqrt(noise * np.mean([1 / size for size in sizes])))))
+    return tuple(out)
+
+
+def place_shares(found: Sequence[Block]) -> dict[str, float]:
+    """Share of each block in the sum of excesses, adding up to 1; all 0 where no block is off."""
+    total = sum(b.excess for b in found)
+    return {b.name: b.excess / total if total > 0 else 0.0 for b in found}
+
+
+def shares_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequence[Block]) -> dict[str, float]:
+    """Shares (adding up to 1) of the gap by stage.
+
+    With effects named, theirs in the fall of the cost (Shapley). Without, those of the blocks at fault; the damper's
+    counts as fluid where its numbers are wrong, and is divided as its stages' effects come near where it is unknown.
+    """
+    if verdict == "effect" and chosen.hypothesis.terms:
+        free = bool(chosen.hypothesis.nominal)
+        # The best form of each set of causes comes last, and stays.
+        costs = {frozenset(f.hypothesis.causes): f.cost for f in reversed(search.ranked(free))}
+        stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
+        out = dict.fromkeys(STAGES, 0.0)
+        for cause, share in shapley(costs, chosen.hypothesis.causes).items():
+            out[stage[cause]] += max(share, 0.0)
+        total = sum(out.values())
+        return {s: v / total if total > 0 else 1 / len(out) for s, v in out.items()}
+    nearest = stage_shares(search, chosen, verdict)
+    places = place_shares(found)
+    if not sum(places.values()) > 0:
+        return nearest
+    damper = {s: nearest.get(s, 0.0) for s in STAGES if s not in ("sensor", "structure")}
+    whole = sum(damper.values())
+    damper = {s: v / whole for s, v in damper.items()} if whole > 0 else {"fluid": 1.0}
+    out = dict.fromkeys(STAGES, 0.0)
+    for b in found:
+        parts = damper if b.kind == "damper" else {_STAGE[b.kind]: 1.0}
+        for s, part in parts.items():
+            out[s] += part * places[b.name]
+    return out
+
+
+def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tuple[Array, Array]]:
+    """(kind, place) -> error of the block, and what it answers with, (n,) each in one unit."""
+    dt, ground = r.sample_time, r.channel("ground_acceleration_m_s2")
+    keep = slice(round(_ENDS / dt), r.n - round(_ENDS / dt))
+    floors = range(1, s.storeys + 1)
+    out: dict[tuple[str, int], tuple[Array, Array]] = {}
+    x = {0: np.zeros(r.n)}
+    for j in floors:
+        name = f"floor{j}_displacement_m"
+        if name in r.channels:
+            x[j] = lowpass(r.channel(name), dt, _BAND)
+    moved = {j: lowpass(ground, dt, _BAND) + second_derivative(x[j], dt) for j in x if j > 0}
+    read = {
+        j: lowpass(r.channel(f"floor{j}_acceleration_m_s2"), dt, _BAND)
+        for j in floors
+        if f"floor{j}_acceleration_m_s2" in r.channels
+    }
+    for j in floors:
+        if j in moved and j in read:
+            out["accelerometer", j] = (read[j] - moved[j])[keep], moved[j][keep]
+    force = lowpass(r.channel("force_N"), dt, _BAND) if "force_N" in r.channels else None
+    low, high = sorted(s.damper_between)
+    sign = 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
+    for j in floors:
+        above = range(j, s.storeys + 1)
+        if j not in x or j - 1 not in x or not all(k in moved or k in read for k in above):
+            continue
+        inside = low < j <= high
+        if inside and force is None:
+            continue
+        # The displacements are the better accelerometers where both are there: a faulty reading stays out of it.
+        shear = -sum((s.mass[k - 1] * moved.get(k, read.get(k, ground)) for k in above), np.zeros(r.n))
+        drift = x[j] - x[j - 1]
+        own = s.stiffness[j - 1] * drift + s.damping[j - 1] * derivative(drift, dt)
+        if inside and force is not None:
+            own = own + sign * force
+        out["storey", j] = (own - shear)[keep], shear[keep]
+    if force is not None and low in x and high in x:
+        stroke, velocity = _stroke(r, low, high)
+        answer = core.run(
+            model.law, model.attributes, dt, sign * stroke, sign * velocity, u=r.command, narx=model.narx
+        )["force"]
+        out["damper", 0] = (lowpass(answer, dt, _BAND) - force)[keep], force[keep]
+    return out
+
+
+def _stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
+    """Displacement (m) and velocity (m/s) of floor `high` against floor `low`, (n,): displacements and accelerations
+    together, each where it has the less noise (Wiener's weights for white noise in both)."""
+    x = r.channel(f"floor{high}_displacement_m") - (r.channel(f"floor{low}_displacement_m") if low else 0.0)
+    readings = [
+        r.channels.get(f"floor{k}_acceleration_m_s2") if k else r.channel("ground_acceleration_m_s2")
+        for k in (low, high)
+    ]
+    if readings[0] is None or readings[1] is None:
+        smooth = smoothed(x)
+        return smooth, derivative(smooth, r.sample_time)
+    a = readings[1] - readings[0]
+    n = 2 * r.n  # zeros behind: a record does not run on into its own start
+    omega = 2 * np.pi * np.fft.rfftfreq(n, r.sample_time)
+    ratio = (noise_level(x) / max(noise_level(a), 1e-12)) ** 2
+    spectrum = (np.fft.rfft(x, n) - ratio * omega**2 * np.fft.rfft(a, n)) / (1 + ratio * omega**4)
+    return np.fft.irfft(spectrum, n)[: r.n], np.fft.irfft(1j * omega * spectrum, n)[: r.n]
+
+
+def _mean_square(values: Array) -> float:
+    return float(np.mean(values**2)) or 1.0

@@ -1,0 +1,187 @@
+"""`mrdamp diagnose`: what it refuses in a line, and the open cases of the shared rig, whose labels are known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp import cli
+from mrdamp.model import Model
+from mrdamp.predict import predict
+from mrdamp.record_csv import render
+
+CASES = Path(__file__).parents[2] / "shared" / "cases"
+DAMPER = [f"open_{k:02d}" for k in range(1, 11)]
+
+NOMINAL = {
+    "law": "bingham",
+    "parameters": {"c0a": 800.0, "c0b": 200.0, "fya": 40.0, "fyb": 300.0, "v_ref": 0.02},
+}
+
+
+def make_case(folder: Path, **changes: Any) -> Path:
+    """A small case of two tests and a repeat."""
+    folder.mkdir()
+    t = 0.004 * np.arange(400)
+    for k, name in enumerate(("01.csv", "02.csv", "03_repeat.csv")):
+        x = 0.01 * np.sin(2 * np.pi * (1 + k % 2) * t)
+        columns = {
+            "time_s": t,
+            "displacement_m": x,
+            "command": np.full(400, 1.0),
+            "force_N": 1000 * np.cos(9 * t),
+        }
+        (folder / name).write_text(render(columns))
+    case = {
+        "name": "small", "format": 1, "rig": "damper", "sample_rate_hz": 250.0, "nominal": NOMINAL,
+        "channels": ["time_s", "displacement_m", "command", "force_N"],
+        "records": ["01.csv", "02.csv", "03_repeat.csv"],
+    }  # fmt: skip
+    (folder / "case.json").write_text(json.dumps(case | changes))
+    return folder
+
+
+def spoil(folder: Path, change: Callable[[list[str]], list[str]]) -> None:
+    lines = (folder / "01.csv").read_text().splitlines()
+    (folder / "01.csv").write_text("\n".join(change(lines)) + "\n")
+
+
+def with_nan(lines: list[str]) -> list[str]:
+    return [*lines[:7], ",".join([lines[7].split(",")[0], "nan", "1", "2"]), *lines[8:]]
+
+
+def without_force(lines: list[str]) -> list[str]:
+    return [line.rsplit(",", 1)[0] for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda folder: (folder / "case.json").unlink(), ("no case", "case.json")),
+        (lambda folder: (folder / "case.json").write_text("{"), ("case.json", "no JSON")),
+        (lambda folder: (folder / "02.csv").unlink(), ("02.csv", "no such record")),
+        (lambda folder: spoil(folder, lambda lines: lines[:3]), ("01.csv",)),
+        (lambda folder: spoil(folder, lambda lines: [*lines[:9], *lines[14:]]), ("01.csv",)),
+        (lambda folder: spoil(folder, with_nan), ("01.csv",)),
+        (lambda folder: spoil(folder, without_force), ("01.csv", "force_N")),
+    ],
+)
+def test_a_bad_case_is_refused_in_a_line(
+    change: Callable[[Path], Any], words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case, out = make_case(tmp_path / "case"), tmp_path / "out"
+    change(case)
+    assert cli.main(["diagnose", str(case), "-o", str(out)]) == 2
+    line = capsys.readouterr().err.strip().splitlines()
+    assert len(line) == 1
+    assert all(word in line[0] for word in words), line
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sample_rate_hz": 500.0}, ("01.csv", "250", "500")),
+        ({"records": []}, ("case.json", "records")),
+        ({"records": ["01.csv", "01.csv"]}, ("case.json", "twice")),
+        ({"records": ["../01.csv"]}, ("case.json", "../01.csv")),
+        ({"records": ["03_repeat.csv"]}, ("case.json", "repeat")),
+        ({"channels": ["time_s", "displacement_m", "command"]}, ("case.json", "force_N")),
+        ({"channels": ["time_s", "displacement_m", "command", "force"]}, ("case.json", "force")),
+        ({"nominal": {"law": "bingham", "parameters": {"c0a": 1.0}}}, ("case.json", "c0b")),
+        ({"rig": "shaker"}, ("case.json", "shaker")),
+    ],
+)
+def test_a_case_that_disagrees_with_its_records_is_refused(
+    changes: dict[str, Any], words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = make_case(tmp_path / "case", **changes)
+    assert cli.main(["diagnose", str(case), "-o", str(tmp_path / "out")]) == 2
+    line = capsys.readouterr().err.strip().splitlines()
+    assert len(line) == 1
+    assert all(word in line[0] for word in words), line
+
+
+def shrink(name: str, out: Path) -> float:
+    """1 - gap of the corrected simulator over that of the nominal one, on tests that the case does not hold."""
+    tests = np.load(CASES / "open_tests" / f"{name}.npz")
+    model, before, after = Model.read(out / "corrected.json"), 0.0, 0.0
+    for test in sorted({key.split("/")[0] for key in tests.files}):
+        columns = {c: tests[f"{test}/{c}"] for c in ("time_s", "displacement_m", "command")}
+        (out / "test.csv").write_text(render(columns))
+        force, nominal = tests[f"{test}/force_N"][50:], tests[f"{test}/nominal_N"][50:]
+        found = predict(model, out / "test.csv")["force_N"][50:]
+        size = float(np.mean(force**2))
+        before += float(np.mean((nominal - force) ** 2)) / size
+        after += float(np.mean((found - force) ** 2)) / size
+    return 1 - float(np.sqrt(after / before))
+
+
+def diagnosed(name: str, out: Path, *more: str) -> dict[str, Any]:
+    assert cli.main(["diagnose", str(CASES / "open" / name), "-o", str(out), *more]) == 0
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert isinstance(found, dict)
+    return found
+
+
+def check(name: str, out: Path) -> None:
+    label = json.loads((CASES / "open_labels.json").read_text())[name]
+    found = diagnosed(name, out)
+    wanted = label["label"]
+    verdict = (
+        "unknown" if wanted.startswith("~") else wanted if wanted in ("none", "parameters") else "effect"
+    )
+    assert found["verdict"] == verdict
+    stages = found["where"]["stages"]
+    assert sum(stages.values()) == pytest.approx(1.0)
+    gap = found["gap"]
+    assert gap["interval"][0] <= gap["corrected"] <= gap["interval"][1]
+    assert sum(c["probability"] for c in found["candidates"]) <= 1 + 1e-9
+    if verdict == "effect":
+        assert {e["name"] for e in found["effects"]} == set(wanted.split("+"))
+        assert max(stages, key=lambda s: stages[s]) in label["stages"]
+        assert shrink(name, out) > 0.95
+        assert gap["corrected"] < 2.0 * gap["noise_floor"]
+    else:
+        assert found["effects"] == []
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+def test_a_slow_coil_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    check("open_03", tmp_path / "out")
+    text = capsys.readouterr().out
+    assert text.startswith("The gap comes from driver_lag")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir() if p.suffix == ".json") == [
+        "corrected.json",
+        "diagnosis.json",
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+@pytest.mark.parametrize("name", [n for n in DAMPER if n != "open_03"])
+def test_open_cases(name: str, tmp_path: Path) -> None:
+    check(name, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
+def test_one_worker_and_two_give_the_same_answer(tmp_path: Path) -> None:
+    one, two = (diagnosed("open_04", tmp_path / jobs, "--jobs", jobs) for jobs in ("1", "2"))
+    assert {**one, "seconds": 0} == {**two, "seconds": 0}
+    assert (tmp_path / "1" / "corrected.json").read_text() == (tmp_path / "2" / "corrected.json").read_text()
+
+
+def test_nothing_of_the_diagnosis_knows_the_rig_that_makes_blind_cases() -> None:
+    import mrdamp.diagnosis
+
+    folder = Path(mrdamp.diagnosis.__file__).parent
+    for file in (*folder.glob("*.py"), folder.parent / "commands" / "diagnose.py"):
+        text = file.read_text()
+        assert "blindtest" not in text, file
+        assert "labels" not in text, file

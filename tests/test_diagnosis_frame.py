@@ -1,0 +1,183 @@
+"""A frame's diagnosis on records that SciPy integrated, with one thing wrong in the simulator or in a sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frame_case import DT, altered, believed, case_of, records
+from mrdamp.diagnosis.experiment import signals
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.frame import FrameRig, averaged, block_means
+from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, telling
+from mrdamp.diagnosis.frame_structure import deviations, promoted
+from mrdamp.diagnosis.frame_where import blocks, place_shares
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.model import Effect, Model
+from mrdamp.records import Record
+from mrdamp.sampling import second_derivative
+
+
+@pytest.fixture(scope="module")
+def measured() -> dict[str, Record]:
+    return records()
+
+
+def faults(model: Model, found: dict[str, Record]) -> set[str]:
+    return {b.name for b in blocks(case_of(model, found)) if not b.clean}
+
+
+def test_every_block_of_a_right_model_is_clean(measured: dict[str, Record]) -> None:
+    found = blocks(case_of(believed(), measured))
+    assert [b.name for b in found] == [
+        *(f"accelerometer {j}" for j in (1, 2, 3)), *(f"storey {j}" for j in (1, 2, 3)), "damper",
+    ]  # fmt: skip
+    for b in found[:-1]:
+        assert 0.6 * b.noise < b.gap < 1.35 * b.noise, b  # all of the gap is noise, and the noise is no larger
+
+
+@pytest.mark.parametrize(
+    ("change", "wrong"),
+    [
+        ({"stiffness": (5.16e5, 8.0e5, 6.84e5)}, {"storey 2"}),
+        ({"damping": (125.0, 50.0, 800.0)}, {"storey 3"}),
+        ({"mass": (98.3, 110.0, 98.3)}, {"storey 1", "storey 2"}),
+    ],
+)
+def test_a_wrong_storey_is_that_storey(
+    measured: dict[str, Record], change: dict[str, tuple[float, float, float]], wrong: set[str]
+) -> None:
+    assert faults(believed(True, **change), measured) - {"damper"} == wrong
+
+
+def test_a_wrong_accelerometer_is_that_accelerometer(measured: dict[str, Record]) -> None:
+    found = altered(measured, "floor3_acceleration_m_s2", 1.15)
+    assert faults(believed(), found) - {"damper"} == {"accelerometer 3"}
+
+
+def test_a_late_driver_is_the_damper(measured: dict[str, Record]) -> None:
+    found = {b.name: b for b in blocks(case_of(believed(lag=False), measured))}
+    right = {b.name: b for b in blocks(case_of(believed(), measured))}
+    assert found["damper"].gap > 1.5 * right["damper"].gap
+    shares = place_shares(list(found.values()))
+    assert shares["damper"] == pytest.approx(1.0)
+
+
+def test_settings_with_a_place_reach_the_simulator(measured: dict[str, Record]) -> None:
+    rig = FrameRig(believed(), (measured["steps"],))
+    model = believed()
+    effects = (
+        Effect("storey_stiffness", {"e": -0.2}, 2),
+        Effect("joint_friction", {"coulomb": 40.0, "width": 0.003}, 3),
+        Effect("sensor_gain", {"g": 1.2}, 1),
+        Effect("channel_shift", {"d": 0.004}),
+    )
+    settings = {
+        "storey_stiffness_e@2": -0.2, "joint_friction_coulomb@3": 40.0, "joint_friction_width@3": 0.003,
+        "sensor_gain_g@1": 1.2, "channel_shift_d": 0.004, "mass@3": 120.0, "alpha_b": 5e4,
+    }  # fmt: skip
+    structure = model.structure
+    assert structure is not None
+    heavy = replace(structure, mass=np.array([98.3, 98.3, 120.0]))
+    want = replace(
+        model, structure=heavy, effects=(*model.effects, *effects), parameters={**model.parameters, "alpha_b": 5e4}
+    )
+    inputs = dict(measured["steps"].channels)
+    expected = want.simulate(DT, inputs)
+    got = rig.simulate([settings], 0)[0]
+    told = rig.model(settings).simulate(DT, inputs)
+    for row, name in zip(got, rig.channels, strict=True):
+        np.testing.assert_array_equal(told[name], expected[name])
+        assert np.std(row - expected[name]) < 5e-3 * np.std(expected[name]), name
+
+
+def test_averaging_takes_both_sides_alike(measured: dict[str, Record]) -> None:
+    fine, coarse = FrameRig(believed(), (measured["off"],)), FrameRig(believed(), (measured["off"],), 4)
+    np.testing.assert_allclose(coarse.simulate([{}], 0), block_means(fine.simulate([{}], 0), 4), rtol=1e-12)
+    np.testing.assert_allclose(coarse.measured(0), block_means(fine.measured(0), 4), rtol=1e-12)
+    assert averaged(measured["off"], 4).sample_time == pytest.approx(4 * DT)
+
+
+def test_clean_blocks_rule_causes_out(measured: dict[str, Record]) -> None:
+    case = case_of(believed(stiffness=(5.16e5, 8.0e5, 6.84e5)), measured)
+    _, rig = reduced(case, blocks(case))
+    placed = {t.cause for t in rig.terms if t.place is not None}
+    assert placed == {f"{e}@2" for e in ("storey_stiffness", "storey_damping", "joint_friction", "floor_mass")}
+    assert {t.effect for t in rig.terms if t.place is None} >= {"driver_lag", "seal_friction", "moving_mass"}
+    assert not any(t.stage == "sensor" for t in rig.terms)
+
+
+def test_records_that_say_the_same_are_left_out(measured: dict[str, Record]) -> None:
+    off, steps = measured["off"], measured["steps"]
+    assert telling([off, steps]) == (0, 1)
+    kept = telling([off, off, steps, steps, off])
+    assert len(kept) == 4
+    assert {0, 2} <= set(kept)
+
+
+def test_a_number_that_stands_out_is_told_as_an_effect(measured: dict[str, Record]) -> None:
+    """All nominal numbers free, at what makes the simulator right: one storey was wrong, or everything a little."""
+
+    def at_truth(model: Model) -> tuple[Problem, Fit, FrameRig]:
+        _, rig = reduced(case_of(model, measured))
+        rig = replace(rig, free_structure=True)
+        problem, hypothesis = Problem(rig, coarse=True), Hypothesis(rig.nominal)
+        right = believed().structure
+        assert right is not None
+        true = {f"{k}@{j}": getattr(right, k)[j - 1] for k in ("mass", "stiffness", "damping") for j in (1, 2, 3)}
+        q = np.array([c.point(true.get(c.name, c.start)) for c in rig.nominal])
+        residual = problem.residuals(hypothesis, q)[0]
+        jacobian = problem.jacobian(hypothesis, q, residual)
+        return problem, Fit(hypothesis, q, float(residual @ residual), residual, jacobian), rig
+
+    problem, one, rig = at_truth(believed(stiffness=(5.16e5, 6.84e5 / 1.25, 6.84e5)))
+    best, doubt = min(promoted(rig, one, 3.5), key=lambda item: item[1])
+    assert best.hypothesis.causes == ("storey_stiffness@2",)
+    assert doubt < deviations(one).doubt() - 3.5
+    assert best.settings["storey_stiffness_e@2"] == pytest.approx(0.25, abs=0.01)
+    # The same simulator, told in other words.
+    np.testing.assert_allclose(problem.residuals(best.hypothesis, best.point)[0], one.residual, atol=1e-9)
+    _, everywhere, rig = at_truth(
+        believed(mass=(108.0, 90.0, 106.0), stiffness=(5.16e5 / 1.1, 6.84e5 / 0.92, 6.84e5 / 1.1))
+    )
+    assert not promoted(rig, everywhere, 3.5)
+
+
+def test_a_proposed_test_stays_within_the_records(measured: dict[str, Record]) -> None:
+    rig = FrameRig(believed(), (measured["off"], measured["steps"]))
+    peak = max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in rig.raw)
+    assert len(signals(rig.envelope)) > 5
+    for signal in signals(rig.envelope):
+        if "triangle" not in signal.what:
+            a = second_derivative(signal.displacement, DT)[5:-5]
+            assert np.abs(a).max() < 1.5 * peak, signal.what
+    out = rig.try_signal([{}, {"storey_stiffness_e@2": 0.3}], signals(rig.envelope)[3])
+    assert out.shape == (2, 7, len(signals(rig.envelope)[3].command))
+    assert np.std(out[1] - out[0]) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "gain", "named"),
+    [
+        ({"stiffness": (5.16e5, 8.0e5, 6.84e5)}, 1.0, [("storey_stiffness", 2)]),
+        ({}, 1.2, [("sensor_gain", 3)]),
+        ({}, 1.0, []),
+    ],
+)
+def test_the_cause_is_named(
+    measured: dict[str, Record],
+    change: dict[str, tuple[float, float, float]],
+    gain: float,
+    named: list[tuple[str, int]],
+) -> None:
+    found = altered(measured, "floor3_acceleration_m_s2", gain)
+    answer = diagnose_frame(case_of(believed(True, **change), found), limits=replace(LIMITS, singles=3))
+    assert [(e.effect, e.place) for e in answer.effects] == named
+    assert answer.verdict == ("effect" if named else "none")
+    assert sum(answer.where.stages.values()) == pytest.approx(1)
+    if named:
+        assert answer.gap.corrected < 0.2 * answer.gap.nominal

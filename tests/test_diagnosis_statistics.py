@@ -1,0 +1,265 @@
+"""The pieces of a diagnosis against truths that are known: fits, floors, evidence, shares, ceilings, regimes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamp.between import between, mended_ends
+from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.ceiling import ceiling, memory, of_fit, stroke_since_reversal
+from mrdamp.diagnosis.fit import fit, leave_out
+from mrdamp.diagnosis.noise import channel_noise
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.run import judge
+from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.store import Store
+from mrdamp.diagnosis.terms import Coordinate, Hypothesis
+from mrdamp.diagnosis.verdict import Scored, by_causes, decide, of_cause, shapley
+from mrdamp.diagnosis.where import regimes, stage_shares
+from mrdamp.model import Model
+from mrdamp.records import Record
+from toy_rig import DT, parts, toy
+
+RNG = np.random.default_rng(5)
+
+
+def searched(
+    truth: dict[str, float], noise: float = 0.02, jobs: int = 1, store: Store | None = None
+) -> Search:
+    rig = toy(truth, noise)
+    problem = Problem(rig)
+    floor = sum((noise / b.size) ** 2 for b in problem.blocks)
+    search = Search(problem, floor, Limits(), jobs, store or Store())
+    search.run()
+    return search
+
+
+def test_a_fit_finds_the_numbers_that_made_the_records() -> None:
+    rig = toy({"gain": 2.6, "cubic": 0.3, "offset": -0.2})
+    chosen = tuple(t for t in rig.terms if t.effect in ("cubic", "offset"))
+    hypothesis = Hypothesis(rig.nominal, chosen)
+    found = fit(Problem(rig), hypothesis, hypothesis.start())
+    assert found.converged
+    assert found.settings["gain"] == pytest.approx(2.6, rel=2e-3)
+    assert found.settings["cubic"] == pytest.approx(0.3, abs=4e-3)
+    assert found.settings["offset"] == pytest.approx(-0.2, abs=2e-3)
+    assert found.at_bounds == ()
+
+
+def test_a_fit_stops_at_a_bound_and_says_so() -> None:
+    rig = toy({"gain": 20.0})
+    hypothesis = Hypothesis(rig.nominal)
+    found = fit(Problem(rig), hypothesis, hypothesis.start())
+    assert found.settings["gain"] == pytest.approx(8.0)
+    assert found.at_bounds == ("gain",)
+
+
+def test_gaps_of_the_nominal_are_what_the_truth_says() -> None:
+    rig = toy({"offset": 0.5}, noise=0.0)
+    problem = Problem(rig)
+    gaps = problem.gaps(problem.of_settings([{}])[0])
+    for b, gap in zip(problem.blocks, gaps, strict=True):
+        force = rig.measured(b.record)[0, problem.taken(b.record)]
+        assert gap == pytest.approx(0.5 / np.sqrt(np.mean(force**2)), rel=1e-9)
+
+
+def test_left_out_records_are_predicted_from_the_others_alone() -> None:
+    """The toy is linear in its terms, so the one step from the fit to all must be the others' own least squares."""
+    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3)
+    problem = Problem(rig)
+    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect in ("cubic", "offset")))
+    found = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-9)
+    gaps = leave_out(problem, found, [(2,)])
+    rows, right, tests = [], [], {}
+    for b in problem.blocks:
+        take = problem.taken(b.record)
+        made = {k: v[take] for k, v in parts(np.asarray(rig.records[b.record].displacement)).items()}
+        force = rig.measured(b.record)[0, take]
+        table, rest = np.column_stack([made["cubic"], made["offset"]]), force - 2 * made["gain"]
+        tests[b.record] = (table, rest, b.size)
+        if b.record != 2:
+            scale = b.size * np.sqrt(len(force))
+            rows.append(table / scale)
+            right.append(rest / scale)
+    numbers = np.linalg.lstsq(np.vstack(rows), np.concatenate(right))[0]
+    table, rest, size = tests[2]
+    assert gaps[2] == pytest.approx(np.sqrt(np.mean((table @ numbers - rest) ** 2)) / size, rel=1e-5)
+    assert np.isnan(np.delete(gaps, 2)).all()
+
+
+@pytest.mark.parametrize(
+    ("truth", "verdict", "causes"),
+    [
+        ({}, "none", ()),
+        ({"gain": 2.6}, "parameters", ()),
+        ({"cubic": 0.4}, "effect", ("cubic",)),
+        ({"late": 1.5}, "effect", ("late",)),
+        ({"sign": 0.3, "offset": 0.4}, "effect", ("offset", "sign")),
+        ({"gain": 2.4, "sign": 0.4}, "effect", ("sign",)),
+        ({"outside": 1.2}, "unknown", None),
+    ],
+)
+def test_the_verdict_is_the_truth_that_made_the_records(
+    truth: dict[str, float], verdict: str, causes: tuple[str, ...] | None
+) -> None:
+    search = searched(truth)
+    _, decision = judge(search)
+    assert decision.verdict == verdict
+    if causes is not None:
+        assert tuple(sorted(decision.chosen.causes)) == causes
+    assert sum(decision.probabilities) == pytest.approx(1.0)
+
+
+def test_an_effect_below_the_noise_is_not_named() -> None:
+    _, decision = judge(searched({"offset": 0.002}, noise=0.05))
+    assert decision.verdict == "none"
+
+
+def test_workers_and_an_interrupted_run_change_nothing(tmp_path: Path) -> None:
+    first = searched({"sign": 0.3, "offset": 0.4})
+    second = searched({"sign": 0.3, "offset": 0.4}, jobs=2)
+    half = Store(tmp_path / "fits.json", "key")
+    kept = searched({"sign": 0.3, "offset": 0.4}, store=half)
+    for name in list(half.points)[3:]:
+        del half.points[name]  # as if it had been stopped there
+    again = searched({"sign": 0.3, "offset": 0.4}, store=half)
+    for other in (second, kept, again):
+        assert {k: f.cost for k, f in other.fits.items()} == {k: f.cost for k, f in first.fits.items()}
+
+
+def test_stage_shares_follow_what_each_cause_explains() -> None:
+    search = searched({"sign": 0.6, "offset": 0.2}, noise=0.01)
+    fits, decision = judge(search)
+    shares = stage_shares(search, fits[decision.chosen.index], decision.verdict)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    # Orthogonal parts: shares go by the squares, 0.36 to 0.04.
+    assert shares["mechanics"] == pytest.approx(0.9, abs=0.03)
+    assert shares["sensor"] == pytest.approx(0.1, abs=0.03)
+
+
+def test_shapley_shares_add_up_and_split_what_overlaps() -> None:
+    costs = {frozenset(): 10.0, frozenset("a"): 4.0, frozenset("b"): 4.0, frozenset("ab"): 1.0}
+    assert shapley(costs, ("a", "b")) == {"a": pytest.approx(4.5), "b": pytest.approx(4.5)}
+    costs[frozenset("b")] = 9.0
+    shares = shapley(costs, ("a", "b"))
+    assert shares["a"] == pytest.approx(7.0)
+    assert sum(shares.values()) == pytest.approx(9.0)
+
+
+def test_probabilities_are_even_between_equals_and_a_free_law_pays() -> None:
+    nominal, a, b = (
+        Scored((), False, 1.0, 0, 0),
+        Scored(("a",), False, 0.1, 1, 1),
+        Scored(("b",), False, 0.1, 1, 2),
+    )
+    decision = decide([nominal, a, b], 0.01)
+    sets = by_causes([nominal, a, b], decision.probabilities)
+    assert sets[("a",)] == pytest.approx(sets[("b",)])
+    assert of_cause(sets)["a"] == pytest.approx(0.5, abs=1e-3)
+    freed = Scored(("b",), True, 0.1, 1, 2)
+    assert decide([nominal, a, freed], 0.01).chosen.causes == ("a",)
+
+
+def test_noise_is_read_from_repeats_and_from_the_high_band() -> None:
+    rig = toy({}, noise=0.3)
+    again = toy({}, noise=0.3, seed=9)
+    model = Model("bingham", {"c0a": 1.0, "c0b": 0.0, "fya": 1.0, "fyb": 0.0, "v_ref": 0.1})
+    case = Case("toy", Path("."), model, rig.records, ((again.records[1], 1),))
+    assert channel_noise(case, rig).levels[0] == pytest.approx(0.3, rel=0.08)
+    alone = Case("toy", Path("."), model, rig.records, ())
+    assert channel_noise(alone, rig).source == "high band"
+    assert channel_noise(alone, rig).levels[0] == pytest.approx(0.3, rel=0.15)
+
+
+def test_smoothing_takes_noise_from_a_sine_and_leaves_a_corner() -> None:
+    t = 0.002 * np.arange(3000)
+    sine = 0.01 * np.sin(2 * np.pi * 1.5 * t)
+    noise = 1e-6 * RNG.standard_normal(len(t))
+    assert noise_level(sine + noise) == pytest.approx(1e-6, rel=0.1)
+    left = smoothed(sine + noise) - sine
+    assert np.std(left) < 0.75e-6
+    assert np.std(np.gradient(left)) < 0.15e-6  # of white noise 0.7e-6: what counts is the velocity
+    triangle = 0.01 * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * t))
+    assert np.abs(smoothed(triangle + noise) - triangle).max() < 2e-5  # the plain window of 45 is off by 2e-4
+    np.testing.assert_array_equal(smoothed(sine, 0.0), sine)
+
+
+def test_motion_between_samples_is_a_sines() -> None:
+    dt, w = 0.002, 2 * np.pi * 12.0
+    t = dt * np.arange(1000)
+    fine = between(0.01 * np.sin(w * t), t, dt, 4)
+    at = fine.sample_time * np.arange(len(fine.x))
+    inner = slice(40, -40)
+    assert np.abs(fine.v - 0.01 * w * np.cos(w * at))[inner].max() < 1e-4 * 0.01 * w
+    assert np.abs(fine.a + 0.01 * w**2 * np.sin(w * at))[inner].max() < 5e-3 * 0.01 * w**2
+    np.testing.assert_allclose(fine.u, at, atol=1e-12)
+    np.testing.assert_allclose(fine.x[::4], 0.01 * np.sin(w * t), atol=1e-12)
+
+
+def test_a_bent_end_is_put_where_the_motion_goes_and_a_sound_one_is_left() -> None:
+    t = 0.002 * np.arange(500)
+    sine = 0.01 * np.sin(2 * np.pi * 3 * t)
+    np.testing.assert_array_equal(mended_ends(sine), sine)
+    bent = sine.copy()
+    bent[-1] = sine[-2] + 0.4 * (sine[-1] - sine[-2])
+    assert np.abs(mended_ends(bent) - sine).max() < 0.05 * abs(bent[-1] - sine[-1])
+
+
+def test_the_ceiling_sees_what_is_lawful_and_not_what_is_noise() -> None:
+    tables, lawful, noise, weights = [], [], [], []
+    for k in range(6):
+        x = np.sin(0.02 * (1 + 0.2 * k) * np.arange(1500) + k)
+        slow = memory(np.abs(x), 0.01, 0.3)
+        tables.append(np.column_stack([x, np.gradient(x), slow]))
+        lawful.append(np.tanh(3 * x) * slow + 0.05 * RNG.standard_normal(1500))
+        noise.append(RNG.standard_normal(1500))
+        weights.append(np.full(1500, 1 / np.sqrt(1500)))
+    groups = list(range(6))
+    assert ceiling(tables, lawful, weights, 6 * 0.05**2, groups).predictable > 0.9
+    assert ceiling(tables, noise, weights, 0.0, groups).predictable < 0.03
+
+
+def test_the_ceiling_of_a_fit_leaves_the_noise() -> None:
+    rig = toy({"cubic": 0.5}, noise=0.05)
+    problem = Problem(rig)
+    found = of_fit(problem, problem.of_settings([{}])[0], sum((0.05 / b.size) ** 2 for b in problem.blocks))
+    assert found.predictable > 0.8
+
+
+def test_memory_and_stroke() -> None:
+    step = memory(np.concatenate([[0.0], np.ones(100)]), 0.01, 0.1)
+    assert step[10] == pytest.approx(1 - np.exp(-1), rel=1e-9)
+    x = np.concatenate([np.linspace(0, 1, 11), np.linspace(0.9, 0, 10)])
+    stroke = stroke_since_reversal(x, 0.01)
+    assert stroke[10] == pytest.approx(1.0)
+    assert stroke[-1] == pytest.approx(-1.0)
+
+
+def test_a_regime_that_holds_the_gap_is_found_and_none_where_there_is_none() -> None:
+    v = RNG.uniform(-1, 1, 4000)
+    halves = np.arange(4000) % 2 == 0
+    loud = RNG.standard_normal(4000) * np.where(v > 0.5, 4.0, 1.0)
+    found = regimes({"velocity (m/s)": v}, loud, halves)
+    assert len(found) == 1
+    assert found[0].what.startswith("velocity (m/s) from 0.4")
+    assert found[0].share_of_samples == pytest.approx(0.25, abs=0.01)
+    assert found[0].share_of_gap == pytest.approx(16 / 19, abs=0.04)
+    assert regimes({"velocity (m/s)": v}, RNG.standard_normal(4000), halves) == ()
+
+
+def test_coordinates_go_there_and_back() -> None:
+    for c in (Coordinate("a", 2.0, 0.1, 50.0, 0.5, log=True), Coordinate("b", -1.0, -4.0, 3.0, 0.2)):
+        for value in (c.low, c.start, 0.5 * (c.start + c.high)):
+            assert c.value(c.point(value)) == pytest.approx(value)
+        assert c.value(100.0) == c.high
+
+
+def test_records_shorter_than_a_skip_still_count() -> None:
+    rig = toy({}, n=40)
+    short = tuple(Record(r.name, None, DT, dict(r.channels)) for r in rig.records)
+    problem = Problem(type(rig)(short))
+    assert problem.samples == 6 * (30 - 8)

@@ -1,0 +1,110 @@
+"""What environments draw: the picture shows drift, motion and current."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from mrdamp.envs import AmbientLoads, CableEnv, FrameEnv, SyntheticMotions
+from mrdamp.envs.view import Image
+from mrdamp.errors import InputError
+from mrdamp.structures import ShearFrame
+
+
+def can_draw() -> bool:
+    try:
+        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8).close()
+    except Exception:  # each platform's library has an error of its own
+        return False
+    return True
+
+
+needs_graphics = pytest.mark.skipif(not can_draw(), reason="no OpenGL here; try MUJOCO_GL=egl")
+
+
+def moved(make: Callable[..., Any], value: float, steps: int = 60, **arguments: Any) -> Any:
+    env = make(render_mode="rgb_array", size=(320, 240), **arguments)
+    env.reset(seed=1)
+    for _ in range(steps):
+        env.step(np.full(env.action_space.shape, value, np.float32))
+    return env
+
+
+def orange(image: Image) -> int:
+    r, g, b = (image[..., k].astype(int) for k in range(3))
+    return int(np.sum((r > 150) & (g < 0.75 * r) & (b < 0.4 * r)))
+
+
+@needs_graphics
+@pytest.mark.parametrize(("make", "camera"), [(FrameEnv, "damper"), (CableEnv, "damper")])
+def test_the_current_is_the_dampers_colour(make: Callable[..., Any], camera: str) -> None:
+    off, on = (moved(make, value, camera=camera) for value in (-1.0, 1.0))
+    assert orange(on.render()) > 10 * (orange(off.render()) + 5)
+    off.close()
+    on.close()
+
+
+@needs_graphics
+@pytest.mark.parametrize("make", [FrameEnv, CableEnv])
+def test_motion_is_drawn_larger_than_it_is(make: Callable[..., Any]) -> None:
+    """Against the picture of the structure at rest; twice the size moves more of it."""
+    env = moved(make, -1.0, 120)
+    assert env.render().shape == (240, 320, 3)
+    state = env.get_state()
+    changed = []
+    env.reset(seed=1)
+    rest = env.render().astype(int)
+    env.set_state(state)
+    for larger in (1e-3, None):
+        env.exaggeration = larger
+        changed.append(int((np.abs(env.render().astype(int) - rest).max(axis=2) > 40).sum()))
+    assert changed[0] < 0.2 * changed[1]
+    assert changed[1] > 100
+    env.close()
+    env.close()
+
+
+@needs_graphics
+def test_pictures_of_other_frames() -> None:
+    tall = ShearFrame(np.full(8, 90.0), np.full(8, 9e5), np.full(8, 80.0))
+    env = moved(
+        FrameEnv, 1.0, structure=tall, damper_between=[(0, 1), (3, 5)], motions=SyntheticMotions(duration=4.0)
+    )
+    assert env.render().std() > 10
+    env.close()
+
+
+@needs_graphics
+def test_cameras_by_name() -> None:
+    for make, names in ((FrameEnv, ("front", "corner", "damper")), (CableEnv, ("front", "along", "damper"))):
+        pictures = []
+        for camera in names:
+            env = moved(make, 0.0, 1, camera=camera)
+            pictures.append(env.render())
+            env.close()
+        assert all(np.any(a != b) for a, b in itertools.pairwise(pictures))
+
+
+def test_a_camera_that_is_not_there() -> None:
+    env = FrameEnv(render_mode="rgb_array", camera="top")
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="camera is 'top'; allowed: front, corner, damper"):
+        env.render()
+
+
+def test_a_window_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    env = CableEnv(render_mode="human", loads=AmbientLoads(duration=1.0))
+    with pytest.raises(InputError, match="human needs a display"):
+        env.reset(seed=0)
+
+
+def test_exaggerations_that_cannot_be() -> None:
+    with pytest.raises(InputError, match="exaggeration is -1"):
+        FrameEnv(exaggeration=-1.0)

@@ -1,0 +1,133 @@
+"""Learned controllers from a file: arithmetic, actions as forces, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp.control.base import Controller
+from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Network, Policy
+from mrdamp.envs.plant import default_damper
+from mrdamp.errors import InputError
+
+LEVELS = ForceLevels((0.0, 1.0, 2.0), (100.0, 300.0, 400.0))
+
+
+def policy(levels: ForceLevels | None = None, squash: bool = False) -> Policy:
+    observer = Observer(("stroke", "force"), (0.01, 100.0), 2, True, (2.0,))
+    rng = np.random.default_rng(3)
+    layers = ((rng.standard_normal((4, 3)), rng.standard_normal(4)), (rng.standard_normal((1, 4)), np.array([0.1])))
+    transform = 0.3 * rng.standard_normal((3, observer.size))
+    return Policy("p", 2e-3, observer, transform, Network(layers, "tanh", squash), 2.0, levels, {"seed": 3})
+
+
+def by_hand(p: Policy, rows: list[list[float]]) -> float:
+    """The action for scaled measurements, the newest row first."""
+    h = p.transform @ np.concatenate(rows).astype(np.float32)
+    (w1, b1), (w2, b2) = p.network.layers
+    out = float((w2 @ np.tanh(w1 @ h + b1) + b2)[0])
+    return float(np.tanh(out)) if p.network.squash else float(np.clip(out, -1, 1))
+
+
+@pytest.mark.parametrize("squash", [False, True])
+def test_command_is_the_layers_of_the_stacked_measurements(squash: bool) -> None:
+    p = policy(squash=squash)
+    assert isinstance(p, Controller)
+    first = p.command(0.0, {"stroke": 0.002, "force": -30.0})
+    assert first == pytest.approx(by_hand(p, [[0.2, -0.3, 0.0]] * 2) + 1, rel=1e-6)
+    second = p.command(2e-3, {"stroke": 0.004, "force": 50.0})
+    assert second == pytest.approx(by_hand(p, [[0.4, 0.5, first / 2], [0.2, -0.3, 0.0]]) + 1, rel=1e-6)
+    p.reset()
+    assert p.command(0.0, {"stroke": 0.002, "force": -30.0}) == first
+
+
+def test_wanted_force_is_followed_only_where_the_damper_resists_that_way() -> None:
+    wanted = np.array([200.0, -200.0, 200.0, 50.0, 1000.0, 0.0])
+    force = np.array([30.0, -30.0, -30.0, 30.0, 30.0, 30.0])
+    assert LEVELS.command(wanted, force) == pytest.approx([0.5, 0.5, 0.0, 0.0, 2.0, 0.0])
+    p = policy(LEVELS)
+    a = by_hand(p, [[0.2, -0.3, 0.0]] * 2)
+    assert p.command(0.0, {"stroke": 0.002, "force": -30.0}) == pytest.approx(
+        float(LEVELS.command(a * 400.0, -30.0)), rel=1e-6
+    )
+
+
+def test_force_levels_are_the_yield_forces_of_the_bouc_wen_element() -> None:
+    """Well past yielding z rests at sqrt(A / (gamma + beta)), and alpha(u) z is what the command adds to the force."""
+    damper = default_damper()
+    levels = ForceLevels.of(damper, 2.25, stroke=4.3e-3, w=34.0)
+    a = damper.attributes
+    z = (a["A"] / (a["gamma"] + a["beta"])) ** 0.5
+    rise = a["alpha_b"] * z * 2.25
+    assert levels.forces[0] == pytest.approx(a["alpha_a"] * z, rel=0.15)
+    assert levels.force_max - levels.forces[0] == pytest.approx(rise, rel=0.12)
+
+
+def test_written_and_read_it_gives_the_same_commands(tmp_path: Path) -> None:
+    p = policy(LEVELS)
+    p.write(tmp_path / "p.json")
+    again = Policy.read(tmp_path / "p.json")
+    rng = np.random.default_rng(0)
+    for k in range(20):
+        y = {"stroke": 0.01 * rng.standard_normal(), "force": 200 * rng.standard_normal()}
+        assert again.command(2e-3 * k, y) == pytest.approx(p.command(2e-3 * k, y), rel=1e-5, abs=1e-6)
+    assert (again.name, again.period, again.about) == ("p", 2e-3, {"seed": 3})
+
+
+def test_many_rows_at_once_are_the_single_ones() -> None:
+    p = policy(LEVELS)
+    rng = np.random.default_rng(1)
+    seen = rng.standard_normal((7, p.observer.size)).astype(np.float32)
+    force = 100.0 * rng.standard_normal(7)
+    each = [float(p.commands(seen[k : k + 1], force[k : k + 1])[0]) for k in range(7)]
+    assert p.commands(seen, force) == pytest.approx(each, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"format": "other"}, "format"),
+        ({"period": 0}, "period"),
+        ({"period": "soon"}, "soon"),
+        ({"layers": []}, "no layer"),
+        ({"activation": "sine"}, "sine"),
+        ({"transform": [[1.0, 2.0]]}, "fit"),
+        ({"transform": [[1.0], [1.0, 2.0]]}, "matrix"),
+        ({"transform": [[float("nan")] * 6] * 3}, "finite"),
+        ({"levels": {"commands": [0, 1], "forces": [3, 2]}}, "forces"),
+        ({"levels": {"commands": [0, 1]}}, "levels"),
+        ({"observer": None}, "observer"),
+        ({"command_max": -1}, "command_max"),
+    ],
+)
+def test_a_damaged_file_is_refused_in_a_line_with_its_name(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    file = tmp_path / "p.json"
+    file.write_text(json.dumps({**policy(LEVELS).to_dict(), **change}))
+    with pytest.raises(InputError, match=said) as caught:
+        Policy.read(file)
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["period", "layers", "observer", "about", "levels"])
+def test_a_missing_entry_is_named(tmp_path: Path, name: str) -> None:
+    data = policy().to_dict()
+    del data[name]
+    (tmp_path / "p.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match=name):
+        Policy.read(tmp_path / "p.json")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "3"])
+def test_what_is_no_policy_at_all_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "p.json").write_text(text)
+    with pytest.raises(InputError, match=r"p\.json"):
+        Policy.read(tmp_path / "p.json")

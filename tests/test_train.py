@@ -1,0 +1,248 @@
+"""Training: settings, normalisation, actions, the evolution strategy, export, resume and sweeps, all in small."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp.cli import main
+from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.policy import Policy
+from mrdamp.errors import InputError
+from mrdamp.train import loads
+from mrdamp.train.evolution import Cma, Shape, actions
+from mrdamp.train.learn import train
+from mrdamp.train.run import explored, whitening
+from mrdamp.train.settings import ALGORITHMS, Options, settings
+from mrdamp.train.sweep import points, sweep
+from mrdamp.train.worlds import world
+
+FRAME = "mrdamp/Frame-v0"
+#: An evolution strategy that takes a second or two.
+SMALL = (
+    "loads=2", "population=4", "n_timesteps=8000", "normalize=false",
+    "env_kwargs.period=0.004", "env_kwargs.duration=0.8",
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = loads.validation_motions(1, (0.5, 1.5))
+    monkeypatch.setattr("mrdamp.train.worlds.validation_motions", lambda: few)
+
+
+def small(seed: int = 0, *overrides: str) -> Options:
+    return Options(algorithm="es", seed=seed, overrides=(*SMALL, *overrides), evaluations=2)
+
+
+# --- settings ---------------------------------------------------------------------------
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0"])
+def test_every_algorithm_has_hyperparameters_that_its_environment_takes(algorithm: str, environment: str) -> None:
+    chosen = settings(Options(environment, algorithm))
+    assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
+
+
+def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
+    options = Options(overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4"), timesteps=123)
+    chosen = settings(options)
+    assert (chosen.learner["learning_rate"], chosen.env_kwargs["history"]) == (1e-4, 7)
+    assert (chosen.n_envs, chosen.n_timesteps) == (4, 123)
+    assert chosen.env_kwargs["period"] == settings(Options()).env_kwargs["period"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"environment": "CartPole-v1"}, "CartPole"),
+        ({"overrides": ("learning_rate",)}, "NAME=VALUE"),
+        ({"overrides": ("gamma.x=1",)}, "not a mapping"),
+        ({"overrides": ("action=both",)}, "both"),
+        ({"overrides": ("n_envs=some",)}, "n_envs"),
+        ({"hyperparameters": Path("no/such.yml")}, "no such file"),
+    ],
+)
+def test_wrong_settings_are_refused(options: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        settings(Options(**options))
+
+
+def test_wrong_options_are_refused_in_a_line_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "out")
+    for arguments, said in (
+        (["--set", "env_kwargs.periods=1"], "periods"),
+        (["--algo", "es", "--set", "sigmas=1"], "sigmas"),
+        (["--sweep", "gamma"], "NAME=VALUE"),
+        (["--seeds", "0"], "--seeds"),
+    ):
+        assert main(["train", FRAME, "-o", out, *arguments]) == 2
+        error = capsys.readouterr().err.strip().splitlines()[-1]
+        assert error.startswith("mrdamp: ")
+        assert said in error
+    assert not list(tmp_path.glob("out/*/options.json"))
+
+
+# --- normalisation and actions ----------------------------------------------------------
+def test_whitening_makes_the_second_moment_one_and_leaves_rest_at_zero() -> None:
+    rng = np.random.default_rng(0)
+    mixed = rng.standard_normal((5000, 3)) @ np.array([[1.0, 1.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 5.0]])
+    w = whitening(mixed.astype(np.float32), floor=1e-6)
+    assert (mixed @ w.T).T @ (mixed @ w.T) / 5000 == pytest.approx(np.eye(3), abs=1e-3)
+    held = whitening(mixed.astype(np.float32), floor=0.1)
+    assert np.linalg.svd(held)[1].max() == pytest.approx(1 / (0.1 * np.sqrt((mixed**2).mean(axis=0)).max()), rel=0.01)
+
+
+def test_exploration_moves_the_damper_under_every_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrdamp.train.run._EXPLORED", (4, 600))
+    task = world(FRAME, {"period": 4e-3, "duration": 0.8}).task(4)
+    seen = explored(task, None, 2.25, np.random.default_rng(0))
+    command = seen[:, task.observer.width - 1]
+    assert seen.shape[1] == task.observer.size
+    assert command.min() < 0.05
+    assert command.max() > 0.95
+    assert np.abs(seen).std(axis=0).min() > 0
+
+
+def test_validation_is_drawn_apart_from_training() -> None:
+    rng = np.random.default_rng(np.random.SeedSequence(0).spawn(3)[0])
+    trained = {m.name for m in loads.some_motions(rng, 12)}
+    judged = {m.name for m in loads.validation_motions() if m.name.startswith("kanai")}
+    assert judged
+    assert not trained & judged
+
+
+def test_a_pulse_keeps_the_peak_and_adds_its_own_period() -> None:
+    plain = loads.training_motions((2.0, 2.0)).draw(np.random.default_rng(5))
+    pulses = loads.Pulses(_Same(plain), share=1.0, period=(1.0, 1.0), size=(5.0, 5.0))
+    motion = pulses.draw(np.random.default_rng(1))
+    assert motion.pga == pytest.approx(plain.pga)
+    spectrum = np.abs(np.fft.rfft(motion.acceleration))
+    frequency = np.fft.rfftfreq(motion.n, motion.sample_time)[spectrum.argmax()]
+    assert frequency == pytest.approx(5.0, rel=0.2)
+
+
+class _Same:
+    def __init__(self, motion: Any) -> None:
+        self.motion = motion
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        return self.motion
+
+
+# --- the evolution strategy -------------------------------------------------------------
+def test_the_search_finds_the_minimum_of_an_ill_scaled_ellipsoid() -> None:
+    scales = np.logspace(0, 3, 6)
+    aim = np.linspace(-1, 1, 6)
+
+    def cost(x: np.ndarray) -> np.ndarray:
+        return np.asarray((scales * (x - aim) ** 2).sum(axis=-1))
+
+    cma = Cma(np.zeros(6), 0.3, 10, np.random.default_rng(1))
+    start = cost(cma.mean)
+    for _ in range(150):
+        cma.tell(cost(cma.ask()))
+    assert cost(cma.mean) < 1e-7 * start
+    assert cma.mean == pytest.approx(aim, abs=1e-3)
+
+
+def test_the_search_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path: Path) -> None:
+    def run(cma: Cma, generations: int) -> np.ndarray:
+        for _ in range(generations):
+            cma.tell((cma.ask() ** 4).sum(axis=1))
+        return cma.mean
+
+    whole = run(Cma(np.ones(4), 0.5, 8, np.random.default_rng(2)), 9)
+    first = Cma(np.ones(4), 0.5, 8, np.random.default_rng(2))
+    run(first, 5)
+    first.save(tmp_path / "c.npz")
+    second = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
+    second.load(tmp_path / "c.npz")
+    assert (run(second, 4) == whole).all()
+
+
+def test_candidates_at_once_act_as_their_networks() -> None:
+    shape = Shape(5, [4])
+    rng = np.random.default_rng(0)
+    candidates, seen = rng.standard_normal((3, shape.size)), rng.standard_normal((3, 2, 5))
+    each = [[shape.network(c)(seen[k, j])[0] for j in range(2)] for k, c in enumerate(candidates)]
+    assert actions(shape.layers(candidates), seen) == pytest.approx(np.array(each))
+    assert (actions(shape.layers(shape.start(rng)[None]), seen[:1]) == 0).all()
+
+
+# --- whole trainings --------------------------------------------------------------------
+def test_a_training_writes_a_policy_and_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    whole = train(small(), tmp_path / "a")
+    policy = Policy.read(tmp_path / "a" / "policy.json")
+    assert policy.levels is not None
+    assert policy.about["options"]["seed"] == 0
+    assert whole.best["score"] == min(row["score"] for row in whole.curve)
+    assert train(small(), tmp_path / "a").curve == whole.curve  # done already
+    with pytest.raises(InputError, match="other options"):
+        train(small(1), tmp_path / "a")
+    # Stopped after the second evaluation: what is later is taken away.
+    half = tmp_path / "b"
+    seen: list[float] = []
+
+    def stop(what: str, share: float) -> None:
+        seen.append(share)
+        if share > 0.6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(small(), half, stop)
+    assert 0 < len(json.loads((half / "state.json").read_text())["curve"]) < len(whole.curve)
+    again = train(small(), half)
+    assert again.curve == whole.curve
+    assert (half / "policy.json").read_text() == (tmp_path / "a" / "policy.json").read_text()
+
+
+def test_sweep_takes_every_setting_and_seed(tmp_path: Path) -> None:
+    assert points(["a=1,2", "b=x"]) == [("a=1", "b=x"), ("a=2", "b=x")]
+    one = sweep(small(0, "n_timesteps=2000"), tmp_path / "one", [0, 1], ["sigma=0.1,0.3"])
+    assert len({r.best["score"] for point in one for r in point.results}) > 1
+    table = json.loads((tmp_path / "one" / "sweep.json").read_text())
+    assert [row["overrides"] for row in table] == [["sigma=0.1"], ["sigma=0.3"]]
+    assert table[0]["score"] == pytest.approx(np.mean([r.best["score"] for r in one[0].results]))
+
+
+def _scores(folder: Path) -> list[float]:
+    return [seed["score"] for row in json.loads((folder / "sweep.json").read_text()) for seed in row["seeds"]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["loky", "ray"])
+def test_command_gives_the_same_numbers_in_two_workers(
+    tmp_path: Path, backend: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()
+    command = ["train", FRAME, "--algo", "es", "--seeds", "2", "--evaluations", "1", "--set", *SMALL]
+    assert main([*command, "-o", str(tmp_path / "one")]) == 0
+    if backend == "ray":
+        ray = pytest.importorskip("ray", reason="Ray is not installed")
+        ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        monkeypatch.setenv("MRDAMP_BACKEND", "loky")  # put back afterwards
+        assert main([*command, "-o", str(tmp_path / "two"), "--jobs", "2", "--backend", backend]) == 0
+        if backend == "ray":
+            assert ray.cluster_resources()["CPU"] == 2
+    finally:
+        if backend == "ray":
+            ray.shutdown()
+    assert _scores(tmp_path / "two") == _scores(tmp_path / "one")
+    for seed in ("seed_0", "seed_1"):
+        texts = [(tmp_path / where / seed / "policy.json").read_text() for where in ("one", "two")]
+        assert texts[0] == texts[1]
+
+
+def test_levels_of_the_world_are_the_dampers() -> None:
+    frame = world(FRAME, {})
+    levels = frame.levels(frame.task(1))
+    assert isinstance(levels, ForceLevels)
+    assert levels.commands[-1] == 2.25
+    assert levels.forces[0] < 0.15 * levels.force_max

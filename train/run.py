@@ -1,0 +1,171 @@
+"""What every training has, however it learns: its environment, its normalisation, its curve and its files."""
+
+from __future__ import annotations
+
+import json
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Network, Policy
+from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+from mrdamp.train.evaluate import Judge, forces
+from mrdamp.train.settings import Options, Settings
+from mrdamp.train.worlds import World, world
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+_EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from
+_HELD = 50  # control periods that an action is held for there
+_FLOOR = 1e-3
+
+
+@dataclass(frozen=True)
+class Result:
+    """folder: policy.json (the best on the validation loads), training.json; curve: one row an evaluation, its
+    `timesteps`, `score` and the means of the world's measures; seconds: of process time, whole."""
+
+    folder: Path
+    curve: tuple[dict[str, float], ...]
+    seconds: float
+
+    @property
+    def best(self) -> dict[str, float]:
+        return min(self.curve, key=lambda row: row["score"])
+
+
+class Run(ABC):
+    """A training that is going on. n: rows of its task. Attributes: curve, as in `Result`."""
+
+    def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
+        self.options, self.chosen, self.out = options, chosen, out
+        self.world: World = world(options.environment, chosen.env_kwargs, options.model)
+        self.task: Task = self.world.task(n)
+        if len(self.task.command_max) != 1:
+            raise InputError("training is for one damper; the environment has several")
+        self.command_max = float(self.task.command_max[0])
+        self.levels = self.world.levels(self.task) if chosen.action == "force" else None
+        self.draws, explore, self.seed = np.random.SeedSequence(options.seed).spawn(3)
+        self.matrix = self._matrix(np.random.default_rng(explore))
+        self.judge = Judge(self.world, self.world.validation())
+        self.curve: list[dict[str, float]] = []
+        self._before, self._start = 0.0, time.process_time()
+        if self.state_file.is_file():
+            kept = json.loads(self.state_file.read_text())
+            self.curve, self._before = kept["curve"], kept["seconds"]
+
+    @property
+    def state_file(self) -> Path:
+        return self.out / "state.json"
+
+    @property
+    def matrix_file(self) -> Path:
+        return self.out / "normalization.npy"
+
+    @property
+    @abstractmethod
+    def timesteps(self) -> int:
+        """Control periods so far."""
+
+    @abstractmethod
+    def learn(self, progress: Progress) -> None:
+        """To the end, with evaluations."""
+
+    @abstractmethod
+    def network(self) -> Network:
+        """What has been learned so far."""
+
+    @abstractmethod
+    def save(self) -> None:
+        """A checkpoint, to go on from."""
+
+    def seconds(self) -> float:
+        """Of process time so far, those before a resume included."""
+        return self._before + time.process_time() - self._start
+
+    def due(self) -> bool:
+        """Whether an evaluation is: they stand evenly over the training."""
+        return self.timesteps >= self.chosen.n_timesteps / self.options.evaluations * len(self.curve)
+
+    def evaluate(self) -> dict[str, float]:
+        """A row of the curve, a checkpoint, and policy.json where it is the best yet."""
+        policy = self.policy()
+        means = {name: float(v.mean()) for name, v in self.judge(policy).items()}
+        score = self.world.score(means)
+        best = min((row["score"] for row in self.curve), default=np.inf)
+        self.curve.append({"timesteps": float(self.timesteps), "score": score, **means})
+        if score < best:
+            policy.write(self.out / "policy.json")
+        self.save()
+        write_atomic(self.state_file, json.dumps({"curve": self.curve, "seconds": self.seconds()}) + "\n")
+        return self.curve[-1]
+
+    def policy(self) -> Policy:
+        """What has been learned so far, for export."""
+        o = self.options
+        about = {
+            "options": o.to_dict(),
+            "settings": json.loads(json.dumps(asdict(self.chosen))),
+            "timesteps": self.timesteps,
+        }
+        fresh = Observer.from_dict(self.task.observer.to_dict())
+        name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
+        return Policy(
+            name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about
+        )
+
+    def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
+        if self.matrix_file.is_file():
+            return np.asarray(np.load(self.matrix_file))
+        matrix = np.eye(self.task.observer.size, dtype=np.float32)
+        if self.chosen.normalize:
+            matrix = whitening(explored(self.world.task(_EXPLORED[0]), self.levels, self.command_max, rng))
+        return matrix
+
+
+def explored(
+    task: Task, levels: ForceLevels | None, command_max: float, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """(many, size) observations under random actions that are held for a while."""
+    n = task.n
+    rngs = list(rng.spawn(n))
+    seen, found = task.reset(range(n), rngs)[0], []
+    share = np.zeros(n)
+    for k in range(_EXPLORED[1]):
+        if k % _HELD == 0:
+            share = rng.uniform(0, 1, n)
+        command = share * command_max
+        if levels is not None:
+            force = forces(task, seen)
+            command = levels.command(np.sign(force) * share * levels.force_max, force)
+        step = task.step(2.0 * command[:, None] / command_max - 1.0)
+        seen = step.observation
+        found.append(seen.copy())
+        for row in np.flatnonzero(step.over).tolist():
+            seen[row] = task.reset([row], rngs)[0][0]
+    return np.concatenate(found)
+
+
+def whitening(observations: NDArray[np.float32], floor: float = _FLOOR) -> NDArray[np.float32]:
+    """(size, size) matrix W that makes the second moment of W o the identity, for observations (n, size).
+
+    Stacked measurements are nearly the same number several times; their differences, small and telling, come out as
+    large as the rest. Nothing is subtracted: rest stays zero. floor: directions whose RMS is below this share of the
+    largest are held to it, so that noise is not blown up without bound.
+    """
+    o = observations.astype(np.float64)
+    values, vectors = np.linalg.eigh(o.T @ o / len(o))
+    least = max(floor**2 * float(values.max()), 1e-12)
+    matrix: Any = vectors / np.sqrt(np.maximum(values, least)) @ vectors.T
+    return np.asarray(matrix, dtype=np.float32)

@@ -1,0 +1,92 @@
+"""Trainings by an evolution strategy: every candidate under the same loads, all at once as rows of one task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.control.policy import Network
+from mrdamp.errors import InputError
+from mrdamp.train.evaluate import episodes, forces
+from mrdamp.train.evolution import Cma, Shape, actions
+from mrdamp.train.run import Progress, Run
+from mrdamp.train.settings import Options, Settings
+
+Array = NDArray[np.float64]
+
+#: What the hyperparameters hold besides `Settings`: loads of a training; candidates a generation; the first step
+#: size; the score's share for the mean current over its largest.
+DEFAULTS: Mapping[str, float] = {"loads": 12, "population": 12, "sigma": 0.1, "current": 0.05}
+
+
+class EvolutionRun(Run):
+    """One training. n_envs is loads times population; a generation counts the control periods of all rows."""
+
+    def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
+        unknown = sorted(set(chosen.learner) - set(DEFAULTS))
+        if unknown:
+            raise InputError(f"es: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}")
+        own = {**DEFAULTS, **chosen.learner}
+        self.population, self.loads_count = int(own["population"]), int(own["loads"])
+        self._current = float(own["current"])
+        super().__init__(options, chosen, out, self.population * self.loads_count)
+        draw = np.random.default_rng(self.draws)
+        self.loads = self.world.draw(draw, self.loads_count)
+        self.task = self.world.judging(self.population * self.loads_count)
+        self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
+        rng = np.random.default_rng(self.seed)
+        self.cma = Cma(self.shape.start(rng), float(own["sigma"]), self.population, rng)
+        self._periods = 0
+        if self._checkpoint.is_file():
+            self.cma.load(self._checkpoint)
+            self._periods = int(self.curve[-1]["timesteps"])
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.out / "checkpoint.npz"
+
+    @property
+    def timesteps(self) -> int:
+        return self._periods
+
+    def learn(self, progress: Progress) -> None:
+        while self.timesteps < self.chosen.n_timesteps:
+            progress(f"train: seed {self.options.seed}", self.timesteps / self.chosen.n_timesteps)
+            if self.due():
+                self.evaluate()
+            self.cma.tell(self._scores(self.cma.ask()))
+        if self.curve[-1]["timesteps"] < self.timesteps:
+            self.evaluate()
+
+    def network(self) -> Network:
+        return self.shape.network(self.cma.mean)
+
+    def save(self) -> None:
+        fresh = self.out / "checkpoint.new.npz"
+        self.cma.save(fresh)
+        fresh.replace(self._checkpoint)
+
+    def _scores(self, candidates: Array) -> Array:
+        """(population,) of candidates (population, numbers)."""
+        layers, many = self.shape.layers(candidates), self.loads_count
+
+        def act(seen: NDArray[np.float32]) -> Array:
+            inputs = seen.astype(np.float64) @ self.matrix.T
+            action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
+            if self.levels is None:
+                return np.asarray(0.5 * (action + 1.0) * self.command_max)
+            return self.levels.command(action * self.levels.force_max, forces(self.task, seen))
+
+        found, periods = episodes(self.task, self.world, self.loads * self.population, act)
+        self._periods += periods
+        means = {name: v.reshape(self.population, many).mean(axis=1) for name, v in found.items()}
+        return np.array(
+            [
+                self.world.score({name: float(v[k]) for name, v in means.items()})
+                + self._current * float(means["mean_current"][k]) / self.command_max
+                for k in range(self.population)
+            ]
+        )
