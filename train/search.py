@@ -17,8 +17,8 @@ from mrdamp.train.settings import Options, Settings
 
 Array = NDArray[np.float64]
 
-#: What the hyperparameters hold besides `Settings`: loads of a training; candidates a generation; the first step
-#: size; the score's share for the mean current over its largest.
+#: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
+#: score's share for the mean current over its largest.
 DEFAULTS: Mapping[str, float] = {"loads": 12, "population": 12, "sigma": 0.1, "current": 0.05}
 
 
@@ -33,8 +33,6 @@ class EvolutionRun(Run):
         self.population, self.loads_count = int(own["population"]), int(own["loads"])
         self._current = float(own["current"])
         super().__init__(options, chosen, out, self.population * self.loads_count)
-        draw = np.random.default_rng(self.draws)
-        self.loads = self.world.draw(draw, self.loads_count)
         self.task = self.world.judging(self.population * self.loads_count)
         self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
@@ -70,8 +68,11 @@ class EvolutionRun(Run):
         fresh.replace(self._checkpoint)
 
     def _scores(self, candidates: Array) -> Array:
-        """(population,) of candidates (population, numbers)."""
+        """(population,) of candidates (population, numbers), under loads that each generation draws anew."""
         layers, many = self.shape.layers(candidates), self.loads_count
+        key = (*self.draws.spawn_key, self.cma.generation)
+        drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
+        loads = self.world.draw(np.random.default_rng(drawn), many)
 
         def act(seen: NDArray[np.float32]) -> Array:
             inputs = seen.astype(np.float64) @ self.matrix.T
@@ -80,7 +81,7 @@ class EvolutionRun(Run):
                 return np.asarray(0.5 * (action + 1.0) * self.command_max)
             return self.levels.command(action * self.levels.force_max, forces(self.task, seen))
 
-        found, periods = episodes(self.task, self.world, self.loads * self.population, act)
+        found, periods = episodes(self.task, self.world, loads * self.population, act)
         self._periods += periods
         means = {name: v.reshape(self.population, many).mean(axis=1) for name, v in found.items()}
         return np.array(

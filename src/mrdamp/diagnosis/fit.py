@@ -42,7 +42,7 @@ class Fit:
     @property
     def move(self) -> float:
         """RMS of what the nominal parameters move by, as shares (or of their size, where they are not positive)."""
-        scales = np.array([c.scale for c in self.hypothesis.nominal])
+        scales = np.array([c.scale if c.log else 0.1 for c in self.hypothesis.nominal])
         moved = scales * self.point[: len(scales)]
         return float(np.sqrt(np.mean(moved**2))) if len(scales) else 0.0
 
@@ -116,9 +116,10 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
             if b.record in group:
                 keep[b.span] = False
         q = found.point
-        step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-6)
+        # Damped: along what hardly matters (poles that may swap) an undamped step would go anywhere.
+        step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
         inside = [k for k in problem.records if k in group]
-        part = Problem(problem.rig, inside, stride=problem.stride, coarse=problem.coarse)
+        part = Problem(problem.rig, inside, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
         rows = part.gaps(part.residuals(found.hypothesis, np.clip(q + step, low, high))[0])
         for b, value in zip(part.blocks, rows, strict=True):
             at = next(

@@ -13,6 +13,9 @@ from mrdamp.diagnosis.rig import Rig
 from mrdamp.diagnosis.smoothing import noise_level
 from mrdamp.diagnosis.terms import Settings
 
+#: Gap of noise at which a block counts 0.7: errors of form are of this size.
+_CLEAR = 0.012
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -48,3 +51,9 @@ def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
     return np.array(
         [np.hypot(noise.levels[b.channel], carried[b.record][b.channel]) / b.size for b in problem.blocks]
     )
+
+
+def trust(problem: Problem, floor: Array) -> dict[tuple[int, int], float]:
+    """What each block counts, by (record, channel): less, the more of it is noise (floor (blocks,), as gaps)."""
+    counts = 1 / np.hypot(1.0, floor / _CLEAR)
+    return {(b.record, b.channel): float(c) for b, c in zip(problem.blocks, counts, strict=True)}

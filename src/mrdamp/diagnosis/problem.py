@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,25 +23,37 @@ _DIVERGED = 1e3
 
 @dataclass(frozen=True)
 class Block:
-    """Where a record's channel stands in the residuals; size: what its error is divided by (channel unit)."""
+    """Where a record's channel stands in the residuals.
+
+    size: what its error is divided by (channel unit); trust: what it then counts, 0 to 1.
+    """
 
     record: int
     channel: int
     span: slice
     size: float
+    trust: float = 1.0
 
 
 class Problem:
     """Residuals of some records of a rig; a block's sum of squares is its gap squared times its share.
 
     A gap is the RMS error over the RMS of the measurement. share: blocks of a record with two channels count half
-    each, so that a sum of squares over all blocks is a sum over records.
+    each, so that a sum of squares over all blocks is a sum over records. trust: by (record, channel), what a block's
+    residuals are multiplied by; one that is mostly noise would hide the others.
     """
 
     def __init__(
-        self, rig: Rig, records: Sequence[int] | None = None, *, stride: int = 1, coarse: bool = False
+        self,
+        rig: Rig,
+        records: Sequence[int] | None = None,
+        *,
+        stride: int = 1,
+        coarse: bool = False,
+        trust: Mapping[tuple[int, int], float] | None = None,
     ) -> None:
         self.rig, self.stride, self.coarse = rig, stride, coarse
+        self.trust = dict(trust or {})
         self.records = tuple(range(len(rig.records)) if records is None else records)
         self.runs = 0  # records simulated so far
         self.blocks: list[Block] = []
@@ -54,13 +66,14 @@ class Problem:
             self._measured[k], self._skip[k] = measured, skip
             for channel, values in enumerate(measured):
                 size = float(np.sqrt(np.mean(values**2))) or 1.0
-                self.blocks.append(Block(k, channel, slice(at, at + len(values)), size))
+                trusted = self.trust.get((k, channel), 1.0)
+                self.blocks.append(Block(k, channel, slice(at, at + len(values)), size, trusted))
                 at += len(values)
         self.samples = at
         self.weights = np.empty(at)
         for b in self.blocks:
             n = b.span.stop - b.span.start
-            self.weights[b.span] = 1 / (b.size * np.sqrt(n * len(rig.channels)))
+            self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
 
     def outputs(self, settings: Sequence[Settings]) -> Array:
         """Simulated channels of all records in a row (sets, samples), in the channels' units."""
@@ -112,4 +125,9 @@ class Problem:
     def gaps(self, residual: Array) -> Array:
         """Gap (blocks,) of weighted residuals (samples,)."""
         channels = len(self.rig.channels)
-        return np.array([np.sqrt(channels * np.sum(residual[b.span] ** 2)) for b in self.blocks])
+        return np.array([np.sqrt(channels * np.sum(residual[b.span] ** 2)) / b.trust for b in self.blocks])
+
+    def cost(self, gaps: Array) -> float:
+        """Sum of squares of the weighted residuals that gaps (blocks,) stand for."""
+        trust = np.array([b.trust for b in self.blocks])
+        return float(np.sum((trust * gaps) ** 2)) / len(self.rig.channels)

@@ -15,7 +15,7 @@ from mrdamp.diagnosis.ceiling import of_fit
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.experiment import Signal, columns, propose, rival, with_term
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.noise import Noise, channel_noise, floors
+from mrdamp.diagnosis.noise import Noise, channel_noise, floors, trust
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
 from mrdamp.diagnosis.rig import Rig
@@ -58,18 +58,20 @@ def diagnose(
     if case.model.rig == "frame":
         from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame
 
-        return diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store or Store())
+        return diagnose_frame(
+            case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store or Store()
+        )
     begun = time.monotonic()
     rig = make_rig(case)
     notes = list(audit(case))
     total = sum(r.n for r in case.records) * len(rig.channels)
-    problem = Problem(rig, stride=max(1, round(total / _SAMPLES)), coarse=True)
+    stride = max(1, round(total / _SAMPLES))
     noise = channel_noise(case, rig)
-    floor = floors(problem, noise, {})
+    plain = Problem(rig, stride=stride, coarse=True)
+    floor = floors(plain, noise, {})
+    problem = Problem(rig, stride=stride, coarse=True, trust=trust(plain, floor))
     progress("recalibrating the nominal parameters", 0.02)
-    search = Search(
-        problem, float(np.sum(floor**2)) / len(rig.channels), limits or Limits(), jobs, store or Store()
-    )
+    search = Search(problem, problem.cost(floor), limits or Limits(), jobs, store or Store())
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)
     chosen = fits[decision.chosen.index]
@@ -89,7 +91,7 @@ def judge(search: Search) -> tuple[list[Fit], Decision]:
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
-            f.move,
+            move=f.move,
         )
         for index, f in enumerate(fits)
     ]
@@ -225,8 +227,9 @@ def _next_test(
 def _ceiling(settled: Settled, floor: float) -> float:
     """Gap that a model of any form would leave on records left out."""
     found = of_fit(settled.problem, settled.fit.residual, floor)
-    cost = settled.fit.cost - found.predictable * max(settled.fit.cost - floor, 0.0)
-    return float(np.sqrt(cost / len(settled.problem.records)))
+    left = settled.fit.cost
+    share = (left - found.predictable * max(left - floor, 0.0)) / max(left, 1e-30)
+    return pooled(settled.heldout) * float(np.sqrt(share))
 
 
 def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, float]) -> tuple[Named, ...]:

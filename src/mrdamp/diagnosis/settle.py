@@ -70,11 +70,11 @@ def settle(
     """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs."""
     best, corrections = refine(search, chosen) if mend else (chosen, ())
     tell("final fit")
-    fine = Problem(search.problem.rig, search.problem.records, stride=search.problem.stride)
+    coarse = search.problem
+    fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
     final = fit(fine, best.hypothesis, best.point, most=2)
     return Settled(final, corrections, heldout(fine, final), fine)
 
 
 def _cost(search: Search, found: Fit) -> float:
-    gaps = heldout(search.problem, found)
-    return float(np.sum(gaps**2)) / len(search.problem.rig.channels)
+    return search.problem.cost(heldout(search.problem, found))

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Independent samples that a form error counts for, the price (nats) of a free law, of a cause, of a coordinate.
-INDEPENDENT, FREE_PRICE, CAUSE_PRICE, NUMBER_PRICE = 24.0, 3.5, 4.0, 0.5
-#: A free law pays up to so much more, in proportion, as its numbers move (RMS of their logarithms) to this share.
-MOVE_PRICE, MOVE = 3.0, 0.15
+#: Independent samples that a form error counts for; price (nats) of a cause and of each of its numbers.
+INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 24.0, 4.0, 0.5
+#: Price of a free law alone, and beside a cause, where it rises by so much in proportion as the law's numbers move
+#: (RMS share) to the last figure: numbers that are a little off are common, ones that are far off have a reason.
+LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 6.0, 3.0, 4.0, 0.12
 #: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
 RESOLUTION, FLOOR_DOUBT = 0.01, 0.05
 #: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, is none.
@@ -24,16 +25,20 @@ WRONG_FORM = 0.25
 
 @dataclass(frozen=True)
 class Scored:
-    """A fitted set of causes. cost: sum of squares of its residuals; numbers: free coordinates of its effects; doubt:
-    nats against the nominal parameters that it needs."""
+    """A fitted set of causes.
+
+    cost: sum of squares of its residuals; numbers: free coordinates of its effects; index: place in the list of
+    fits; doubt: nats against the nominal parameters that it needs; move: RMS of what the law's numbers move by, as
+    shares of themselves.
+    """
 
     causes: tuple[str, ...]
     free: bool
     cost: float
     numbers: int
     index: int = -1
-    move: float = 0.0
     doubt: float = 0.0
+    move: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -73,9 +78,8 @@ def decide(fits: Sequence[Scored], floor: float) -> Decision:
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
-    price = (
-        FREE_PRICE * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
-    )
+    freed = FREE_PRICE + MOVE_PRICE * min(found.move / MOVE, 1.0) if found.causes else LAW_PRICE
+    price = freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
     return -0.5 * INDEPENDENT * math.log(left + resolution) - price
 
 
