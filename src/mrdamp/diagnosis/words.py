@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mrdamp.diagnosis.result import Diagnosis
+from mrdamp.diagnosis.result import Diagnosis, Named
 
 _PLAIN = {
     "driver_lag": "the coil current follows the command late",
@@ -30,6 +30,20 @@ _PLAIN = {
 }
 
 
+#: The same of a floor's accelerometer, in a frame.
+_PLAIN_FLOOR = {
+    "sensor_gain": "that floor's accelerometer has another sensitivity",
+    "sensor_offset": "that floor's accelerometer has a bias",
+    "sensor_leakage": "the charge of that floor's accelerometer leaks away",
+    "sensor_lag": "that floor's accelerometer is slow",
+}
+
+
+def _plain(e: Named) -> str:
+    words = _PLAIN_FLOOR if e.place is not None and e.stage == "sensor" else _PLAIN
+    return words.get(e.effect, e.stage)
+
+
 def percent(x: float) -> str:
     return f"{100 * x:.1f} %"
 
@@ -52,7 +66,7 @@ def sentence(d: Diagnosis) -> str:
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
-        parts.append(f"{e.effect}{place} ({_PLAIN.get(e.effect, e.stage)})")
+        parts.append(f"{e.effect}{place} ({_plain(e)})")
     return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise})."
 
 
