@@ -21,7 +21,7 @@ except ImportError:
     ) from None
 
 
-class PlantVecEnv(VecEnv):  # type: ignore[misc]
+class PlantVecEnv(VecEnv):
     """The same numbers as `DummyVecEnv` over single environments, on the engine's `Batch`.
 
     task: as `mrdamp.envs.frame_task.FrameTask(8)`. A row that is over starts anew in the same step, its last

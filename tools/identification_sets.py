@@ -131,10 +131,9 @@ _UTFSM = Page(
         Table(
             "Laws and network",
             "Marks: a quick independent fit, quadratic in the current, judged on other tests of the rig (other"
-            " amplitudes and frequencies) than these. Two things in these raise the laws' errors, and nothing in the"
-            " training records shows either: the sweep of another day is 22 % stronger at .5 A than the modified"
-            " Bouc-Wen law of the training day, and at half the least training speed the laws' smooth step about zero"
-            " velocity is wrong. With a gain for each record that law's error would be .110.",
+            " amplitudes and frequencies) than these. Two things in these are not in the training records: the sweep"
+            " of another day is 22 % stronger at .5 A than the modified Bouc-Wen law of the training day, and the slow"
+            " sines run at half the least training speed. With a gain for each record that law's error would be .110.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 Row(

@@ -23,7 +23,7 @@ from mrdamp.train.worlds import World
 Array = NDArray[np.float64]
 
 
-class Privileged(VecEnvWrapper):  # type: ignore[misc]
+class Privileged(VecEnvWrapper):
     """Observations (n, k) become (n, 2 k): as they are, and over the size of the motion without control."""
 
     def __init__(self, venv: VecEnv, world: World, task: Any) -> None:
@@ -48,7 +48,7 @@ class Privileged(VecEnvWrapper):  # type: ignore[misc]
         return np.concatenate([observation, observation / self._size], axis=1)
 
 
-class SplitNetworks(nn.Module):  # type: ignore[misc]
+class SplitNetworks(nn.Module):
     """Hidden layers of an actor on the first half of the features and of a critic on all of them."""
 
     def __init__(self, width: int, arch: dict[str, list[int]], activation: type[nn.Module]) -> None:
@@ -71,7 +71,7 @@ class SplitNetworks(nn.Module):  # type: ignore[misc]
         return found
 
 
-class AsymmetricPolicy(ActorCriticPolicy):  # type: ignore[misc]
+class AsymmetricPolicy(ActorCriticPolicy):
     """The policy of stable-baselines3 with `SplitNetworks`; net_arch: {pi: [...], vf: [...]}."""
 
     def _build_mlp_extractor(self) -> None:

@@ -83,7 +83,7 @@ class GradientRun(Run):
             raise InputError(f"{name}: hyperparameters: {error}") from None
 
 
-class _Callback(BaseCallback):  # type: ignore[misc]
+class _Callback(BaseCallback):
     """Progress, and evaluations where they are due."""
 
     def __init__(self, run: GradientRun, progress: Progress) -> None:

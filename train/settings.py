@@ -93,7 +93,10 @@ def settings(options: Options) -> Settings:
 
 
 def _read(options: Options) -> Mapping[str, Any]:
-    import yaml
+    try:
+        import yaml
+    except ImportError:
+        raise InputError("training needs PyYAML, which is not installed: pip install 'mrdamp[train]'") from None
 
     if options.hyperparameters is None:
         file = resources.files("mrdamp.train") / "hyperparameters" / f"{options.algorithm}.yml"

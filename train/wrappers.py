@@ -17,7 +17,7 @@ Observation = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 
-class ForceAction(VecEnvWrapper):  # type: ignore[misc]
+class ForceAction(VecEnvWrapper):
     """Actions are wanted forces over `levels.force_max`; the damper's command follows by `ForceLevels`.
 
     observer: of the environment; it must see the damper's `force`. command_max: A or V. One damper.
@@ -49,7 +49,7 @@ class ForceAction(VecEnvWrapper):  # type: ignore[misc]
         return observation
 
 
-class Whitened(VecEnvWrapper):  # type: ignore[misc]
+class Whitened(VecEnvWrapper):
     """Observations times a fixed matrix (k, size), see `mrdamp.train.run.whitening`."""
 
     def __init__(self, venv: VecEnv, matrix: NDArray[np.float32], limit: float = 1e3) -> None:

@@ -90,7 +90,7 @@ def _forward(case: Case, search: Search, start: Fit) -> Answer:
         terms = [t for t in search.problem.rig.terms if t.cause not in taken]
         # A recalibration that stands at its bounds hides what the nominal numbers would show: both are asked.
         asked = [best, held] if best is search.base else [best]
-        promising = {t.name: (t, k) for f in asked for _, t, k in search.screen(f, terms)[:_TRIED]}
+        promising = {p.term.name: (p.term, p.start) for f in asked for p in search.screen(f, terms)[:_TRIED]}
         tries = []
         for term, k in promising.values():
             hypothesis, point = search.start_from(best, term, k)

@@ -112,7 +112,8 @@ def run_frame_controlled(
     out, u = np.empty((n, len(_FRAME))), np.empty(n)
     table = np.concatenate([_row(storey_names, s) for s in storeys])
     rig, frame, ag = _row(names, numbers), table, np.ascontiguousarray(ground, dtype=float)
-    seen, failed = (*_FRAME, "stroke_velocity"), []
+    seen = (*_FRAME, "stroke_velocity")
+    failed: list[BaseException] = []
 
     def called(time: float, row: Any) -> float:
         try:

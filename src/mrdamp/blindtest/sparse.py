@@ -7,6 +7,7 @@ largest share of the residual is named by the effect that has that form to first
 from __future__ import annotations
 
 import importlib.util
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -130,7 +131,9 @@ def _stlsq(features: Array, target: Array, threshold: float) -> Array:
     sizes[sizes == 0] = 1.0
     size = float(np.sqrt(np.mean(target**2))) or 1.0
     optimizer = STLSQ(threshold=threshold, alpha=1e-6)
-    optimizer.fit(features / sizes, (target / size)[:, None])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a threshold that leaves nothing is an answer
+        optimizer.fit(features / sizes, (target / size)[:, None])
     return np.asarray(optimizer.coef_[0] * size / sizes, dtype=float)
 
 

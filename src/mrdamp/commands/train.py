@@ -24,11 +24,11 @@ def add_to(commands: Any) -> None:
         "train",
         run_train,
         "train a controller in an environment, and export it for NumPy alone",
-        "mrdamp train mrdamp/Frame-v0 --algo ppo --seeds 5 --jobs 2 -o out/frame",
+        "mrdamp train mrdamp/Frame-v0 --seeds 5 --jobs 2 -o out/frame",
     )
     p.add_argument("environment", help="mrdamp/Frame-v0 or mrdamp/Cable-v0")
     p.add_argument(
-        "--algo", default="ppo", choices=_ALGORITHMS,
+        "--algo", default="es", choices=_ALGORITHMS,
         help="of stable-baselines3, or es: an evolution strategy (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
@@ -55,11 +55,9 @@ def add_to(commands: Any) -> None:
 
 def run_train(a: argparse.Namespace) -> int:
     """Trains, and prints the validation figures of every seed."""
-    try:
-        from mrdamp.train.settings import Options
-        from mrdamp.train.sweep import sweep
-    except ImportError as error:
-        raise InputError(f"training needs {error.name}: pip install 'mrdamp[train]'") from None
+    from mrdamp.train.settings import Options
+    from mrdamp.train.sweep import sweep
+
     if a.seeds < 1:
         raise InputError("--seeds must be at least 1")
     options = Options(

@@ -111,7 +111,13 @@ def assemble(
     begun: float,
 ) -> Diagnosis:
     chosen = fits[decision.chosen.index]
-    sets = by_causes([_scored_of(f) for f in fits], decision.probabilities)
+    known = by_causes([_scored_of(f) for f in fits], decision.probabilities)
+    if decision.verdict == "none":
+        known = {(): 1.0}
+    sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {
+        ("unknown",): decision.unknown
+    }
+    sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
     causes = of_cause(sets)
     rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
     nominal_gaps = search.problem.gaps(search.residual)
@@ -163,7 +169,7 @@ def assemble(
         "channels": list(rig.channels),
     }
     model = rig.model(settled.fit.settings if decision.verdict != "none" else {})
-    ties = tie_classes(search, chosen, sets) if decision.verdict == "effect" else ()
+    ties = tie_classes(search, chosen, known) if decision.verdict == "effect" else ()
     hidden = unseen(search, chosen)
     test, signal = _next_test(search, chosen, fits, decision, ties, hidden, noise)
     found = Diagnosis(
@@ -241,7 +247,9 @@ def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, flo
     settings, out = final.settings, []
     for term in chosen.hypothesis.terms:
         names = [c.name for c in term.coordinates]
-        short = {n.removeprefix(f"{term.effect}_"): settings[n] for n in names if n in settings}
+        short = {
+            n.removeprefix(f"{term.effect}_").partition("@")[0]: settings[n] for n in names if n in settings
+        }
         out.append(
             Named(
                 term.effect,
@@ -260,12 +268,13 @@ def _scored_of(f: Fit) -> Scored:
 
 
 def _candidate_gap(search: Search, fits: list[Fit], causes: tuple[str, ...]) -> float:
+    if causes == ("unknown",):
+        return pooled(search.problem.gaps(search.residual))
     wanted = set() if causes == ("parameters",) else set(causes)
-    free_only = causes == ("parameters",)
-    found = min(
-        (f for f in fits if set(f.hypothesis.causes) == wanted and (f.hypothesis.nominal or not free_only)),
-        key=lambda f: f.cost,
-    )
+    alike = [f for f in fits if set(f.hypothesis.causes) == wanted]
+    if not wanted:  # the nominal simulator as it is, or recalibrated
+        alike = [f for f in alike if bool(f.hypothesis.nominal) == bool(causes)]
+    found = min(alike, key=lambda f: f.cost)
     return pooled(heldout(search.problem, found))
 
 

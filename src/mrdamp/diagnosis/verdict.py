@@ -23,6 +23,10 @@ UNKNOWN_ABOVE = 0.12
 WRONG_FORM = 0.25
 
 
+#: How sharply the probability of an unknown cause rises about these two.
+STEEPNESS = 2.0
+
+
 @dataclass(frozen=True)
 class Scored:
     """A fitted set of causes.
@@ -44,7 +48,8 @@ class Scored:
 @dataclass(frozen=True)
 class Decision:
     """verdict; chosen: the fit behind it; probabilities: of each fit given, in their order; unexplained: the share
-    of the excess that the chosen fit leaves; floor: the cost that is taken for noise."""
+    of the excess that the chosen fit leaves; floor: the cost that is taken for noise; unknown: probability that the
+    cause is none of the catalogue's, in which case the others' count for the rest."""
 
     verdict: str
     chosen: Scored
@@ -52,6 +57,7 @@ class Decision:
     unexplained: float
     floor: float
     excess: float
+    unknown: float = 0.0
 
 
 def decide(fits: Sequence[Scored], floor: float) -> Decision:
@@ -70,10 +76,13 @@ def decide(fits: Sequence[Scored], floor: float) -> Decision:
     if nominal.cost <= NONE_ABOVE * floor and least >= (1 - REDUCIBLE) * nominal.cost:
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not chosen.causes and not chosen.free:
-        return Decision("unknown", chosen, probabilities, 1.0, floor, excess)
-    if left > UNKNOWN_ABOVE or (not chosen.causes and left * excess > WRONG_FORM * floor):
-        return Decision("unknown", chosen, probabilities, left, floor, excess)
-    return Decision("effect" if chosen.causes else "parameters", chosen, probabilities, left, floor, excess)
+        left = 1.0
+    ratio = left / UNKNOWN_ABOVE
+    if not chosen.causes:
+        ratio = max(ratio, left * excess / (WRONG_FORM * floor))
+    verdict = "unknown" if ratio > 1 else "effect" if chosen.causes else "parameters"
+    unknown = ratio**STEEPNESS / (1 + ratio**STEEPNESS)
+    return Decision(verdict, chosen, probabilities, left, floor, excess, unknown)
 
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
