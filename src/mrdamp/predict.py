@@ -12,7 +12,7 @@ from mrdamp.core import Array
 from mrdamp.files import write_atomic
 from mrdamp.model import Model
 from mrdamp.record_csv import render
-from mrdamp.records import read_record
+from mrdamp.records import Record, read_record
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4
@@ -27,15 +27,21 @@ def predict(model: Model, record: Path | str) -> dict[str, Array]:
     """`time_s` and the simulated channels, (n,) each, for the inputs of a record file. Raises InputError."""
     names = INPUTS[model.rig]
     read = read_record(record, required=names)
-    inputs = {name: np.asarray(read.channel(name)) for name in names}
-    factor = max(1, math.ceil(read.sample_time / _STEP - 1e-9))
-    if model.rig == "frame" or model.law == "narx" or factor == 1:
-        return {"time_s": np.asarray(read.time), **model.simulate(read.sample_time, inputs)}
-    x = mended_ends(inputs["displacement_m"])
-    fine = between(x, inputs["command"], read.sample_time, factor)
-    moved = {"displacement_m": fine.x, "velocity_m_s": fine.v, "acceleration_m_s2": fine.a, "command": fine.u}
-    simulated = model.simulate(fine.sample_time, moved)
+    factor, sample_time, inputs = played(model, read)
+    simulated = model.simulate(sample_time, inputs)
     return {"time_s": np.asarray(read.time), **{name: y[::factor] for name, y in simulated.items()}}
+
+
+def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
+    """What the simulator is driven with: inputs on a clock so many times as fine, its sample time (s), the inputs."""
+    inputs = {name: np.asarray(record.channel(name)) for name in INPUTS[model.rig][1:]}
+    factor = max(1, math.ceil(record.sample_time / _STEP - 1e-9))
+    if model.rig == "frame" or model.law == "narx" or factor == 1:
+        return 1, record.sample_time, inputs
+    x = mended_ends(inputs["displacement_m"])
+    fine = between(x, inputs["command"], record.sample_time, factor)
+    moved = {"displacement_m": fine.x, "velocity_m_s": fine.v, "acceleration_m_s2": fine.a, "command": fine.u}
+    return factor, fine.sample_time, moved
 
 
 def write_prediction(model: Model, record: Path | str, path: Path | str) -> dict[str, Array]:
