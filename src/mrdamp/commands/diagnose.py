@@ -33,8 +33,9 @@ def add_to(commands: Any) -> None:
 
 
 def run_diagnose(a: argparse.Namespace) -> int:
-    """Diagnoses a case, writes diagnosis.json and corrected.json, prints the sentence and the table."""
+    """Diagnoses a case, writes diagnosis.json, corrected.json and a page, prints the sentence and the table."""
     from mrdamp.diagnosis.case import read_case
+    from mrdamp.diagnosis.page import page
     from mrdamp.diagnosis.run import diagnose
     from mrdamp.diagnosis.store import Store, write_arrays
     from mrdamp.diagnosis.words import table
@@ -55,9 +56,11 @@ def run_diagnose(a: argparse.Namespace) -> int:
         write_atomic(a.out / "next_experiment.csv", render(found.next_signal))
     write_arrays(a.out / "arrays.npz", found.pictures)
     write_atomic(a.out / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
+    page(found, case.model, case.records).write(a.out / "index.html")
     store.remove()
     print(found.sentence)
     print(table(found))
+    print(f"page: {a.out / 'index.html'}")
     return 0
 
 
