@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mrdamp.between import between, mended_ends
+from mrdamp.core import Array
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.ceiling import ceiling, memory, of_fit, stroke_since_reversal
 from mrdamp.diagnosis.fit import fit, leave_out
@@ -17,12 +19,13 @@ from mrdamp.diagnosis.run import judge
 from mrdamp.diagnosis.search import Limits, Search
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.store import Store
-from mrdamp.diagnosis.terms import Coordinate, Hypothesis
+from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Settings
 from mrdamp.diagnosis.verdict import Scored, by_causes, decide, of_cause, shapley
 from mrdamp.diagnosis.where import regimes, stage_shares
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record
-from toy_rig import DT, parts, toy
+from toy_rig import DT, ToyRig, parts, toy
 
 RNG = np.random.default_rng(5)
 
@@ -263,3 +266,21 @@ def test_records_shorter_than_a_skip_still_count() -> None:
     short = tuple(Record(r.name, None, DT, dict(r.channels)) for r in rig.records)
     problem = Problem(type(rig)(short))
     assert problem.samples == 6 * (30 - 8)
+
+
+class Refusing(ToyRig):
+    """Takes no gain above 3, as the chain takes no hysteresis that grows without bound."""
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        if any(s["gain"] > 3.0 for s in settings):
+            raise InputError("gain is above 3")
+        return super().simulate(settings, record, coarse=coarse)
+
+
+def test_settings_that_the_chain_refuses_are_far_off_and_leave_the_others_alone() -> None:
+    rig = toy({"gain": 2.0})
+    problem = Problem(Refusing(rig.records))
+    found = problem.of_settings([{"gain": 2.0}, {"gain": 4.0}, {"gain": 2.5}])
+    alone = Problem(rig).of_settings([{"gain": 2.0}, {"gain": 2.5}])
+    np.testing.assert_array_equal(found[[0, 2]], alone)
+    assert np.sum(found[1] ** 2) > 1e3 * np.sum(found[2] ** 2)

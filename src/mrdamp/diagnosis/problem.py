@@ -10,6 +10,7 @@ import numpy as np
 from mrdamp.core import Array
 from mrdamp.diagnosis.rig import Rig
 from mrdamp.diagnosis.terms import Hypothesis, Settings
+from mrdamp.errors import InputError
 
 #: s at the start of a record, where the unknown start state fades: they do not count.
 SKIP = 0.1
@@ -80,12 +81,22 @@ class Problem:
         out = np.empty((len(settings), self.samples))
         at = 0
         for k in self.records:
-            run = self.rig.simulate(settings, k, coarse=self.coarse)[:, :, self.taken(k)]
+            run = self._simulated(settings, k)[:, :, self.taken(k)]
             self.runs += len(settings)
             width = run.shape[1] * run.shape[2]
             out[:, at : at + width] = run.reshape(len(settings), width)
             at += width
         return out
+
+    def _simulated(self, settings: Sequence[Settings], record: int) -> Array:
+        """Runs (sets, channels, n), NaN for settings that the chain does not take (a hysteresis without bound)."""
+        try:
+            return self.rig.simulate(settings, record, coarse=self.coarse)
+        except InputError:
+            refused = np.full((len(self.rig.channels), self.rig.records[record].n), np.nan)
+            if len(settings) == 1:
+                return refused[None]
+            return np.concatenate([self._simulated([one], record) for one in settings])
 
     def taken(self, record: int) -> slice:
         """Which samples of a record are in the residuals."""

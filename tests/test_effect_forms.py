@@ -1,0 +1,55 @@
+"""Forms of effects that bend their equation, against that equation written out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamp import core
+
+BINGHAM = {"c0a": 800.0, "c0b": 300.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.004}
+DT = 5e-4  # s
+T = np.arange(0.0, 1.0, DT)
+X = 0.01 * np.sin(2 * np.pi * 1.5 * T)  # m
+STEP = np.where((T > 0.2) & (T < 0.6), 1.0, 0.0)  # A, up and down again
+
+
+def run(column: str, u: np.ndarray | float = 0.5, **effect: float) -> np.ndarray:
+    return core.run("bingham", {**BINGHAM, **effect}, DT, X, u=u, columns=(column,))[column]
+
+
+def test_gas_spring_has_a_cubic_part() -> None:
+    k, k2, k3, f0 = 4000.0, 12.0, 3000.0, 20.0
+    added = run("force", gas_spring_k=k, gas_spring_k2=k2, gas_spring_k3=k3, gas_spring_f0=f0) - run("force")
+    np.testing.assert_allclose(added, k * X * (1 + k2 * X + k3 * X**2) + f0, atol=1e-6)
+
+
+def test_current_falls_at_its_own_rate() -> None:
+    rise, fall = 0.02, 0.06
+    current = run("current", STEP, driver_lag_tau=rise, driver_lag_fall=fall)
+    up, down = (T > 0.21) & (T < 0.59), T > 0.61
+    np.testing.assert_allclose(current[up], 1 - np.exp(-(T[up] - 0.2) / rise), atol=0.03)
+    np.testing.assert_allclose(current[down], np.exp(-(T[down] - 0.6) / fall), atol=0.02)
+    # The time constants themselves, by the logarithm's slope: a factor of two is far off.
+    slope = np.polyfit(T[down][:100], np.log(current[down][:100]), 1)[0]
+    assert -1 / slope == pytest.approx(fall, rel=0.01)
+
+
+def test_current_rises_no_faster_than_its_rate() -> None:
+    rate = 8.0  # A/s
+    current = run("current", STEP, driver_lag_tau=0.002, driver_lag_rate=rate)
+    slope = np.diff(current) / DT
+    assert np.abs(slope).max() <= rate * (1 + 1e-9)
+    ramp = (T > 0.22) & (T < 0.31)
+    np.testing.assert_allclose(current[ramp], rate * (T[ramp] - 0.2), atol=0.02)
+
+
+@pytest.mark.parametrize("shape", [1.0, 2.0, 6.0])
+def test_force_comes_back_over_the_stroke_in_its_shape(shape: float) -> None:
+    loss, length = 0.5, 0.004
+    gas = {"trapped_gas_d": loss, "trapped_gas_s_g": length, "trapped_gas_shape": shape}
+    # One stroke: from the turn at -10 mm (t = 1/2) to the one at 10 mm.
+    stroke = (T > 0.52) & (T < 0.82)
+    share = run("force", trapped_gas_direction=0.0, **gas)[stroke] / run("force")[stroke]
+    s = X[stroke] + 0.01
+    np.testing.assert_allclose(share, 1 - loss * np.exp(-((s / length) ** shape)), atol=0.01)
