@@ -63,7 +63,9 @@ class ToyRig:
         return {"displacement (m)": x, "velocity (m/s)": np.gradient(x, DT)}
 
     def model(self, settings: Mapping[str, float]) -> Model:
-        raise NotImplementedError
+        """A viscous damper of the same gain: the nearest thing that a file can hold."""
+        gain = settings.get("gain", 2.0)
+        return Model("bingham", {"c0a": gain, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
 
 
 def toy(truth: Settings, noise: float = 0.02, seed: int = 0, records: int = 6, n: int = 600) -> ToyRig:
