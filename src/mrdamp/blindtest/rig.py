@@ -32,6 +32,10 @@ _double_p = ctypes.POINTER(ctypes.c_double)
 _Callback = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, _double_p)
 
 
+class BlownUp(InputError):
+    """A run whose numbers are too stiff for the rig's step."""
+
+
 @functools.cache
 def _library() -> tuple[ctypes.CDLL, tuple[str, ...], tuple[str, ...]]:
     """The library, the names of a rig's numbers and of a storey's."""
@@ -60,7 +64,7 @@ def run_damper(numbers: Numbers, x: Array, v: Array, u: Array) -> dict[str, Arra
     x (m), v (m/s), u (command): (2 n - 1,) at half steps. Returns (n,) arrays at `RATE_HZ`: force on the load cell (N),
     the fluid's share, current, field, heat (K over the surroundings), piston (m).
 
-    Raises InputError for an unknown number and where a run blows up.
+    Raises InputError for an unknown number and BlownUp where a run blows up.
     """
     lib, names, _ = _library()
     n = (len(x) + 1) // 2
@@ -147,4 +151,4 @@ def _pointer(array: Array) -> object:
 
 def _finite(step: int) -> None:
     if step >= 0:
-        raise InputError(f"reference rig: the run blows up after {step / RATE_HZ:.4f} s")
+        raise BlownUp(f"reference rig: the run blows up after {step / RATE_HZ:.4f} s")

@@ -18,7 +18,7 @@ import joblib
 import numpy as np
 
 from mrdamp.blindtest import damper_case, deck, frame_case, score, seal
-from mrdamp.blindtest.rig import Array
+from mrdamp.blindtest.rig import Array, BlownUp
 from mrdamp.blindtest.score import Row
 from mrdamp.blindtest.sizing import Task
 from mrdamp.errors import InputError
@@ -26,6 +26,8 @@ from mrdamp.files import write_atomic
 from mrdamp.model import Model
 
 Progress = Callable[[str, float], None]
+#: How often a case is drawn anew whose numbers are too stiff for the rig.
+_REDRAWS = 4
 
 
 @dataclass(frozen=True)
@@ -171,5 +173,13 @@ def sample_time(inputs: Mapping[str, Array]) -> float:
 
 def _make_sealed(out: Folders, task: Task, seed: np.random.SeedSequence) -> None:
     maker = damper_case.make if task.rig == "damper" else frame_case.make
-    label = maker(task, out.cases / task.name, out.tests / f"{task.name}.npz", seed)
-    seal.seal(out.sealed, task.name, {task.name: label})
+    draws = [seed, *seed.spawn(_REDRAWS)]
+    for draw in draws:
+        try:
+            label = maker(task, out.cases / task.name, out.tests / f"{task.name}.npz", draw)
+        except BlownUp:
+            if draw is draws[-1]:
+                raise
+        else:
+            seal.seal(out.sealed, task.name, {task.name: label})
+            return
