@@ -214,6 +214,22 @@ def test_command_outside_the_range_is_clamped(id: str) -> None:
     assert rms(force(high) - force(low)) > 0.1 * rms(force(high))
 
 
+@pytest.mark.parametrize("v0", [0.0, -0.1])
+def test_hyperbolic_tangent_balances_at_the_end_of_a_step(v0: float) -> None:
+    """With hardly any mass the inner spring, dashpot and friction carry what comes through k1 and c1, in one step."""
+    p = {f"{name}b": 0.0 for name in ("c0", "c1", "k0", "k1", "f0")}
+    p |= {"c0a": 900.0, "c1a": 400.0, "k0a": 5e3, "k1a": 3e4, "f0a": 20.0, "m0": 1e-7, "v_ref": 5e-3}
+    dt, v1 = 0.005, 0.1
+    x, v = np.cumsum([0.0, 0.5 * dt * (v0 + v1), dt * v1]), np.array([v0, v1, v1])
+    attributes = {**p, "substep": 1.0}
+    out = core.run("hyperbolic_tangent", attributes, dt, x, v, u=np.zeros(3), columns=("force", "state"))
+    g, through = out["state"][1], out["force"][1]
+    rate = v1 - (through - p["k1a"] * (x[1] - g)) / p["c1a"]
+    carried = p["c0a"] * rate + p["k0a"] * g + p["f0a"] * np.tanh(rate / p["v_ref"])
+    assert through > 10.0
+    assert carried == pytest.approx(through, rel=1e-3)
+
+
 @pytest.mark.parametrize(("v0", "v1"), [(0.1, -0.06), (-0.04, 0.1), (0.05, -0.05)])
 def test_a_turn_inside_a_step_is_followed(v0: float, v1: float) -> None:
     """One inner step of 20 ms in which the piston turns back: z knows only the path, so it is exact."""

@@ -15,8 +15,9 @@ SECONDS = 6.0
 _USED = 0.9
 _SINES = 4  # at most
 _FADE = 0.5  # s, in which the motion swells from rest
-#: s, shortest and longest time that a command stays or takes; Hz of a triangle.
-_HOLD, _TRIANGLE = (0.08, 2.5), (0.1, 0.6)
+#: s, shortest and longest time that a command stays or takes (shorter, and a delay is one period as well as the next);
+#: Hz of a triangle.
+_HOLD, _TRIANGLE = (0.25, 2.5), (0.1, 0.6)
 _COMMANDS = ("constant", "steps", "levels", "ramp", "sines")
 
 
