@@ -249,7 +249,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
               blend[j] = 2 * EndWeight(-2 * ramp_v * std::max(0.0, (f1 - f0) / dv)) - 1;
             }
           }
-          const double solved = SolveIncreasing(residual, guess, slope, 1e-9 * std::fabs(e.next) + 1e-7);
+          const double solved = SolveIncreasing(residual, guess, slope, 1e-8 * std::fabs(e.next) + 1e-7);
           const double along = (solved - fv) / wv;
           moved = std::max(moved, std::fabs(along - e.next));
           size = std::max(size, std::fabs(along));

@@ -20,6 +20,13 @@ inline double Asymmetry(const Params& p, double v) {
   return p.asymmetry_a == 0 ? 1 : 1 + p.asymmetry_a * std::tanh(v / p.asymmetry_width);
 }
 
+// The same by the side that the force f pushes to; its derivative df'/df in `rate`.
+inline double AsymmetryByForce(const Params& p, double f, double* rate) {
+  const double q = f / p.asymmetry_force, t = std::tanh(q);
+  *rate = 1 + p.asymmetry_a * (t + q * (1 - t * t));
+  return f * (1 + p.asymmetry_a * t);
+}
+
 // trapped_gas: the stroke since the last turn. A turn counts from 10 um of way back, so that the noise of a
 // measured displacement is none.
 struct Stroke {

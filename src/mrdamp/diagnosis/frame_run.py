@@ -189,6 +189,9 @@ def _search(
     if not _enough(search, rig, at_fault):
         progress("one cause beside other numbers", 5 / 6)
         search.extend(True, 1)
+    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    if not _enough(search, rig, at_fault):
+        search.reform(best)
     return search, floor
 
 

@@ -40,7 +40,7 @@ class Limits:
 
     singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
     to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own; base: iterations for the nominal parameters alone.
+    that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base: iterations for the nominal parameters alone.
     """
 
     singles: int = 8
@@ -49,6 +49,7 @@ class Limits:
     forms: int = 2
     depth: int = 2
     polished: int = 3
+    freed: int = 2
     base: int = 15
 
 
@@ -145,6 +146,11 @@ class Search:
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
             self.extend(free, depth)
         self.free_parts()
+        self.free_best()
+        for free in (False, True):
+            best = self.best(free)
+            if best is not None and not self.solved(best):
+                self.reform(best)
 
     def free_parts(self) -> None:
         """Each cause of the best held set alone, with the law free: numbers that are a little off look like a second
@@ -164,6 +170,41 @@ class Search:
         for found in self._map(self._try, tasks):
             if found is not None:
                 self.keep(found)
+
+    def free_best(self) -> None:
+        """The best sets of each size that were held, with the law free from there: where its numbers are a little off,
+        a set that explains most is not found on top of a law that was bent to do without it."""
+        if any(self.solved(f) for f in self.ranked(False)[:1]):
+            return
+        tasks = []
+        for depth in range(1, self.limits.depth + 1):
+            for held in [f for f in self.ranked(False) if len(f.hypothesis.causes) == depth][: self.limits.freed]:
+                hypothesis = Hypothesis(self.base.hypothesis.nominal, held.hypothesis.terms)
+                start = np.concatenate([np.zeros(len(hypothesis.nominal)), held.point])
+                tasks.append((hypothesis, start))
+        for found in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
+            self.keep(found)
+
+    def reform(self, found: Fit) -> None:
+        """The other forms of each cause of a fit in its place."""
+        tasks = []
+        at = len(found.hypothesis.nominal)
+        for term in found.hypothesis.terms:
+            others = [t for t in self.problem.rig.terms if t.cause == term.cause and t.name != term.name]
+            kept = np.ones(len(found.point), dtype=bool)
+            kept[at : at + len(term.coordinates)] = False
+            at += len(term.coordinates)
+            if not others:
+                continue
+            rest = Hypothesis(found.hypothesis.nominal, tuple(t for t in found.hypothesis.terms if t is not term))
+            residual = self.problem.residuals(rest, found.point[kept])[0]
+            cost = float(residual @ residual)
+            parent = Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
+            for promise in self.screen(parent, others):
+                hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
+                tasks.append((hypothesis, start))
+        for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
+            self.keep(again)
 
     def solved(self, found: Fit) -> bool:
         """True where nothing material is left for another cause to explain."""
