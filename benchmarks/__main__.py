@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks import c_entry, callback, environments, errors, frame_step, narx, opensees
+from benchmarks import c_entry, callback, environments, errors, fits, frame_step, narx, opensees
 from benchmarks.result import Section, machine, markdown, text
 from benchmarks.timing import Effort
 
@@ -23,6 +23,7 @@ def benchmarks(effort: Effort, python: str, end: float = 3.0) -> dict[str, Calla
         "opensees": lambda: opensees.measure(effort, python, end),
         "c_entry": lambda: c_entry.measure(effort),
         "narx": lambda: narx.measure(effort),
+        "fits": lambda: fits.measure(effort),
         "accuracy": lambda: errors.measure(end),
     }
 

@@ -95,6 +95,18 @@ def law(extras: Sequence[str], name: str) -> Rival:
     return Rival(name, lambda s: simulate(fit.model, records[s.name]), None, spent)
 
 
+def engine(extras: Sequence[str], name: str) -> Rival:
+    """The same law and the same numbers, fitted by MuJoCo's own identification."""
+    from benchmarks import sysid
+
+    part = cut_varying(embedded(), RECORD)
+    start = time.process_time()
+    model, _ = sysid.fit("modified_bouc_wen", part.train[0], extras)
+    spent = time.process_time() - start
+    records = {r.name: r for r in part.validation}
+    return Rival(name, lambda s: simulate(model, records[s.name]), None, spent)
+
+
 def perceptron(s: Stretches, effort: Effort) -> Rival:
     """scikit-learn's MLPRegressor over the same regressors, scaled, run free in a loop of ours."""
     from sklearn.neural_network import MLPRegressor
@@ -245,13 +257,27 @@ def _one(one: Predict, parts: Sequence[Series]) -> float:
     return _error(padded, parts)
 
 
-#: 0.9.0 asks for an older NumPy than this package's and runs with it; 0.2.0, which pip falls back to, does not.
-_SYSIDENTPY = "pip install --no-deps sysidentpy==0.9.0"
+_PLAIN = ("offset",)
+_EFFECTS = ("offset", "driver_lag", "saturation")
 
-RIVALS: dict[str, tuple[str, Callable[[Stretches, Effort], Rival]]] = {
+#: Each with what it needs.
+COMPARED: dict[str, tuple[str, Callable[[Stretches, Effort], Rival]]] = {
     "scikit-learn, MLP": ("scikit-learn", perceptron),
-    "sysidentpy, polynomial NARX": (_SYSIDENTPY, polynomial),
-    "sysidentpy, neural NARX": (_SYSIDENTPY, neural),
+    "sysidentpy, polynomial NARX": ("sysidentpy 0.9", polynomial),
+    "sysidentpy, neural NARX": ("sysidentpy 0.9 and torch", neural),
+    "mrdamp, modified Bouc-Wen": ("", lambda _, __: law(_PLAIN, "mrdamp, modified Bouc-Wen")),
+    "mujoco.sysid, modified Bouc-Wen": (
+        "mujoco[sysid]",
+        lambda _, __: engine(_PLAIN, "mujoco.sysid, modified Bouc-Wen"),
+    ),
+    "mrdamp, modified Bouc-Wen with effects": (
+        "",
+        lambda _, __: law(_EFFECTS, "mrdamp, modified Bouc-Wen with effects"),
+    ),
+    "mujoco.sysid, modified Bouc-Wen with effects": (
+        "mujoco[sysid]",
+        lambda _, __: engine(_EFFECTS, "mujoco.sysid, modified Bouc-Wen with effects"),
+    ),
 }
 
 
@@ -265,13 +291,11 @@ def measure(effort: Effort | None = None) -> list[Section]:
     with threadpool_limits(limits=1):
         mine = ours(stretches, effort)
         rivals = [mine]
-        for name, (needs, make) in RIVALS.items():
+        for name, (needs, make) in COMPARED.items():
             try:
                 rivals.append(make(stretches, effort))
             except ImportError as error:
                 figures.append(Figure(name, skipped=f"needs {needs} ({error})"))
-        rivals.append(law(("offset",), "mrdamp, modified Bouc-Wen"))
-        rivals.append(law(("offset", "driver_lag", "saturation"), "mrdamp, modified Bouc-Wen with effects"))
         start = one_start(stretches, effort)
     for rival in rivals:
         for what, tests in parts.items():

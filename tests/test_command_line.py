@@ -114,6 +114,15 @@ def test_no_color_is_respected() -> None:
         assert bool(colour.search(done.stderr)) is coloured
 
 
+def test_a_reader_that_goes_leaves_no_traceback() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    call = [sys.executable, "-m", "mrdamp.cli", "sets", "--json"]
+    done = subprocess.run(call, stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
 def test_sets_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sets", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)

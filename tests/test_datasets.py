@@ -24,6 +24,7 @@ from record_tables import table, write
 
 pytest.importorskip("pooch", reason="fetching needs the extra `data`")
 
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 # The first lines of the public file of that name.
 TABLE = """\
    0.0000000e+00   4.2749043e-03   1.0100000e+00   2.5208754e+01
@@ -100,6 +101,17 @@ def test_a_missing_file_and_a_dead_server_are_told(served: tuple[Path, Dataset],
         fetch(known, tmp_path / "data")
 
 
+def test_no_connection_and_no_folder_are_told(served: tuple[Path, Dataset], tmp_path: Path) -> None:
+    _, known = served
+    assert known.source is not None
+    dead = replace(known, source=replace(known.source, base="http://127.0.0.1:9/"))
+    with pytest.raises(InputError, match=r"no connection to 127\.0\.0\.1; fetch by hand from https://github\.com"):
+        fetch(dead, tmp_path / "data")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be made: Not a directory"):
+        fetch(known, tmp_path / "file")
+
+
 @pytest.mark.parametrize(
     ("name", "text", "named"),
     [("10mm1Hz", TABLE, "name"), ("1mm1Hz0A", "a b\n", "numbers"), ("1mm1Hz0A", "1 2 3\n4 5 6\n7 8 9\n", "columns"),
@@ -120,6 +132,20 @@ def test_the_catalogue_says_what_a_user_needs() -> None:
         assert known.url.startswith("https://")
         assert all(is_channel(channel) for channel in known.channels)
     assert len(CATALOGUE["utfsm"].source.files) == 30  # type: ignore[union-attr]
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs the folder ../shared/data")
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_measured_sets_are_what_the_catalogue_says(name: str) -> None:
+    known, found = CATALOGUE[name], datasets.read(name, SHARED)
+    assert datasets.found(SHARED)[name] == len(found) > 0
+    for record in found:
+        assert set(record.channels) <= set(known.channels)
+        assert {"time_s", "displacement_m", "command", "force_N"} <= set(record.channels)
+    largest = {"utfsm": 1.0, "utfpr": 3.21 / 4.4, "nees": 6.0}[name]  # A, A, V
+    assert max(float(r.command.max()) for r in found) <= largest * 1.02
+    strokes = [float(np.ptp(r.displacement)) for r in found]
+    assert 1e-3 < min(strokes) < max(strokes) < 0.06  # m, and not mm
 
 
 def test_the_command_lists_them(

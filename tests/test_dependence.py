@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import compare_dependences, identify
@@ -70,3 +71,17 @@ def test_no_slope_from_a_command_that_never_varies() -> None:
         identify("bingham", grid(straight, (0.0, 0.8)), dependence="quadratic")
     with pytest.raises(InputError, match="allowed: constant, linear"):
         identify("bingham", still, dependence="cubic")
+
+
+@pytest.mark.parametrize("dependence", ["linear", "quadratic", "saturating"])
+@pytest.mark.parametrize("law", PARAMETRIC)
+def test_records_that_hold_no_small_command_give_laws_that_the_chain_takes(law: str, dependence: str) -> None:
+    """From 1 to 2 A, with coefficients that fall or rise by any factor of the search between them."""
+    scales = Scales(force=500.0, velocity=0.05, stroke=0.005, command=2.0, low=1.0)
+    search = space(law, scales, ("offset",), 2e-3, dependence)
+    rng = np.random.default_rng(7)
+    for point in rng.random((200, len(search.coordinates))):
+        attributes = search.attributes(point)
+        core.vector(law, attributes)  # raises where the chain refuses it
+        back = search.attributes(search.point(attributes))
+        assert back == pytest.approx(attributes, rel=1e-6, abs=1e-6)

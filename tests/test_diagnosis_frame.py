@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from frame_case import DT, altered, believed, case_of, records
-from mrdamp.diagnosis.experiment import signals
+from mrdamp.diagnosis.experiment import columns, drawn
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.frame import FrameRig, averaged, block_means
 from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, telling
 from mrdamp.diagnosis.frame_structure import deviations, promoted
-from mrdamp.diagnosis.frame_where import blocks, place_shares
+from mrdamp.diagnosis.frame_where import blocks, place_intervals, place_shares
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
-from mrdamp.sampling import second_derivative
 
 
 @pytest.fixture(scope="module")
@@ -146,17 +145,31 @@ def test_a_number_that_stands_out_is_told_as_an_effect(measured: dict[str, Recor
     assert not promoted(rig, everywhere, 3.5)
 
 
-def test_a_proposed_test_stays_within_the_records(measured: dict[str, Record]) -> None:
+def test_a_proposed_test_shakes_the_ground_no_more_than_the_records(measured: dict[str, Record]) -> None:
     rig = FrameRig(believed(), (measured["off"], measured["steps"]))
     peak = max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in rig.raw)
-    assert len(signals(rig.envelope)) > 5
-    for signal in signals(rig.envelope):
-        if "triangle" not in signal.what:
-            a = second_derivative(signal.displacement, DT)[5:-5]
-            assert np.abs(a).max() < 1.5 * peak, signal.what
-    out = rig.try_signal([{}, {"storey_stiffness_e@2": 0.3}], signals(rig.envelope)[3])
-    assert out.shape == (2, 7, len(signals(rig.envelope)[3].command))
-    assert np.std(out[1] - out[0]) > 0
+    envelope = rig.envelope
+    assert envelope.largest == peak
+    signal = drawn(np.random.default_rng(1), envelope).signal(envelope)
+    assert 0.5 * peak < np.abs(signal.motion).max() <= peak
+    assert list(columns(signal, envelope)) == ["time_s", "ground_acceleration_m_s2", "command"]
+    out = rig.try_signal([{}, {"storey_stiffness_e@2": 0.3}], signal)
+    assert out.shape == (2, 7, len(signal.command))
+    inputs = {"ground_acceleration_m_s2": signal.motion, "command": signal.command}
+    want = believed().simulate(DT, inputs)["floor3_acceleration_m_s2"]
+    assert np.std(out[0, 2] - want) < 0.01 * np.std(want)
+    assert np.std(out[1, 2] - want) > 0.05 * np.std(want)
+
+
+def test_a_storeys_share_has_an_interval(measured: dict[str, Record]) -> None:
+    found = blocks(case_of(believed(stiffness=(5.16e5, 8.0e5, 6.84e5)), measured))
+    shares, ends = place_shares(found), place_intervals(found)
+    assert shares["storey 2"] > 0.9
+    assert ends["storey 2"][0] - 1e-9 <= shares["storey 2"] <= ends["storey 2"][1] + 1e-9
+    assert ends["storey 3"] == (0.0, 0.0)
+    wrong = found[[b.name for b in found].index("storey 2")]
+    assert np.mean(wrong.drawn) == pytest.approx(wrong.gap**2, rel=0.15)
+    assert place_intervals([b for b in found if b.clean]) == {}
 
 
 @pytest.mark.slow

@@ -69,6 +69,17 @@ def test_command_reference_is_that_of_the_parser() -> None:
     assert done.returncode == 0, "python tools/command_reference.py"
 
 
+def test_hooks_call_what_there_is() -> None:
+    text = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    entries = re.findall(r"entry: (.*)", text)
+    assert len(entries) == 4
+    assert "://" not in text  # nothing is fetched
+    for words in map(str.split, entries):
+        tool = words[1] if words[0].endswith("python") else None
+        assert words[0].startswith(".venv/bin/")
+        assert tool is None or (ROOT / tool).is_file(), tool
+
+
 def test_every_page_is_in_the_site() -> None:
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n", 1)[1]
     listed = set(re.findall(r"[\w/-]+\.md", nav))

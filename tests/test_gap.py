@@ -87,6 +87,19 @@ def test_velocity_is_the_strokes_and_an_error_in_the_controller_is_told(motion: 
         frame.run(motion, Broken())
 
 
+def test_a_closed_loop_record_has_the_command_that_the_force_was_read_under(
+    monkeypatch: pytest.MonkeyPatch, motion: GroundMotion
+) -> None:
+    """The simulator that matches the rig has to leave little on the record, though the command switches."""
+    frame = plain(monkeypatch)
+    made = real.record(frame.run(motion, Switching())[1], np.random.default_rng(1))
+    assert np.mean(np.diff(made["command"]) != 0) > 0.005
+    out = nominal_frame().simulate(1 / real.LOG_HZ, made)
+    for name, most in (("force_N", 0.1), ("floor1_acceleration_m_s2", 0.12), ("floor3_acceleration_m_s2", 0.03)):
+        error = np.sqrt(np.mean((out[name] - made[name]) ** 2) / np.mean(made[name] ** 2))
+        assert error < most, name
+
+
 def test_the_case_is_one(tmp_path: Path, motion: GroundMotion) -> None:
     frame = real.RealFrame(nominal_frame(), "floor_mass@3")
     write_case(frame, Constant(1.0), [motion, motion.scaled(1.2), motion.scaled(0.9)], tmp_path, seed=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 import pytest
@@ -83,6 +84,72 @@ def test_table1(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert errors["bingham"] == pytest.approx(errors["network"], rel=1e-3)
     assert errors["bingham"] < 0.03
     assert "<svg" in picture.read_text()
+
+
+def test_json_holds_the_figures_of_the_text(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "model.json"
+    call: list[str | Path] = [
+        "identify",
+        folder,
+        "--law",
+        "bingham",
+        "--starts",
+        "1",
+        "--intervals",
+        "-o",
+        out,
+    ]
+    assert run(*call, "--resamples", "20", "--json") == 0
+    said = capsys.readouterr()
+    report = json.loads(said.out)
+    assert report["model"] == str(out)
+    assert report["attributes"] == pytest.approx(Model.read(out).attributes)
+    rows = report["held_out"]["records"]
+    for row in rows:
+        line = next(line.split() for line in said.err.splitlines() if line.split()[:1] == [row["record"]])
+        assert float(line[-3]) == pytest.approx(row["rmse_N"], abs=0.06)
+        assert float(line[-1]) == pytest.approx(row["nrmse"], abs=6e-4)
+    assert len(rows) == 2 * len(report["fitted"]["records"]) / 3
+    (slope,) = (i for i in report["intervals"] if i["parameter"] == "fyb")
+    assert slope["low"] < 300.0 < slope["high"]
+    assert slope["not_identifiable"] is None
+
+
+def test_json_of_dependences_and_of_commands(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call: list[str | Path] = [
+        "identify",
+        folder,
+        "--law",
+        "bingham",
+        "--starts",
+        "1",
+        "--json",
+        "-o",
+        tmp_path / "m",
+    ]
+    assert run(*call, "--dependence", "compare") == 0
+    found = json.loads(capsys.readouterr().out)
+    least = min(row["held_out_nrmse"] for row in found["dependences"].values())
+    assert found["held_out"]["nrmse"] == least
+    assert run(*call, "--by-command") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [row["command"] for row in found["by_command"]] == [0.0, 0.6, 1.2]
+    (line,) = (row for row in found["lines"] if row["parameter"] == "fya")
+    assert line["slope"] == pytest.approx(300.0, rel=0.05)
+
+
+def test_json_of_the_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("table1", folder, "--starts", "1", "--no-network", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    rows = {row["model"]: row for row in found["rows"]}
+    assert list(rows) == ["bingham", "bouc_wen", "hyperbolic_tangent"]
+    assert rows["bingham"]["nrmse"] < 0.03
+    assert rows["bingham"]["paper"]["e_t"] == 0.4734
+    assert found["held_out"] == ["0.3A_4mm", "0.3A_8mm", "0.9A_4mm", "0.9A_8mm"]
 
 
 def test_calibrate_on_the_embedded_tests(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

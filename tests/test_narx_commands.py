@@ -62,6 +62,23 @@ def errors(text: str, record: str) -> tuple[float, float, float, float]:
     return float(row[2]), float(row[4]), float(row[5]), float(row[7])
 
 
+def test_json_holds_both_errors(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("identify", folder, *SMALL, "--prune", "--json", "-o", tmp_path / "m.json") == 0
+    said = capsys.readouterr()
+    report = json.loads(said.out)
+    found = errors(said.err, "c")
+    for k, way in enumerate(("free_run", "one_step")):
+        (row,) = report["validation"][way]["records"]
+        assert row["record"] == "c"
+        assert row["rmse_N"] == pytest.approx(found[2 * k], abs=0.06)
+        assert row["nrmse"] == pytest.approx(found[2 * k + 1], abs=6e-5)
+    assert report["topology"] == "6-4-1"
+    assert report["weights"] == 33
+    assert report["test"]["free_run"] == {"nrmse": None, "records": []}
+    assert report["pruned"]["weights"] <= report["pruned"]["course"][0]["weights"] == 33
+    assert f"the training records {'suffice' if report['sufficient'] else 'do not suffice'}: " in said.err
+
+
 def test_both_errors_are_printed_and_the_model_runs_in_mujoco(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,18 @@ def test_the_identification(capsys: pytest.CaptureFixture[str]) -> None:
     assert "alpha_b" in capsys.readouterr().out
 
 
+def test_figures_beside_the_alternatives_stand_on_the_pages_they_link() -> None:
+    table = README.read_text(encoding="utf-8").split("## Beside the alternatives")[1].split("\n## ")[0]
+    checked = 0
+    for row in (line for line in table.splitlines() if line.startswith("| ")):
+        measured = row.split("|")[3]
+        pages = re.findall(r"\]\((docs/[^)]*)\)", measured)
+        for figure in re.findall(r"\d+\.\d+ ?[x%]", measured.split("(")[0]):
+            assert any(figure in (README.parent / page).read_text(encoding="utf-8") for page in pages), figure
+            checked += 1
+    assert checked >= 12
+
+
 def test_the_environment(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(blocks("python")[2], "README.md", "exec"), {})
     assert "peak_drift" in capsys.readouterr().out

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.experiment import Envelope, Signal
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.model import Model
 from mrdamp.records import Record
@@ -51,9 +52,19 @@ class ToyRig:
         return self.records[record].channel("force_N")[None]
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
-        made = parts(np.asarray(self.records[record].displacement))
+        return self._answer(settings, np.asarray(self.records[record].displacement))
+
+    def _answer(self, settings: Sequence[Settings], x: Array) -> Array:
+        made = parts(x)
         full = [{"gain": 2.0} | dict(s) for s in settings]
         return np.array([[sum(value * made[name] for name, value in s.items())] for s in full])
+
+    @property
+    def envelope(self) -> Envelope:
+        return Envelope("displacement_m", 1.2, 12.0, 0.2, 5.0, 0.0, 1.0, DT)
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        return self._answer(settings, signal.motion)
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         return np.zeros(1)

@@ -26,6 +26,8 @@ from mrdamp.cli import main as mrdamp
 from mrdamp.identify import error, identify, pooled, simulate
 from mrdamp.model import Model
 from mrdamp.narx.data import series
+from mrdamp.narx.judge import one_step_error
+from mrdamp.narx.network import Network
 from mrdamp.narx.stretches import at_constant_command, cut_varying
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet, embedded, read_records
@@ -77,12 +79,13 @@ def table(
     if t.protocol == "varying":
         records = cut_varying(records, VARYING)
     elif t.protocol == "constant":
-        records = at_constant_command(records, 0.5)
+        records = at_constant_command(records, t.command)
     lines = [f"## {t.title}", "", t.text, "", "```"]
     lines += ["mrdamp " + shlex.join(command(name, row, t.cutoff, "records")) for row in t.rows] + ["```", ""]
     head = ["model", "fitted records", "held-out records"]
     head += ["held out at the network's rate"] if t.sample_time else []
     head += [f"without {t.without}"] if t.without else []
+    head += ["held out, one step ahead"] if t.one_step else []
     head += ["mark"] if any(row.mark is not None for row in t.rows) else []
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     models = {row.file: run(name, row, t.cutoff, data) for row in t.rows}
@@ -96,11 +99,21 @@ def table(
             values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
         if t.without:
             values.append(pooled([e for e in new if t.without not in e.record]))
+        if t.one_step:
+            values.append(one_step(model, records.validation))
         figures[row.file] = [*values, row.mark]
         values += [row.mark] if "mark" in head else []
         lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
     lines += ["", *details(by_record), ""]
     return lines, models
+
+
+def one_step(model: Model, records: Sequence[Record]) -> float | None:
+    """Error of a network one step ahead; None for a law, which has no such prediction."""
+    if model.weights is None:
+        return None
+    network = Network.from_text(model.weights)
+    return pooled([one_step_error(network, series(r, network.sample_time)) for r in records])
 
 
 def slower(record: Record, sample_time: float) -> Record:
@@ -122,7 +135,7 @@ def details(found: Mapping[str, Mapping[str, float]]) -> list[str]:
 
 
 def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
-    """Every law fitted without one motion of the training records, and judged on it: within one day of tests."""
+    """Every law fitted without one motion of all records, and judged on it, as the marks were: one start, quadratic."""
     store = WORK / name / "left_out.json"
     found: dict[str, list[float]] = json.loads(store.read_text()) if store.exists() else {}
     for law in LAWS:
@@ -130,26 +143,32 @@ def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
             continue
         parts = []
         for motion in page.left_out:
-            train = [r for r in records.train if motion not in r.name]
-            held = [r for r in records.train if motion in r.name]
-            parts.append(identify(law, train, held, dependence="quadratic", starts=2, threads=1))
-        everything = pooled([e for fit in parts for e in fit.held_out])
-        found[law] = [round(value, 3) for value in (*(fit.held_out_nrmse for fit in parts), everything)]
+            train = [r for r in records if motion not in r.name]
+            held = [r for r in records if motion in r.name]
+            parts.append(identify(law, train, held, dependence="quadratic", starts=1, threads=1))
+        values = [fit.held_out_nrmse for fit in parts]
+        values += [pooled([e for fit in some for e in fit.held_out]) for some in (parts[:-1], parts)]
+        found[law] = [round(value, 3) for value in values]
         store.write_text(json.dumps(found))
-    text = "Fitted to the training records of the other motions, judged on those of one; quadratic in the command."
-    lines = ["## One motion left out", "", text, "", f"| law | {' | '.join(page.left_out)} | all |"]
-    lines.append("|---|" + "---|" * (len(page.left_out) + 1))
+    text = (
+        "Fitted to the records of the other motions, of both halves, and judged on those of one; from one start and"
+        " quadratic in the command, as the marks were."
+    )
+    head = ["law", *page.left_out, f"all but {page.left_out[-1]}", "all", "mark"]
+    lines = ["## One motion left out", "", text, "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    marks = {row.file: row.mark for row in page.tables[0].rows}
     for law in LAWS:
-        lines.append(f"| {law.replace('_', ' ')} | " + " | ".join(f"{v:.3f}" for v in found[law]) + " |")
+        cells = [law.replace("_", " "), *(f"{v:.3f}" for v in found[law]), f"{marks[law]:.3f}"]
+        lines.append("| " + " | ".join(cells) + " |")
     return [*lines, ""]
 
 
-def loops(name: str, record: Record, models: Mapping[str, Model], rows: Mapping[str, str]) -> str:
-    """Writes the picture of loops; returns its line."""
+def loops(path: Path, record: Record, models: Mapping[str, Model], rows: Mapping[str, str]) -> str:
+    """Writes the picture of loops of models (files and their names in rows); returns its line."""
     forces = {rows[file]: simulate(models[file], record) for file in rows}
     fig = model_loops(record.time, record.displacement, record.velocity(), record.channel("force_N"), forces)
-    save(fig, PAGES / f"{name}-loops.png")
-    return f"![Loops of {', '.join(forces)} over the measured ones, record {record.name}]({name}-loops.png)"
+    save(fig, path)
+    return f"![Loops of {', '.join(forces)} over the measured ones, record {record.name}]({path.name})"
 
 
 def save(fig: Figure, path: Path) -> None:
@@ -182,14 +201,14 @@ def write(name: str, data: Path | None) -> None:
     if page.left_out:
         lines += left_out(name, page, records_of(name, data, None))
     if page.loops:
-        record, files = page.loops
+        lines += ["## Loops", ""]
+    for count, (record, files) in enumerate(page.loops):
         names = {row.file: row.name for t in page.tables for row in t.rows if row.file in files}
-        lines += [
-            "## Loops",
-            "",
-            loops(name, records_of(name, data, page.tables[0].cutoff)[record], models, names),
-            "",
-        ]
+        path = PAGES / (f"{name}-loops-{count + 1}.png" if count else f"{name}-loops.png")
+        measured = records_of(name, data, page.tables[0].cutoff)[record]
+        rate = next((t.sample_time for t in page.tables if t.sample_time), None)
+        measured, said = (slower(measured, rate), " at the network's rate") if rate else (measured, "")
+        lines += [f"Record {record}{said}:", "", loops(path, measured, models, names), ""]
     for file in page.shown:
         row = next(row for t in page.tables for row in t.rows if row.file == file)
         lines += [f"## {row.name}: what the command says", "", "```"]
@@ -198,7 +217,7 @@ def write(name: str, data: Path | None) -> None:
             shrink(picture, PAGES / f"{name}-{picture.name}")
             lines += [f"![{row.name}: {picture.stem.split('-')[-1]}]({name}-{picture.name})", ""]
     (PAGES / f"{name}.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    kept[name] = {file: [None if v is None else round(v, 4) for v in row] for file, row in figures.items()}
+    kept[name] = {file: [None if v is None else round(v, 6) for v in row] for file, row in figures.items()}
     store.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     summarise(kept)
 

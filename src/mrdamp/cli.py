@@ -16,6 +16,7 @@ from mrdamp.commands import (
     case,
     citation,
     completion,
+    convert,
     datasets,
     diagnose,
     gap,
@@ -30,17 +31,22 @@ from mrdamp.errors import InputError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a command; bad input gives one line and exit code 2, an interrupt 130."""
+    """Runs a command; bad input gives one line and exit code 2, an interrupt 130, a reader that has gone 141."""
     arguments = build_parser().parse_args(argv)
     run: Run = arguments.run
     try:
-        return run(arguments)
+        code = run(arguments)
+        sys.stdout.flush()
+        return code
     except InputError as error:
         print(f"mrdamp: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("mrdamp: interrupted; run the same command again to go on", file=sys.stderr)
         return 130
+    except BrokenPipeError:  # of `mrdamp sets | head`; the interpreter would flush once more at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -104,6 +110,7 @@ def build_parser() -> argparse.ArgumentParser:
     sets.add_argument("name", nargs="?", help="print this one as a model file")
     sets.add_argument("--json", action="store_true", help="print the list as JSON")
 
+    convert.add_to(commands)
     datasets.add_to(commands)
     citation.add_to(commands)
     add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.folding import bounded_least_squares
 from mrdamp.laws import Scales, Space, dependence_for, space
 from mrdamp.model import Model, effects_from
 from mrdamp.record_checks import check_channels, check_clipping, check_size
@@ -137,12 +137,15 @@ class Problem:
             parts.append(weight * (out[:, 0, :] - force)[:, _skipped(record) :])
         return np.asarray(np.concatenate(parts, axis=1))
 
-    def jacobian(self, point: Array) -> Array:
-        """Differences within the bounds (samples, coordinates), all columns in one threaded call."""
+    def jacobian(self, point: Array, residual: Array) -> Array:
+        """Differences within the bounds (samples, coordinates), all columns in one threaded call.
+
+        residual: (samples,) at the point.
+        """
         step = 1e-4
         shifts = np.where(point + step <= 1, step, -step)
-        rows = self.residuals(np.vstack([point, point + np.diag(shifts)]))
-        return np.asarray(((rows[1:] - rows[0]) / shifts[:, None]).T)
+        rows = self.residuals(point + np.diag(shifts))
+        return np.asarray(((rows - residual) / shifts[:, None]).T)
 
 
 def identify(
@@ -266,15 +269,15 @@ def model_of(search: Space, point: Array) -> Model:
 
 def descend(problem: Problem, start: Array, most: int, order: int = 0) -> tuple[float, int, Array]:
     """Cost, order and end of one bounded least squares from a point of the unit cube."""
-    solution = least_squares(
+    solution = bounded_least_squares(
         lambda p: problem.residuals(p[None])[0],
-        np.clip(start, 1e-6, 1 - 1e-6),
         problem.jacobian,
+        np.clip(start, 1e-6, 1 - 1e-6),
         bounds=(0, 1),
+        most=most,
         ftol=1e-6,
         xtol=1e-6,
         gtol=1e-9,
-        max_nfev=most,
     )
     return float(solution.cost), order, solution.x
 

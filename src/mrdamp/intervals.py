@@ -13,11 +13,12 @@ from itertools import pairwise
 
 import joblib
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import lsq_linear
 
 from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.folding import bounded_least_squares
 from mrdamp.identify import Fit, Problem, shorten, simulate
 from mrdamp.records import Record
 
@@ -77,7 +78,8 @@ def intervals(
     problem = Problem(fit.space, shorten(train, _SAMPLES), 1)
     point = np.asarray(fit.point)
     parts = _blocks(problem, block)
-    residual, jacobian = problem.residuals(point[None])[0], problem.jacobian(point)
+    residual = problem.residuals(point[None])[0]
+    jacobian = problem.jacobian(point, residual)
     rng = np.random.default_rng(seed)
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
     if refit:
@@ -159,14 +161,15 @@ def _refitted(
     weight = np.concatenate(
         [np.full(p.stop - p.start, np.sqrt(c)) for p, c in zip(parts, counts, strict=True)]
     )
-    solution = least_squares(
+    # The residual handed on is weighted, by 0 where a block is left out: the Jacobian needs the plain one.
+    solution = bounded_least_squares(
         lambda p: weight * problem.residuals(p[None])[0],
+        lambda p, _: weight[:, None] * problem.jacobian(p, problem.residuals(p[None])[0]),
         np.clip(point, 1e-6, 1 - 1e-6),
-        lambda p: weight[:, None] * problem.jacobian(p),
         bounds=(0, 1),
+        most=8,
         ftol=1e-5,
         xtol=1e-5,
-        max_nfev=8,
     )
     return np.asarray(solution.x)
 

@@ -126,7 +126,10 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Map:
-    """A coefficient that follows the command: attribute stem, start at the smallest and largest command, bounds."""
+    """A coefficient that follows the command: attribute stem, start at the smallest and largest command, bounds.
+
+    at_zero: it must be within its bounds at no command too, though the records may hold none so small.
+    """
 
     stem: str
     zero: float
@@ -134,9 +137,11 @@ class Map:
     low: float
     high: float
     log: bool = False
+    at_zero: bool = False
 
     def coordinates(self, knots: Sequence[float]) -> list[Coordinate]:
         """Its values at the knots."""
+        knots = self._own(knots)
         starts = np.linspace(self.zero, self.full, len(knots)) if len(knots) > 1 else [self.zero + self.full]
         if self.log:
             starts = np.clip(starts, 1.001 * self.low, 0.999 * self.high)
@@ -153,6 +158,7 @@ class Map:
 
     def expand(self, values: Sequence[float], knots: Sequence[float], rate: float | None) -> dict[str, float]:
         """Attributes of the curve through the values (knots,)."""
+        knots = self._own(knots)
         a, b = f"{self.stem}a", f"{self.stem}b"
         if len(knots) == 1:
             return {a: values[0], b: 0.0}
@@ -175,7 +181,10 @@ class Map:
         """The coefficient at the knots, from attributes of any dependence."""
         a, b, c, e = (attributes.get(f"{self.stem}{part}", 0.0) for part in "abce")
         rate = attributes.get(f"{self.stem}r", 1.0)
-        return [a + b * u + c * u * u + e * (1 - math.exp(-rate * u)) for u in knots]
+        return [a + b * u + c * u * u + e * (1 - math.exp(-rate * u)) for u in self._own(knots)]
+
+    def _own(self, knots: Sequence[float]) -> Sequence[float]:
+        return (0.0, *knots[1:]) if self.at_zero and knots[0] > 0 else knots
 
 
 @dataclass(frozen=True)
@@ -267,7 +276,7 @@ def _law(law: str, s: Scales) -> tuple[tuple[Map, ...], tuple[Coordinate, ...]]:
     if law == "bouc_wen":
         return (c0, force("alpha_")), _bouc_wen_parts(s, 0.05)
     if law == "modified_bouc_wen":
-        c1 = Map("c1", 5 * c, 10 * c, 0.2 * c, 1000 * c, log=True)
+        c1 = Map("c1", 5 * c, 10 * c, 0.2 * c, 1000 * c, log=True, at_zero=True)
         k1 = Coordinate("k1", 0.02 * k, 0.0, 3 * k)
         return (c0, c1, force("alpha_")), (*_bouc_wen_parts(s, 0.02), k1)
     if law == "hyperbolic_tangent":

@@ -112,7 +112,7 @@ class Page:
         environment = jinja2.Environment(
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
-        environment.filters |= {"code": _code, "breaks": _breaks, "unit": _unit}
+        environment.filters |= {"code": _code, "prose": _prose, "breaks": _breaks, "unit": _unit}
         template = (resources.files("mrdamp") / "templates" / "page.html").read_text(encoding="utf-8")
         return environment.from_string(template).render(
             title=self.title,
@@ -198,3 +198,8 @@ def _unit(text: str) -> str:
 
 def _code(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def _prose(text: str) -> Markup:
+    """A sentence: code as such, and a number kept in one line with its per cent."""
+    return _code(re.sub(r"(?<=\d) (?=%)", "\u00a0", str(text)))

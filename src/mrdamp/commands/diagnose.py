@@ -33,8 +33,9 @@ def add_to(commands: Any) -> None:
 
 
 def run_diagnose(a: argparse.Namespace) -> int:
-    """Diagnoses a case, writes diagnosis.json, corrected.json and a page, prints the sentence and the table."""
+    """Diagnoses a case, writes diagnosis.json, corrected.json, its MJCF and a page, prints sentence and table."""
     from mrdamp.diagnosis.case import read_case
+    from mrdamp.diagnosis.handover import hand_over
     from mrdamp.diagnosis.page import page
     from mrdamp.diagnosis.run import diagnose
     from mrdamp.diagnosis.store import Store, write_arrays
@@ -52,6 +53,7 @@ def run_diagnose(a: argparse.Namespace) -> int:
     store = Store.of(a.out / ".fits.json", case)
     found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_tell, store=store)
     found.corrected.write(a.out / "corrected.json")
+    found = hand_over(found, case.records, a.out / "mjcf")
     if found.next_signal is not None:
         write_atomic(a.out / "next_experiment.csv", render(found.next_signal))
     write_arrays(a.out / "arrays.npz", found.pictures)

@@ -1,6 +1,6 @@
-"""The commands `mrdamp identify`, `table1` and `calibrate`.
+"""The commands `mrdamp identify` and `table1`; `calibrate` is in its own module.
 
-`add_to(commands)` registers them on the subparsers of `mrdamp.cli`; each sets `run`, a function of the parsed
+`add_to(commands)` registers the three on the subparsers of `mrdamp.cli`; each sets `run`, a function of the parsed
 arguments that returns an exit code and raises InputError for bad input.
 """
 
@@ -13,12 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.calibrate import add_calibrate
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
 from mrdamp.commands.output import check_picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
+    from mrdamp.intervals import ChannelFinding, Interval
     from mrdamp.records import RecordSet
 
 _UNITS = "A", "V"
@@ -74,6 +77,7 @@ def add_identify(commands: Any) -> None:
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     _add_cutoff(p)
     p.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
+    _add_json(p)
     add_protocol_options(p)
     add_narx_options(p)
 
@@ -101,7 +105,12 @@ def add_table1(commands: Any) -> None:
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--picture", type=Path, help="loops of all models over each other (.svg, .png or .pdf)")
     p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
+    _add_json(p)
     _add_cutoff(p)
+
+
+def _add_json(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--json", action="store_true", help="print JSON; the words go to stderr")
 
 
 def _add_cutoff(p: argparse.ArgumentParser) -> None:
@@ -110,30 +119,19 @@ def _add_cutoff(p: argparse.ArgumentParser) -> None:
     )
 
 
-def add_calibrate(commands: Any) -> None:
-    """Adds `calibrate`."""
-    p = add_command(
-        commands,
-        "calibrate",
-        run_calibrate,
-        "the piezoelectric force sensor: sensitivity, phase and leakage from charge, and its error per current",
-        "mrdamp calibrate tests/ --records records/",
-    )
-    p.add_argument(
-        "tests", nargs="*", type=Path, help="CSV files or a folder (default: the 16 embedded tests)"
-    )
-    p.add_argument(
-        "--records", type=Path, help="damper records with force_N and reference_force_N (default: embedded)"
-    )
-    p.add_argument(
-        "--cutoff", type=float, default=20.0, help="Hz, low-pass; 0 is none (default: %(default)s)"
-    )
-    p.add_argument("--picture", type=Path, help="sensitivities by frequency (.svg, .png or .pdf)")
-
-
 def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
+    with words(a.json):
+        report = _identified(a)
+    if a.json:
+        print(to_text({"model": str(a.out), **report}))
+    return 0
+
+
+def _identified(a: argparse.Namespace) -> dict[str, Any]:
+    """What `--json` prints."""
     from mrdamp.identify import compare_dependences, identify
+    from mrdamp.intervals import channel_findings
 
     records = _records(a.records, a.cutoff)
     if a.starts < 1 or a.resamples < 20 or a.workers < 1:
@@ -146,6 +144,7 @@ def run_identify(a: argparse.Namespace) -> int:
     if a.by_command:
         return _by_command(a, records)
     common: dict[str, Any] = {"extras": a.extras, "starts": a.starts, "seed": a.seed, "progress": _tell}
+    fits: dict[str, Fit] = {}
     if a.dependence == "compare":
         fits = compare_dependences(a.law, records.train, records.validation, **common)
         print(f"{a.law}: free-run error over the force's standard deviation, by dependence on the command:")
@@ -164,15 +163,24 @@ def run_identify(a: argparse.Namespace) -> int:
     print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
     _errors(fit.train, "fitted")
     _errors(fit.held_out, "held out")
-    _found(fit, records)
-    if a.intervals:
-        _intervals(a, fit, records)
+    left = channel_findings(fit, records.train)
+    _found(fit, left)
+    rows = _intervals(a, fit, records) if a.intervals else ()
     print(f"model: {a.out}")
-    return 0
+    return of_fit(fit, left, rows, fits)
 
 
 def run_table1(a: argparse.Namespace) -> int:
     """Prints the table and writes the picture."""
+    with words(a.json):
+        report = _table1(a)
+    if a.json:
+        print(to_text(report))
+    return 0
+
+
+def _table1(a: argparse.Namespace) -> dict[str, Any]:
+    """What `--json` prints."""
     from mrdamp.comparison import paper_network, table_1
     from mrdamp.identify import simulate
     from mrdamp.model import Model
@@ -210,57 +218,10 @@ def run_table1(a: argparse.Namespace) -> int:
         print(f"{row.model:20s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {row.nrmse:8.4f}   {paper}")
     if a.picture:
         save_picture(table.picture(a.record), a.picture)
-    return 0
+    return of_table(table)
 
 
-def run_calibrate(a: argparse.Namespace) -> int:
-    """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
-    import numpy as np
-
-    from mrdamp import calibration
-    from mrdamp.pictures.identification import sensitivities
-    from mrdamp.records import embedded, read_records
-
-    if a.tests:
-        tests = calibration.read_tests(a.tests[0] if len(a.tests) == 1 else a.tests)
-    else:
-        tests = calibration.embedded_tests()
-    found = calibration.calibrate(tests, a.cutoff or None)
-    print(f"{'frequency':>12s} {'amplitude':>10s} {'k, Eq. (1)':>14s} {'delta_1':>8s} {'phase':>8s}")
-    for t in found.tests:
-        print(
-            f"{t.frequency:9.2f} Hz {t.amplitude:8.0f} N {t.sensitivity:9.2f} pC/N"
-            f" {100 * t.delta_1:6.2f} % {t.phase:6.2f} deg"
-        )
-    print(f"mean sensitivity {found.sensitivity:.2f} pC/N, delta_1 with it {100 * found.delta_1:.2f} %"
-          " (the paper's sensor: -158.248 pC/N, 2.35 %)")  # fmt: skip
-    if found.leakage_tau and found.delay and found.loss_angle:
-        tau, low, high = found.leakage_tau
-        said = (
-            f"{tau:.1f} s, 95 % {low:.1f} to {high:.1f} s"
-            if np.isfinite(high)
-            else f"not shown; above {low:.1f} s"
-        )
-        print(f"charge leakage: time constant {said}")
-        print(
-            "delay of the charge: {:.3f} ms, 95 % {:.3f} to {:.3f} ms".format(*(1e3 * d for d in found.delay))
-        )
-        print("lag at every frequency: {:.3f} degree, 95 % {:.3f} to {:.3f}".format(*found.loss_angle))
-    else:
-        print("phase, leakage and delay cannot be told apart: tests at three frequencies are needed")
-    rows = calibration.sensing_by_command((read_records(a.records) if a.records else embedded()).records)
-    print("own force against the load cell, delta_2 of Eq. (4) (the paper: 3.89 % at 0 A to 2.30 % at .5 A):")
-    for row in rows:
-        name = "varying" if row.command is None else f"{row.command:g}"
-        print(f"  command {name:>8s}  {100 * row.delta_2:6.2f} %  {row.records} records")
-    if a.picture:
-        data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
-        nominal = np.round(data[1], -2)
-        save_picture(sensitivities(data[0], nominal, data[2], data[3], found.sensitivity), a.picture)
-    return 0
-
-
-def _by_command(a: argparse.Namespace, records: RecordSet) -> int:
+def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     import numpy as np
 
     from mrdamp.by_command import identify_by_command
@@ -298,13 +259,11 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> int:
         )
         save_picture(fig, a.picture)
     print(f"model: {a.out}")
-    return 0
+    return of_by_command(found)
 
 
-def _found(fit: Fit, records: RecordSet) -> None:
+def _found(fit: Fit, findings: Sequence[ChannelFinding]) -> None:
     """Offsets and delays that the fit found, and what the residuals still hold of them."""
-    from mrdamp.intervals import channel_findings
-
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),
@@ -313,7 +272,7 @@ def _found(fit: Fit, records: RecordSet) -> None:
     ):
         if name in attributes:
             print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
-    for c in channel_findings(fit, records.train):
+    for c in findings:
         left = []
         if abs(c.offset) > 3 * c.offset_error:
             left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
@@ -323,7 +282,7 @@ def _found(fit: Fit, records: RecordSet) -> None:
             print(f"  left in {c.record}: {', '.join(left)}")
 
 
-def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> None:
+def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[Interval]:
     from mrdamp.intervals import intervals
 
     rows = intervals(fit, records.train, resamples=a.resamples, refit=a.refit, seed=a.seed, workers=a.workers)
@@ -331,6 +290,7 @@ def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> None:
     for row in rows:
         word = f"  not identifiable: {row.word}" if row.word else ""
         print(f"{row.name:>20s} {row.value:12.5g} {row.low:12.5g} {row.high:12.5g}  {row.unit}{word}")
+    return rows
 
 
 def _errors(errors: Sequence[RecordError], half: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrdamp.commands.identify_json import of_network
 from mrdamp.commands.output import save_picture
 from mrdamp.errors import InputError
 
@@ -90,8 +91,8 @@ def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
     return cut_varying(records, a.record, _counts(a.counts), a.sample_time or PROTOCOL_TIME)
 
 
-def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress) -> int:
-    """Trains, prints both errors, and writes the model and its pictures."""
+def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress) -> dict[str, Any]:
+    """Trains, prints both errors, and writes the model and its pictures; returns what `--json` prints."""
     from mrdamp.narx import lagged, train_narx
     from mrdamp.narx.train import HORIZONS
 
@@ -131,7 +132,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
     cache.unlink(missing_ok=True)
     _pictures(a, records.name, fit, stretches, found, choice, pruned, model)
     print(f"model: {a.out}")
-    return 0
+    return of_network(fit, found, choice, pruned)
 
 
 def _stretches(a: argparse.Namespace, records: RecordSet) -> Stretches:

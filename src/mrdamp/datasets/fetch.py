@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,10 @@ def _puller(known: Dataset, folder: Path, seen: dict[str, str]) -> Any:
         raise InputError("fetching needs pooch, which is not installed: pip install 'mrdamp[data]'") from None
     assert known.source is not None
     pooch.get_logger().setLevel("WARNING")
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror}") from None
     # On disk a file has the last part of its name, without the revision and what is quoted.
     names = {name: Path(unquote(name)).name for name in known.source.files}
     puller = pooch.create(
@@ -84,4 +88,6 @@ def _pull(puller: Any, name: str, url: str) -> Path:
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:160]
+    """One line of an error; without a connection its end, where the system says why, is left out."""
+    host = re.match(r"HTTPS?ConnectionPool\(host='([^']*)'", str(error))
+    return f"no connection to {host[1]}" if host else " ".join(str(error).split())[:160]

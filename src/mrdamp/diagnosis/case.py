@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
+from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 from mrdamp.model import Model
@@ -109,14 +110,13 @@ def _original(repeat: Record, records: tuple[Record, ...]) -> int | None:
     for k, record in enumerate(records):
         if record.n != repeat.n or any(n not in record.channels for n in names):
             continue
-        size = [
-            max(float(np.std(record.channels[n])), 1e-12 + 1e-3 * float(np.ptp(record.channels[n])))
-            for n in names
-        ]
-        if all(
-            float(np.std(repeat.channels[n] - record.channels[n])) <= _SAME * s
-            or np.ptp(record.channels[n]) == 0
-            for n, s in zip(names, size, strict=True)
-        ):
+        if all(_alike(repeat.channel(n), record.channel(n)) for n in names):
             return k
     return None
+
+
+def _alike(one: Array, other: Array) -> bool:
+    """True where two inputs (n,) have the same course and the same level; a constant one has its level alone."""
+    difference, size = one - other, max(float(np.std(other)), 1e-3 * float(np.ptp(other)))
+    same_course = float(np.std(difference)) <= _SAME * size or not np.ptp(other) > 0
+    return same_course and abs(float(np.mean(difference))) <= _SAME * max(float(np.abs(other).max()), size)

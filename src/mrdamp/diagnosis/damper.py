@@ -22,6 +22,8 @@ from mrdamp.sampling import derivative
 
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
+#: Hz, of the sines of a proposed test.
+_LOWEST, _HIGHEST = 0.3, 10.0
 #: s, the chain's step while searching, the same where a mount is solved for in every step, and in the last fit.
 _COARSE, _COARSE_MOUNT, _FINE = 1e-3, 2e-3, 5e-4
 
@@ -94,6 +96,16 @@ class DamperRig:
         step = (_COARSE_MOUNT if mount else _COARSE) if coarse else _FINE
         return self._run(settings, self._fine(record, step))
 
+    def through(self, record: int, command: Array, settings: Settings) -> dict[str, Array]:
+        """Forces (n,) N of a record's motion with another command: `force` of the own sensor, `reference`."""
+        r = self.records[record]
+        x, v, a = self.motions[record]
+        factor = max(1, round(r.sample_time / _COARSE))
+        inputs = between(x, command, r.sample_time, factor, v, a)
+        columns = ("force", "reference")
+        out = self._run([settings], inputs, columns)[0]
+        return dict(zip(columns, out, strict=True))
+
     def _fine(self, record: int, step: float) -> Fine:
         """A record's inputs on a clock of about this step (s); kept."""
         factor = max(1, round(self.records[record].sample_time / step))
@@ -107,7 +119,7 @@ class DamperRig:
     def _inputs(self) -> dict[tuple[int, int], Fine]:
         return {}
 
-    def _run(self, settings: Sequence[Settings], inputs: Fine) -> Array:
+    def _run(self, settings: Sequence[Settings], inputs: Fine, columns: Sequence[str] = ()) -> Array:
         law = self.nominal_model.law
         out = core.run_many(
             law,
@@ -119,7 +131,7 @@ class DamperRig:
             a=inputs.a,
             substep=inputs.sample_time,
             narx=self.nominal_model.narx,
-            columns=[_COLUMNS[c] for c in self.channels],
+            columns=columns or [_COLUMNS[c] for c in self.channels],
         )
         return np.ascontiguousarray(out[:, :, :: inputs.factor])
 
@@ -142,8 +154,11 @@ class DamperRig:
         command = np.concatenate([r.command for r in self.records])
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
         return Envelope(
-            stroke=self.sizes.stroke,
-            velocity=v,
+            channel="displacement_m",
+            largest=self.sizes.stroke,
+            rate=v,
+            lowest=_LOWEST,
+            highest=_HIGHEST,
             command_low=float(command.min()) if command.min() > 1e-6 * self.sizes.command else 0.0,
             command_high=float(command.max()),
             sample_time=self.sizes.sample_time,
@@ -152,7 +167,7 @@ class DamperRig:
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a test that has not been made."""
         factor = max(1, round(self.sizes.sample_time / _COARSE))
-        inputs = between(signal.displacement, signal.command, self.sizes.sample_time, factor)
+        inputs = between(signal.motion, signal.command, self.sizes.sample_time, factor)
         return self._run(settings, inputs)
 
     def conditions(self, record: int) -> dict[str, Array]:

@@ -1,27 +1,38 @@
-"""The next test: a signal within the rig's limits that would part what these records leave tied or unseen."""
+"""Tests that a rig can run: sines together or a triangle as the motion, and a command beside it, within its limits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.terms import Hypothesis, Settings, Term
 
-_SECONDS = 8.0
-_SEED = 11
+#: s, length of a test.
+SECONDS = 6.0
+#: Share of the limits that a test uses.
+_USED = 0.9
+_SINES = 4  # at most
+_FADE = 0.5  # s, in which the motion swells from rest
+#: s, shortest and longest time that a command stays or takes; Hz of a triangle.
+_HOLD, _TRIANGLE = (0.08, 2.5), (0.1, 0.6)
+_COMMANDS = ("constant", "steps", "levels", "ramp", "sines")
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits of the rig, as the records span them: stroke amplitude (m), velocity (m/s), command range, step (s)."""
+    """Limits of the rig, as the records span them.
 
-    stroke: float
-    velocity: float
+    channel: what is moved, `displacement_m` of a damper or `ground_acceleration_m_s2` of a frame. largest: of its
+    values; rate: of its slope (1/s), None where nothing limits it. lowest, highest: Hz. sample_time: s.
+    """
+
+    channel: str
+    largest: float
+    rate: float | None
+    lowest: float
+    highest: float
     command_low: float
     command_high: float
     sample_time: float
@@ -29,95 +40,120 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Signal:
-    """A test: what it is, and its inputs (n,): displacement (m) and command."""
+    """A test's inputs (n,): the motion in the unit of the envelope's channel, and the command."""
 
-    what: str
-    displacement: Array
+    motion: Array
     command: Array
 
 
-class Bench(Protocol):
-    """A rig on which a signal can be tried: simulated channels (sets, channels, n)."""
+@dataclass(frozen=True)
+class Design:
+    """A test by its numbers.
 
-    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array: ...
+    hz, weight, phase: of the sines, one hz alone with `triangle` of a triangle. command: one of constant, steps
+    (between two levels), levels (drawn from `seed`), ramp (up and down between two levels), sines. low, high: levels
+    as shares of the command's range. hold: s that a level stays, a ramp takes, or a sine's period.
+    """
 
+    hz: tuple[float, ...]
+    weight: tuple[float, ...]
+    phase: tuple[float, ...]
+    triangle: bool
+    command: str
+    low: float
+    high: float
+    hold: float
+    seed: int
 
-def signals(e: Envelope) -> tuple[Signal, ...]:
-    """A library of tests within the limits: sines, a slow triangle, a sweep, steps of the command, random ones."""
-    t = e.sample_time * np.arange(round(_SECONDS / e.sample_time))
-    middle = 0.5 * (e.command_low + e.command_high)
-    rng = np.random.default_rng(_SEED)
-    out = []
-
-    def sine(hz: float, share: float) -> Array:
-        amplitude = min(share * e.stroke, e.velocity / (2 * np.pi * hz))
-        return np.asarray(amplitude * np.sin(2 * np.pi * hz * t))
-
-    steps = np.where(np.floor(t / 0.4) % 2 < 1, e.command_low, e.command_high)
-    for hz in (0.5, 2.0, 5.0, 10.0):
-        out.append(Signal(f"sine of {hz:g} Hz at the middle command", sine(hz, 0.9), np.full(len(t), middle)))
-        out.append(Signal(f"sine of {hz:g} Hz, command stepped every 0.4 s", sine(hz, 0.9), steps))
-    slow = e.stroke * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * 0.25 * t))
-    for name, value in (("smallest", e.command_low), ("largest", e.command_high)):
-        out.append(
-            Signal(f"slow triangle of 0.25 Hz at the {name} command", 0.9 * slow, np.full(len(t), value))
+    def signal(self, e: Envelope) -> Signal:
+        """The inputs, scaled to the rig's limits."""
+        t = np.asarray(e.sample_time * np.arange(round(SECONDS / e.sample_time)), dtype=np.float64)
+        rows = zip(self.hz, self.weight, self.phase, strict=True)
+        waves = [w * np.sin(2 * np.pi * f * t + p) for f, w, p in rows]
+        motion = (
+            (2 / np.pi) * np.arcsin(waves[0] / self.weight[0]) if self.triangle else np.sum(waves, axis=0)
         )
-    ramp = e.command_low + (e.command_high - e.command_low) * np.abs((t / 2) % 2 - 1)
-    out.append(Signal("sine of 2 Hz, command ramped up and down in 4 s", sine(2.0, 0.9), ramp))
-    phase = 2 * np.pi * (0.5 * t + 0.5 * (14.5 / _SECONDS) * t**2)
-    rate = 0.5 + 14.5 * t / _SECONDS
-    amplitude = np.minimum(0.9 * e.stroke, e.velocity / (2 * np.pi * rate))
-    chirp = amplitude * np.sin(phase)
-    out.append(Signal("sweep from 0.5 to 15 Hz at the middle command", chirp, np.full(len(t), middle)))
-    freqs = np.linspace(0.3, 6.0, 24)
-    phases = rng.uniform(0, 2 * np.pi, len(freqs))
-    x = np.sum([np.sin(2 * np.pi * f * t + p) / f for f, p in zip(freqs, phases, strict=True)], axis=0)
-    x *= min(0.9 * e.stroke / np.abs(x).max(), e.velocity / np.abs(np.gradient(x, e.sample_time)).max())
-    walk = np.cumsum(rng.standard_normal(len(t))) * np.sqrt(e.sample_time / 0.1)
-    u = np.clip(middle + 0.3 * (e.command_high - e.command_low) * walk, e.command_low, e.command_high)
-    out.append(Signal("random motion of 0.3 to 6 Hz with a random command", x, u))
-    return tuple(out)
+        motion = motion * np.sin(np.pi / 2 * np.clip(t / _FADE, 0, 1)) ** 2
+        scale = e.largest / float(np.abs(motion).max())
+        if e.rate is not None:
+            scale = min(scale, e.rate / float(np.abs(np.gradient(motion, e.sample_time)).max()))
+        share = np.clip(self._share(t), 0.0, 1.0)
+        command = e.command_low + (e.command_high - e.command_low) * share
+        return Signal(np.asarray(_USED * scale * motion), np.asarray(command))
+
+    def _share(self, t: Array) -> Array:
+        low, high = self.low, self.high
+        if self.command == "constant":
+            return np.full(len(t), high)
+        if self.command == "steps":
+            return np.where(np.floor(t / self.hold) % 2 < 1, low, high)
+        if self.command == "ramp":
+            return np.asarray(low + (high - low) * (1 - np.abs((t / self.hold) % 2 - 1)))
+        rng = np.random.default_rng(self.seed)
+        if self.command == "levels":
+            levels = rng.uniform(low, high, int(t[-1] / self.hold) + 1)
+            return np.asarray(levels[(t / self.hold).astype(int)])
+        f, p = rng.uniform(0.5, 1.5, 3) / self.hold, rng.uniform(0, 2 * np.pi, 3)
+        wave = np.mean([np.sin(2 * np.pi * a * t + b) for a, b in zip(f, p, strict=True)], axis=0)
+        return np.asarray((low + high) / 2 + (high - low) * wave)
+
+    def text(self, e: Envelope) -> str:
+        """The test in words."""
+        kind = "triangle" if self.triangle else "sine" if len(self.hz) == 1 else "sines together"
+        what = f"{kind} of {', '.join(f'{f:.2g}' for f in sorted(self.hz))} Hz"
+        low, high = (e.command_low + s * (e.command_high - e.command_low) for s in (self.low, self.high))
+        return (
+            what
+            + {
+                "constant": f", command {high:.3g}",
+                "steps": f", command stepped between {low:.3g} and {high:.3g} every {self.hold:.2g} s",
+                "levels": f", command at a new level from {low:.3g} to {high:.3g} every {self.hold:.2g} s",
+                "ramp": f", command ramped between {low:.3g} and {high:.3g} in {self.hold:.2g} s",
+                "sines": f", command waving between {low:.3g} and {high:.3g} in about {self.hold:.2g} s",
+            }[self.command]
+        )
 
 
-def separation(bench: Bench, signal: Signal, one: Settings, other: Settings, noise: Array) -> float:
-    """RMS difference of what two simulators answer, over the channels' noise (channels,)."""
-    runs = bench.try_signal([one, other], signal)
-    skip = runs.shape[2] // 20
-    difference = (runs[0] - runs[1])[:, skip:]
-    return float(np.sqrt(np.mean((difference / np.maximum(noise, 1e-12)[:, None]) ** 2)))
-
-
-def propose(
-    bench: Bench, envelope: Envelope, one: Settings, other: Settings, noise: Array, why: str
-) -> tuple[dict[str, Any], Signal]:
-    """The signal of the library with the largest separation, and its description for the report."""
-    ranked = sorted(
-        ((separation(bench, s, one, other, noise), k, s) for k, s in enumerate(signals(envelope))),
-        key=lambda item: (-item[0], item[1]),
+def drawn(rng: np.random.Generator, e: Envelope) -> Design:
+    """A test at random: one to four sines or a triangle, any kind of command."""
+    triangle = e.rate is not None and rng.random() < 0.15
+    count = 1 if triangle else int(rng.integers(1, _SINES + 1))
+    ends = _TRIANGLE if triangle else (e.lowest, e.highest)
+    hz = np.exp(rng.uniform(np.log(ends[0]), np.log(ends[1]), count))
+    weight = (1.0 / hz if e.rate is not None else np.ones(count)) * rng.uniform(0.5, 1.5, count)
+    low, high = np.sort(rng.uniform(0, 1, 2)) if rng.random() < 0.5 else (0.0, 1.0)
+    return Design(
+        tuple(hz.tolist()),
+        tuple(weight.tolist()),
+        tuple(rng.uniform(0, 2 * np.pi, count).tolist()),
+        triangle,
+        str(rng.choice(_COMMANDS)),
+        float(low),
+        float(high),
+        float(np.exp(rng.uniform(np.log(_HOLD[0]), np.log(_HOLD[1])))),
+        int(rng.integers(2**31)),
     )
-    value, _, best = ranked[0]
-    return {"why": why, "signal": best.what, "separation": value, "file": "next_experiment.csv"}, best
 
 
-def rival(chosen: Fit, fits: Sequence[Fit]) -> Fit | None:
-    """The cheapest fit whose causes are neither a part nor an extension of the chosen one's."""
-    own = set(chosen.hypothesis.causes)
-    for found in fits:
-        causes = set(found.hypothesis.causes)
-        if not (causes <= own or own <= causes):
-            return found
-    return None
+def neighbour(rng: np.random.Generator, one: Design, other: Design, e: Envelope) -> Design:
+    """A test near one: its motion or its command taken from another, then frequencies, levels and times moved."""
+    pick = rng.random()
+    if pick < 0.3:
+        one = replace(one, hz=other.hz, weight=other.weight, phase=other.phase, triangle=other.triangle)
+    elif pick < 0.6:
+        one = replace(
+            one, command=other.command, low=other.low, high=other.high, hold=other.hold, seed=other.seed
+        )
+    ends = _TRIANGLE if one.triangle else (e.lowest, e.highest)
+    hz = np.clip(np.array(one.hz) * np.exp(0.25 * rng.standard_normal(len(one.hz))), *ends)
+    weight = np.array(one.weight) * np.exp(0.3 * rng.standard_normal(len(one.hz)))
+    levels = np.sort(np.clip([one.low, one.high] + 0.15 * rng.standard_normal(2), 0.0, 1.0))
+    hold = float(np.clip(one.hold * np.exp(0.4 * rng.standard_normal()), *_HOLD))
+    low, high = levels.tolist()
+    return replace(one, hz=tuple(hz.tolist()), weight=tuple(weight.tolist()), low=low, high=high, hold=hold)
 
 
-def with_term(found: Fit, term: Term, by: float) -> Settings:
-    """Settings of a fit with a term at so many times its first start (numbers searched by logarithm stay there)."""
-    pairs = list(zip(term.coordinates, term.starts[0], strict=True))
-    values = [v if c.log else c.start + by * (v - c.start) for c, v in pairs]
-    q = np.array([c.point(v) for (c, _), v in zip(pairs, values, strict=True)])
-    return found.settings | Hypothesis((), (term,)).settings(q)
-
-
-def columns(signal: Signal, sample_time: float) -> Mapping[str, Array]:
-    """The signal's CSV."""
-    t = np.asarray(sample_time * np.arange(len(signal.displacement)), dtype=np.float64)
-    return {"time_s": t, "displacement_m": signal.displacement, "command": signal.command}
+def columns(signal: Signal, e: Envelope) -> Mapping[str, Array]:
+    """The signal's CSV, with the contract's names."""
+    t = np.asarray(e.sample_time * np.arange(len(signal.motion)), dtype=np.float64)
+    return {"time_s": t, e.channel: signal.motion, "command": signal.command}

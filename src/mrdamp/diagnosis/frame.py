@@ -21,7 +21,7 @@ from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
 from mrdamp.records import Record
-from mrdamp.sampling import derivative, lowpass, second_derivative
+from mrdamp.sampling import derivative
 from mrdamp.structures import ShearFrame
 
 #: s, the chain's inner step while searching and for the last fit; the frame is stepped with half of it.
@@ -181,25 +181,23 @@ class FrameRig:
 
     @cached_property
     def envelope(self) -> Envelope:
-        """Limits of the next test, as displacement and velocity of the table: no more acceleration than the records
-        have, even at the highest frequency that is proposed."""
-        peak = max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in self.raw)
+        """Limits of the next test: no more acceleration of the ground than the records have."""
         command = np.concatenate([r.command for r in self.raw])
-        velocity = peak / (2 * np.pi * _HIGHEST)
         return Envelope(
-            stroke=velocity / (2 * np.pi * _LOWEST),
-            velocity=velocity,
+            channel="ground_acceleration_m_s2",
+            largest=max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in self.raw),
+            rate=None,
+            lowest=_LOWEST,
+            highest=_HIGHEST,
             command_low=max(float(command.min()), 0.0),
             command_high=float(command.max()),
             sample_time=self.sizes.sample_time,
         )
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Simulated channels (sets, channels, n) of a test that has not been made; the table's displacement moves."""
-        dt = self.sizes.sample_time
-        ground = second_derivative(lowpass(signal.displacement, dt, 2 * _HIGHEST), dt)
-        channels = {"ground_acceleration_m_s2": ground, "command": signal.command}
-        trial = replace(self, raw=(Record("trial", None, dt, channels),), block=1)
+        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        channels = {"ground_acceleration_m_s2": signal.motion, "command": signal.command}
+        trial = replace(self, raw=(Record("trial", None, self.sizes.sample_time, channels),), block=1)
         runs = trial._run(settings, 0, coarse=True)
         return np.array([[o[c] for c in self.columns] for o in runs])
 

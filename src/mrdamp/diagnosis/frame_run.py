@@ -19,7 +19,14 @@ from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.frame import FrameRig, averaged
 from mrdamp.diagnosis.frame_structure import deviations, promoted
-from mrdamp.diagnosis.frame_where import Block, blocks, place_shares, shares_by_stage
+from mrdamp.diagnosis.frame_where import (
+    Block,
+    blocks,
+    intervals_by_stage,
+    place_intervals,
+    place_shares,
+    shares_by_stage,
+)
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.result import Diagnosis
@@ -98,8 +105,14 @@ def diagnose_frame(
     settled = settle(search, chosen, mend=decision.verdict != "none")
     progress("looking at what is tied and unseen", 0.85)
     answer = run.assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
-    stages = shares_by_stage(search, chosen, decision.verdict, found)
-    answer = replace(answer, where=replace(answer.where, stages=stages, places=place_shares(found)))
+    where = replace(
+        answer.where,
+        stages=shares_by_stage(search, chosen, decision.verdict, found),
+        intervals=intervals_by_stage(search, chosen, decision.verdict, found),
+        places=place_shares(found),
+        place_intervals=place_intervals(found),
+    )
+    answer = replace(answer, where=where)
     return answer.with_sentence(sentence(answer))
 
 

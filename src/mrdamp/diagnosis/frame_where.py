@@ -8,8 +8,8 @@ stroke and the command against its force). What two runs of one test differ by i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,11 +17,11 @@ from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.resample import SECONDS, Interval, draws, group_sums, interval
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import STAGES
-from mrdamp.diagnosis.verdict import shapley
-from mrdamp.diagnosis.where import stage_shares
+from mrdamp.diagnosis.where import DrawnCosts, cause_shares, stage_shares
 from mrdamp.model import Model
 from mrdamp.records import Record
 from mrdamp.sampling import derivative, lowpass, second_derivative
@@ -39,12 +39,14 @@ _STAGE = {"accelerometer": "sensor", "storey": "structure"}
 @dataclass(frozen=True)
 class Block:
     """A part of the rig between measured channels: `kind` accelerometer, storey or damper, its place from 1 (damper:
-    None); gap: its error over the size of what it answers with, records pooled; noise: the same of noise alone."""
+    None); gap: its error over the size of what it answers with, records pooled; noise: the same of noise alone;
+    drawn (draws,): the gap squared with seconds of the records drawn again."""
 
     kind: str
     place: int | None
     gap: float
     noise: float
+    drawn: Array = field(default_factory=lambda: np.zeros(0), repr=False)
 
     @property
     def name(self) -> str:
@@ -60,6 +62,10 @@ class Block:
         """Mean square of the gap beyond the noise, none in a clean block."""
         return 0.0 if self.clean else self.gap**2 - self.noise**2
 
+    def drawn_excess(self, draw: int) -> float:
+        """The same in a draw."""
+        return 0.0 if self.clean else max(float(self.drawn[draw]) - self.noise**2, 0.0)
+
 
 def blocks(case: Case) -> tuple[Block, ...]:
     """All blocks that the records' channels allow to judge, the ground up, the damper last."""
@@ -74,14 +80,29 @@ def blocks(case: Case) -> tuple[Block, ...]:
         # Noise is the same in every record, whatever the size of what is measured.
         noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
         kind, place = key
-        out.append(Block(kind, place or None, gap, float(np.sqrt(noise * np.mean([1 / size for size in sizes])))))
+        level = float(np.sqrt(noise * np.mean([1 / size for size in sizes])))
+        sums = np.concatenate(
+            [
+                _by_second(e[key][0], r.sample_time) / (size, 1.0)
+                for e, r, size in zip(errors, case.records, sizes, strict=True)
+            ]
+        )
+        drawn = draws(len(sums)) @ sums
+        out.append(Block(kind, place or None, gap, level, drawn[:, 0] / drawn[:, 1]))
     return tuple(out)
 
 
 def place_shares(found: Sequence[Block]) -> dict[str, float]:
     """Share of each block in the sum of excesses, adding up to 1; all 0 where no block is off."""
-    total = sum(b.excess for b in found)
-    return {b.name: b.excess / total if total > 0 else 0.0 for b in found}
+    return _of_total({b.name: b.excess for b in found})
+
+
+def place_intervals(found: Sequence[Block]) -> dict[str, Interval]:
+    """95 % intervals of `place_shares`; none where no block is off."""
+    if all(b.clean for b in found):
+        return {}
+    rows = [_of_total({b.name: b.drawn_excess(k) for b in found}) for k in range(len(found[0].drawn))]
+    return {name: interval(np.array([row[name] for row in rows])) for name in rows[0]}
 
 
 def shares_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequence[Block]) -> dict[str, float]:
@@ -91,17 +112,45 @@ def shares_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequence[B
     counts as fluid where its numbers are wrong, and is divided as its stages' effects come near where it is unknown.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
-        free = bool(chosen.hypothesis.nominal)
-        # The best form of each set of causes comes last, and stays.
-        costs = {frozenset(f.hypothesis.causes): f.cost for f in reversed(search.ranked(free))}
-        stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
-        out = dict.fromkeys(STAGES, 0.0)
-        for cause, share in shapley(costs, chosen.hypothesis.causes).items():
-            out[stage[cause]] += max(share, 0.0)
-        total = sum(out.values())
-        return {s: v / total if total > 0 else 1 / len(out) for s, v in out.items()}
-    nearest = stage_shares(search, chosen, verdict)
-    places = place_shares(found)
+        return _of_causes(search, chosen, lambda f: f.cost)
+    return _of_blocks(found, stage_shares(search, chosen, verdict), place_shares(found))
+
+
+def intervals_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequence[Block]) -> dict[str, Interval]:
+    """95 % intervals of `shares_by_stage`; none where the shares are by definition.
+
+    Without effects named the blocks are drawn, and what divides the damper's share stays."""
+    if verdict == "effect" and chosen.hypothesis.terms:
+        costs = DrawnCosts.of(search)
+        rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
+    elif all(b.clean for b in found):
+        return {}
+    else:
+        nearest = stage_shares(search, chosen, verdict)
+        rows = [
+            _of_blocks(found, nearest, _of_total({b.name: b.drawn_excess(k) for b in found}))
+            for k in range(len(found[0].drawn))
+        ]
+    return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+
+
+def _of_total(values: Mapping[str, float]) -> dict[str, float]:
+    total = sum(values.values())
+    return {name: v / total if total > 0 else 0.0 for name, v in values.items()}
+
+
+def _of_causes(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
+    stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
+    out = dict.fromkeys(STAGES, 0.0)
+    for cause, share in cause_shares(search, chosen, cost).items():
+        out[stage[cause]] += max(share, 0.0)
+    total = sum(out.values())
+    return {s: v / total if total > 0 else 1 / len(out) for s, v in out.items()}
+
+
+def _of_blocks(
+    found: Sequence[Block], nearest: dict[str, float], places: Mapping[str, float]
+) -> dict[str, float]:
     if not sum(places.values()) > 0:
         return nearest
     damper = {s: nearest.get(s, 0.0) for s in STAGES if s not in ("sensor", "structure")}
@@ -178,6 +227,12 @@ def _stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
     ratio = (noise_level(x) / max(noise_level(a), 1e-12)) ** 2
     spectrum = (np.fft.rfft(x, n) - ratio * omega**2 * np.fft.rfft(a, n)) / (1 + ratio * omega**4)
     return np.fft.irfft(spectrum, n)[: r.n], np.fft.irfft(1j * omega * spectrum, n)[: r.n]
+
+
+def _by_second(error: Array, sample_time: float) -> Array:
+    """What each second adds to an error's mean square, and its share of the samples (seconds, 2). error: (n,)."""
+    number = np.floor(sample_time * np.arange(len(error)) / SECONDS).astype(np.intp)
+    return group_sums(np.column_stack([error**2, np.ones(len(error))]) / len(error), number)
 
 
 def _mean_square(values: Array) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from mrdamp import __version__
 from mrdamp.core import Array
 from mrdamp.diagnosis.result import Diagnosis
+from mrdamp.diagnosis.words import number, share
 from mrdamp.model import Model
 from mrdamp.pictures import damper as damper_pictures
 from mrdamp.pictures import diagnosis as pictures
@@ -39,6 +40,7 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
             "Measured force and the corrected simulator, over displacement and velocity.",
             "Hysteresis loops of the measured force with the corrected simulator's over them.",
         )
+    _handed_over(out, found)
     _doubt(out, found)
     return out
 
@@ -51,12 +53,15 @@ def _answer(out: Page, found: Diagnosis) -> None:
                 e.stage,
                 e.probability,
                 f"{100 * e.share:.0f} %",
-                "; ".join(_parameter(k, v, e.intervals.get(k)) for k, v in e.parameters.items()),
+                "; ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items()),
             )
             for e in found.effects
         ]
         out.table(
-            "The cause", ("effect", "stage", "probability", "share of the excess", "parameters (SI)"), rows
+            "The cause",
+            ("effect", "stage", "probability", "share of the excess", "parameters (SI)"),
+            rows,
+            "In brackets: 95 % intervals.",
         )
     out.figure(
         "" if found.effects else "The cause",
@@ -80,9 +85,16 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
     out.figure(
         "Where the gap lies",
         pictures.chain(stages, found.where.intervals),
-        "The chain from command to sensor, with each stage's share of the gap.",
+        "The chain from command to sensor, with each stage's share of the gap and its 95 % interval.",
         "Bars: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in stages.items()),
     )
+    if found.where.measured:
+        out.table(
+            "",
+            ("between measured channels", "stages", "share of the nominal gap", "what would part them"),
+            [(m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by) for m in found.where.measured],
+            "Measured signals put in at the chain's interfaces; a share below 0 undoes another part's error.",
+        )
     out.figure(
         "",
         pictures.gap_map(shown, command_unit),
@@ -96,8 +108,10 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
         ]
         out.table("", ("regime", "share of the gap", "share of the samples"), rows)
     if found.where.places:
-        rows = [(name, f"{100 * v:.0f} %", "") for name, v in found.where.places.items()]
-        out.table("", ("place", "share of the gap"), [row[:2] for row in rows])
+        ends = found.where.place_intervals
+        out.table(
+            "", ("place", "share of the gap"), [(n, share(v, ends.get(n))) for n, v in found.where.places.items()]
+        )
     if found.where.records:
         out.table("", ("record", "share of the gap"),
                   [(name, f"{100 * v:.0f} %") for name, v in found.where.records.items()])  # fmt: skip
@@ -125,6 +139,20 @@ def _shrink(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData])
               "All records; the corrected simulator was fitted to them. The bars above are held out.")  # fmt: skip
 
 
+def _handed_over(out: Page, found: Diagnosis) -> None:
+    if found.stepped:
+        rows = [
+            (row["record"], *(100 * row[k] for k in ("offline_gap", "mujoco_gap", "difference")))
+            for row in found.stepped
+        ]
+        out.table(
+            "The corrected simulator in MuJoCo",
+            ("record", "gap offline, %", "gap in MuJoCo, %", "between the two, %"),
+            rows,
+            "The written MJCF, stepped on the record's inputs, beside the diagnosis' own simulation.",
+        )
+
+
 def _doubt(out: Page, found: Diagnosis) -> None:
     if found.candidates:
         out.table(
@@ -148,11 +176,6 @@ def _doubt(out: Page, found: Diagnosis) -> None:
         out.text("The next experiment", [f"{key}: {_text(v)}" for key, v in found.next_experiment.items()])
     if found.notes:
         out.text("Notes", found.notes)
-
-
-def _parameter(name: str, value: float, interval: tuple[float, float] | None) -> str:
-    text = f"{name} = {value:.3g}"
-    return text if interval is None else f"{text} ({interval[0]:.3g} to {interval[1]:.3g})"
 
 
 def _text(value: object) -> str:

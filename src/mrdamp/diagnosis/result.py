@@ -80,22 +80,48 @@ class Regime:
 
 
 @dataclass(frozen=True)
+class Measured:
+    """A part of the chain between measured channels: its share of the nominal simulator's gap with measured signals
+    put in at its ends, and the interval (95 %). The parts of a chain add up to 1; one may be below 0, where it undoes
+    another's error. part_by: the channel that would part its stages, where one would."""
+
+    between: str
+    stages: tuple[str, ...]
+    share: float
+    interval: tuple[float, float]
+    part_by: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "between": self.between,
+            "stages": list(self.stages),
+            "share": self.share,
+            "interval": list(self.interval),
+            "part_by": self.part_by,
+        }
+
+
+@dataclass(frozen=True)
 class Where:
-    """Shares of the gap by stage (adding up to 1), by record, and the regimes that stand out."""
+    """Shares of the gap by stage (adding up to 1), by record, and the regimes that stand out; intervals 95 %."""
 
     stages: Mapping[str, float]
     records: Mapping[str, float] = field(default_factory=dict)
     regimes: tuple[Regime, ...] = ()
     places: Mapping[str, float] = field(default_factory=dict)  # frame: storeys, floors, sensors
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of the stages' shares
+    place_intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    measured: tuple[Measured, ...] = ()  # damper: parts of the chain between measured channels
 
     def to_dict(self) -> dict[str, Any]:
         return {
             "stages": dict(self.stages),
             "intervals": {k: list(v) for k, v in self.intervals.items()},
+            "measured": [m.to_dict() for m in self.measured],
             "records": dict(self.records),
             "regimes": [r.to_dict() for r in self.regimes],
             "places": dict(self.places),
+            "place_intervals": {k: list(v) for k, v in self.place_intervals.items()},
         }
 
 
@@ -145,8 +171,13 @@ class Diagnosis:
     probabilities: Mapping[str, float] = field(
         default_factory=dict
     )  # by cause, and of none, parameters, unknown
+    intervals: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # 95 %, of every setting that the corrected simulator's last fit had free
+    stepped: tuple[Mapping[str, Any], ...] = ()  # records that the MJCF was stepped on: gaps offline and in MuJoCo
     seconds: float = 0.0
     next_signal: Mapping[str, Any] | None = field(default=None, repr=False)  # columns of the next test's CSV
+    drawn: tuple[Model, ...] = field(default=(), repr=False)  # the corrected model with parameters drawn together
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def with_sentence(self, text: str) -> Diagnosis:
@@ -170,6 +201,8 @@ class Diagnosis:
             "gap": self.gap.to_dict(),
             "waterfall": [s.to_dict() for s in self.waterfall],
             "corrections": list(self.corrections),
+            "parameter_intervals": {k: list(v) for k, v in self.intervals.items()},
+            "mujoco": [dict(row) for row in self.stepped],
             "next_experiment": dict(self.next_experiment),
             "notes": list(self.notes),
             "seconds": round(self.seconds, 1),

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.experiment import Envelope, Signal
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.model import Model
 from mrdamp.records import Record
@@ -43,6 +44,15 @@ class Rig(Protocol):
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,): RMS change of the simulated channels by the noise that is on the measured inputs."""
+        ...
+
+    @property
+    def envelope(self) -> Envelope:
+        """Limits that a test stays within."""
+        ...
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        """Simulated channels (sets, channels, n) of a test that has not been made."""
         ...
 
     def conditions(self, record: int) -> dict[str, Array]:

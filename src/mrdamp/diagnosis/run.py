@@ -13,10 +13,12 @@ from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.ceiling import of_fit
 from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.experiment import Signal, columns, propose, rival, with_term
+from mrdamp.diagnosis.damper_where import Parts, parts
 from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.next_test import next_test
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors, trust
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.resample import Interval, spread
 from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
 from mrdamp.diagnosis.rig import Rig
 from mrdamp.diagnosis.search import Limits, Search
@@ -24,7 +26,7 @@ from mrdamp.diagnosis.settle import Settled, heldout, settle
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
-from mrdamp.diagnosis.where import record_shares, regimes, stage_shares
+from mrdamp.diagnosis.where import cause_shares, record_shares, regimes, stage_intervals, stage_shares
 from mrdamp.diagnosis.words import sentence
 
 Progress = Callable[[str, float], None]
@@ -32,6 +34,8 @@ Progress = Callable[[str, float], None]
 #: Samples of residuals that a search keeps, a channel of a record counted each.
 _SAMPLES = 20_000
 _RESAMPLES, _SEED = 2000, 3
+#: Simulators with parameters drawn within their intervals.
+_DRAWN = 20
 
 
 def make_rig(case: Case) -> Rig:
@@ -131,7 +135,9 @@ def assemble(
     label = " + ".join(chosen.hypothesis.causes) or "recalibrated"
     last = _step(f"+ {label}" if chosen.hypothesis.causes else label, settled.heldout)
     waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
-    named = _named(search, chosen, settled.fit, causes) if decision.verdict == "effect" else ()
+    around = spread(settled.problem, settled.fit)
+    intervals = around.intervals() if decision.verdict != "none" else {}
+    named = _named(search, chosen, settled.fit, causes, intervals) if decision.verdict == "effect" else ()
     for name in settled.fit.at_bounds:
         notes.append(f"{name} stands at an end of its range")
     if not settled.fit.converged:
@@ -149,8 +155,11 @@ def assemble(
     )
     residual = settled.fit.residual
     conditions, halves = _conditions(search.problem)
+    put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
     where = Where(
-        stages=stage_shares(search, chosen, decision.verdict),
+        stages=stage_shares(search, chosen, decision.verdict, put_in.found),
+        intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn),
+        measured=put_in.found,
         records=record_shares(search.problem, search.residual),
         regimes=regimes(conditions, search.residual, halves),
     )
@@ -171,7 +180,7 @@ def assemble(
     model = rig.model(settled.fit.settings if decision.verdict != "none" else {})
     ties = tie_classes(search, chosen, known) if decision.verdict == "effect" else ()
     hidden = unseen(search, chosen)
-    test, signal = _next_test(search, chosen, fits, decision, ties, hidden, noise)
+    test, signal = next_test(search, chosen, fits, decision, ties, hidden, noise.levels)
     found = Diagnosis(
         case=case.name,
         rig=case.model.rig,
@@ -184,50 +193,18 @@ def assemble(
         gap=gap,
         waterfall=tuple(waterfall),
         next_experiment=test,
-        next_signal=None if signal is None else columns(signal, rig.records[0].sample_time),
+        next_signal=signal,
         corrected=model,
         unseen=hidden,
         notes=tuple(notes),
         corrections=settled.corrections,
+        intervals=intervals,
+        drawn=tuple(rig.model(s) for s in around.settings(_DRAWN)) if intervals else (),
         probabilities=causes,
         seconds=time.monotonic() - begun,
         pictures=pictures,
     )
     return found.with_sentence(sentence(found))
-
-
-def _next_test(
-    search: Search,
-    chosen: Fit,
-    fits: list[Fit],
-    decision: Decision,
-    ties: tuple[tuple[str, ...], ...],
-    hidden: tuple[dict[str, Any], ...],
-    noise: Noise,
-) -> tuple[dict[str, Any], Signal | None]:
-    """The test that would part the answer from its nearest rival, or show what these records hide."""
-    rig = search.problem.rig
-    if not isinstance(rig, DamperRig):
-        return {"why": "nothing to part", "signal": "none"}, None
-    other: dict[str, float] | None = None
-    why = ""
-    likely = sorted(zip(decision.probabilities, fits, strict=True), key=lambda pair: -pair[0])
-    near = rival(chosen, [f for _, f in likely])
-    pair = f"{chosen.hypothesis.name} from {near.hypothesis.name}" if near is not None else ""
-    if hidden and not ties and decision.verdict != "unknown":
-        term = next(t for t in rig.terms if t.cause == hidden[0]["effect"])
-        other, why = with_term(chosen, term, 1.0), f"these records hardly show {term.cause}"
-    elif near is not None:
-        other = near.settings
-        if ties:
-            why = f"these records leave {' and '.join(ties[0])} tied"
-        elif decision.verdict == "unknown":
-            why = f"to part {pair}, the nearest known causes"
-        else:
-            why = f"nothing is tied; it would part {pair} best"
-    if other is None:
-        return {"why": "nothing is tied and nothing is unseen", "signal": "none"}, None
-    return propose(rig, rig.envelope, chosen.settings, other, noise.levels, why)
 
 
 def _ceiling(settled: Settled, floor: float) -> float:
@@ -238,18 +215,18 @@ def _ceiling(settled: Settled, floor: float) -> float:
     return pooled(settled.heldout) * float(np.sqrt(share))
 
 
-def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, float]) -> tuple[Named, ...]:
-    from mrdamp.diagnosis.verdict import shapley
-
-    free = bool(chosen.hypothesis.nominal)
-    costs = {frozenset(f.hypothesis.causes): f.cost for f in reversed(search.ranked(free))}
-    shares = shapley(costs, chosen.hypothesis.causes)
+def _named(
+    search: Search,
+    chosen: Fit,
+    final: Fit,
+    probabilities: dict[str, float],
+    intervals: dict[str, Interval],
+) -> tuple[Named, ...]:
+    shares = cause_shares(search, chosen, lambda f: f.cost)
     settings, out = final.settings, []
     for term in chosen.hypothesis.terms:
-        names = [c.name for c in term.coordinates]
-        short = {
-            n.removeprefix(f"{term.effect}_").partition("@")[0]: settings[n] for n in names if n in settings
-        }
+        names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
+        short = {names[n]: settings[n] for n in names if n in settings}
         out.append(
             Named(
                 term.effect,
@@ -258,6 +235,7 @@ def _named(search: Search, chosen: Fit, final: Fit, probabilities: dict[str, flo
                 min(probabilities.get(term.cause, 0.0), 1.0),
                 short,
                 shares[term.cause] / search.excess,
+                {names[n]: intervals[n] for n in names if n in intervals},
             )
         )
     return tuple(out)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.result import Regime
+from mrdamp.diagnosis.resample import Interval, draws, group_sums, interval, seconds
+from mrdamp.diagnosis.result import Measured, Regime
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.terms import STAGES
 from mrdamp.diagnosis.verdict import shapley
@@ -20,28 +22,90 @@ _SHARPNESS = 3.0
 LAW_STAGE = "fluid"
 
 
-def stage_shares(search: Search, chosen: Fit, verdict: str) -> dict[str, float]:
+def stage_shares(
+    search: Search, chosen: Fit, verdict: str, measured: Sequence[Measured] = ()
+) -> dict[str, float]:
     """Shares (adding up to 1) of the gap by stage.
 
     With causes named, their Shapley shares in the fall of the cost; free numbers of the law count as fluid. Without
     a cause (`unknown`), what the effects of each stage explain at best, sharpened: the stage whose effects come
-    nearest is where the cause most likely sits.
+    nearest is where the cause most likely sits; what was measured between stages (`measured`) goes before.
     """
+    return _shares(search, chosen, verdict, [m.share for m in measured], measured, lambda f: f.cost)
+
+
+def stage_intervals(
+    search: Search, chosen: Fit, verdict: str, measured: Sequence[Measured] = (), drawn: Array | None = None
+) -> dict[str, Interval]:
+    """95 % intervals of `stage_shares`, seconds of the records drawn again; none where the shares are by definition.
+
+    drawn (draws, measured): the measured shares under the same draws. Fits stay where they are: at its optimum a cost
+    does not change with the parameters to first order.
+    """
+    if verdict != "unknown" and not (verdict == "effect" and chosen.hypothesis.terms):
+        return {}
+    costs = DrawnCosts.of(search)
+    parts = drawn if measured and drawn is not None else np.zeros((costs.count, len(measured)))
+    rows = [
+        _shares(search, chosen, verdict, parts[k].tolist(), measured, costs.at(k)) for k in range(costs.count)
+    ]
+    return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnCosts:
+    """Costs of all fits of a search under draws of seconds: table (draws, fits), column by the fit's id."""
+
+    table: Array
+    column: Mapping[int, int]
+
+    @classmethod
+    def of(cls, search: Search) -> DrawnCosts:
+        """Of what a search has found so far."""
+        fits, groups = list(search.fits.values()), seconds(search.problem)
+        sums = group_sums(np.column_stack([f.residual for f in fits]) ** 2, groups)
+        return cls(draws(len(sums)) @ sums, {id(f): k for k, f in enumerate(fits)})
+
+    @property
+    def count(self) -> int:
+        return len(self.table)
+
+    def at(self, draw: int) -> Callable[[Fit], float]:
+        """The cost of a fit in a draw."""
+        return lambda f: float(self.table[draw, self.column[id(f)]])
+
+
+def cause_shares(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
+    """Shapley shares of the named causes in the fall of the cost."""
+    free, causes = bool(chosen.hypothesis.nominal), chosen.hypothesis.causes
+    # The best form of each set comes last, and stays.
+    costs = {
+        frozenset(f.hypothesis.causes): cost(f)
+        for f in reversed(search.ranked(free))
+        if set(f.hypothesis.causes) <= set(causes)
+    }
+    return shapley(costs, causes)
+
+
+def _shares(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    parts: Sequence[float],
+    measured: Sequence[Measured],
+    cost: Callable[[Fit], float],
+) -> dict[str, float]:
     stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
     if verdict in ("none", "parameters") or (verdict == "effect" and not chosen.hypothesis.terms):
         return {s: float(s == LAW_STAGE) for s in stages}
+    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
     if verdict == "unknown":
-        return _nearest(search, stages)
+        return _within(_nearest(search, stages, nominal, base, cost), parts, measured)
     shares = dict.fromkeys(stages, 0.0)
-    free = bool(chosen.hypothesis.nominal)
-    costs = {
-        frozenset(f.hypothesis.causes): f.cost for f in reversed(search.ranked(free))
-    }  # the best form of each set comes last, and stays
-    if free:
-        fall = search.nominal_cost - search.base.cost
-        shares[LAW_STAGE] += 0.5 * max(fall, 0.0)
+    if chosen.hypothesis.nominal:
+        shares[LAW_STAGE] += 0.5 * max(nominal - base, 0.0)
     stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
-    for cause, share in shapley(costs, chosen.hypothesis.causes).items():
+    for cause, share in cause_shares(search, chosen, cost).items():
         shares[stage[cause]] += max(share, 0.0)
     total = sum(shares.values())
     if not total > 0:
@@ -49,19 +113,37 @@ def stage_shares(search: Search, chosen: Fit, verdict: str) -> dict[str, float]:
     return {s: value / total for s, value in shares.items()}
 
 
-def _nearest(search: Search, stages: Sequence[str]) -> dict[str, float]:
+def _nearest(
+    search: Search, stages: Sequence[str], nominal: float, base: float, cost: Callable[[Fit], float]
+) -> dict[str, float]:
     explained = dict.fromkeys(stages, 1e-3)
     for free in (False, True):
-        base = search.nominal_cost if not free else search.base.cost
+        before = base if free else nominal
         for f in search.ranked(free):
             of = {t.stage for t in f.hypothesis.terms}
-            if len(of) == 1 and base > search.floor:
-                share = (base - f.cost) / (base - search.floor)
+            if len(of) == 1 and before > search.floor:
+                share = (before - cost(f)) / (before - search.floor)
                 only = of.pop()
                 explained[only] = max(explained[only], share)
     weights = {s: value**_SHARPNESS for s, value in explained.items()}
     total = sum(weights.values())
     return {s: value / total for s, value in weights.items()}
+
+
+def _within(
+    nearest: Mapping[str, float], parts: Sequence[float], measured: Sequence[Measured]
+) -> dict[str, float]:
+    """Shares of the stages inside each measured part, which has its own."""
+    sizes = [max(p, 0.0) for p in parts]
+    if not sum(sizes) > 0:
+        return dict(nearest)
+    out = dict.fromkeys(nearest, 0.0)
+    for part, size in zip(measured, sizes, strict=True):
+        inside = [s for s in part.stages if s in out]
+        total = sum(nearest[s] for s in inside)
+        for s in inside:
+            out[s] = size / sum(sizes) * (nearest[s] / total if total > 0 else 1 / len(inside))
+    return out
 
 
 def record_shares(problem: Problem, residual: Array) -> dict[str, float]:

@@ -70,6 +70,18 @@ def sentence(d: Diagnosis) -> str:
     return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise})."
 
 
+def number(name: str, value: float, interval: tuple[float, float] | None) -> str:
+    """A parameter with its interval."""
+    text = f"{name} = {value:.4g}"
+    return text if interval is None else f"{text} ({interval[0]:.4g} to {interval[1]:.4g})"
+
+
+def share(value: float, interval: tuple[float, float] | None) -> str:
+    """A share with its interval, in per cent."""
+    text = f"{round(100 * value)} %"
+    return text if interval is None else f"{text} ({round(100 * interval[0])} to {round(100 * interval[1])})"
+
+
 def table(d: Diagnosis) -> str:
     """The waterfall, the effects, the candidates and what is tied."""
     lines = ["  gap on held-out records (RMS error over RMS)"]
@@ -80,7 +92,7 @@ def table(d: Diagnosis) -> str:
     if d.effects:
         lines.append("  effects")
         for e in d.effects:
-            numbers = ", ".join(f"{k} = {v:.4g}" for k, v in e.parameters.items())
+            numbers = ", ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items())
             place = f"@{e.place}" if e.place is not None else ""
             lines.append(
                 f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}"
@@ -90,11 +102,21 @@ def table(d: Diagnosis) -> str:
         name = " + ".join(c.causes) or "none"
         lines.append(f"    {name:40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
     stages = sorted(d.where.stages.items(), key=lambda item: -item[1])
-    lines.append("  stages: " + ", ".join(f"{name} {v:.2f}" for name, v in stages if v > 0.005))
+    shown = [f"{name} {share(v, d.where.intervals.get(name))}" for name, v in stages if v > 0.005]
+    lines.append("  stages: " + ", ".join(shown))
+    found = [f"{name} {share(v, d.where.place_intervals.get(name))}" for name, v in d.where.places.items() if v > 0.005]
+    lines += ["  places: " + ", ".join(found)] if found else []
+    for m in d.where.measured:
+        text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
+        lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
     for tie in d.indistinguishable:
         lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
     if d.corrections:
         lines.append(f"  in the corrected simulator besides, to mend a form: {', '.join(d.corrections)}")
+    if d.stepped:
+        apart = max(abs(row["mujoco_gap"] - row["offline_gap"]) for row in d.stepped)
+        where = ", ".join(str(row["record"]) for row in d.stepped)
+        lines.append(f"  MJCF stepped in MuJoCo on {where}: the offline gap to {100 * apart:.2f} % of the RMS")
     lines.append(f"  next test: {d.next_experiment.get('signal', '')} ({d.next_experiment.get('why', '')})")
     lines += [f"  note: {n}" for n in d.notes]
     return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,15 +14,13 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.core import Array
 from mrdamp.criteria import Criteria, evaluate
-from mrdamp.model import Effect, Model
+from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.stepping import FrameRun, run_frame
 from mrdamp.structures import ShearFrame, dyke1996
 
-Ranges = Mapping[tuple[str, int | None], Mapping[str, tuple[float, float]]]
 _BLIND = 0.15  # half width of the ranges of who has no diagnosis
-_WIDE = 0.1  # the same of a parameter whose interval is not known
 
 
 def nominal_frame() -> Model:
@@ -107,27 +105,6 @@ class Desk:
             for k, v in self.nominal.parameters.items()
         }
         return replace(self.nominal, structure=frame, parameters=scaled)
-
-    def drawn(self, model: Model, ranges: Ranges) -> list[Model]:
-        """The corrected simulator with the effects' parameters drawn from their intervals."""
-        rng = np.random.default_rng([self.seed, 2])
-        return [replace(model, effects=_draw(rng, model, ranges)) for _ in range(self.draws)]
-
-
-def _draw(
-    rng: np.random.Generator,
-    model: Model,
-    ranges: Ranges,
-) -> tuple[Effect, ...]:
-    out = []
-    for effect in model.effects:
-        known = ranges.get((effect.name, effect.place), {})
-        drawn = {}
-        for name, value in effect.parameters.items():
-            low, high = known.get(name, ((1 - _WIDE) * value, (1 + _WIDE) * value))
-            drawn[name] = float(rng.uniform(min(low, high), max(low, high)))
-        out.append(replace(effect, parameters=drawn))
-    return tuple(out)
 
 
 def is_tuned(controller: str) -> bool:

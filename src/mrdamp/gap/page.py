@@ -48,9 +48,9 @@ def page(study: Study) -> Page:
     named = sum(r.named == (r.cause,) for r in study.rows)
     out = Page(
         f"The gap of {study.controller}",
-        f"On {len(study.rows)} frames that differ from the simulator in one effect each, the diagnosis named the "
-        f"effect {named} times, and the corrected simulator closed {100 * float(np.median(closed)):.0f} % of the gap "
-        "in the controller's figures (median).",
+        f"Each real frame is the simulator but for one effect. The diagnosis named it on {named} of {len(study.rows)}, "
+        f"and the corrected simulator closed {100 * float(np.median(closed)):.0f} % of the gap in the controller's "
+        "figures (median).",
         f"mrdamp {__version__}, `mrdamp gap`",
     )
     out.figure(

@@ -103,9 +103,14 @@ class RealFrame:
 
 
 def record(log: Mapping[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-    """The log as a frame record's channels at `LOG_HZ`, with noise on what is measured."""
+    """The log as a frame record's channels at `LOG_HZ`, with noise on what is measured.
+
+    The command is the one that the force was read under: at an instant of control the rig answers before the
+    controller does, and a force that jumps with the command would otherwise stand beside the wrong one.
+    """
     at = slice(None, None, round(RATE_HZ / LOG_HZ))
-    channels = {"ground_acceleration_m_s2": log["ground"][at], "command": log["command"][at]}
+    acting = np.concatenate([[0.0], log["command"][:-1]])
+    channels = {"ground_acceleration_m_s2": log["ground"][at], "command": acting[at]}
     measured = {f"floor{k}_acceleration_m_s2": log[f"acceleration{k}"][at] for k in (1, 2, 3)}
     measured |= {f"floor{k}_displacement_m": log[f"displacement{k}"][at] for k in (1, 2, 3)}
     measured["force_N"] = log["force"][at]

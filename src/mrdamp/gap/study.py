@@ -27,7 +27,7 @@ Progress = Callable[[str, float], None]
 
 #: What a controller is judged by: the largest over storeys or floors.
 CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -157,9 +157,10 @@ def _row(
         return row
     progress(f"{cause}: tuning again", 0.6)
     site = desk.site(corrected)
-    ranges = {(e.effect, e.place): e.intervals for e in found.effects}
     retuned = desk.tune([corrected], site)
-    randomised = desk.tune(desk.drawn(corrected, ranges), site)
+    # Drawn together, as they go in the diagnosis' bootstrap: parameters that may trade off do so in every draw.
+    drawn = [_with_range(m, desk.nominal) for m in found.drawn[: desk.draws]]
+    randomised = desk.tune(drawn or [corrected], site)
 
     def on_real(controller: Controller) -> float:
         return desk.score([desk.of(real.run(load, controller)[0]) for load in desk.loads])

@@ -26,7 +26,6 @@ from mrdamp.narx.data import Series
 from mrdamp.narx.judge import START, free_run_error, one_step_error
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun
-from mrdamp.narx.select import percent
 from mrdamp.pictures import style
 
 Progress = Callable[[str, float], None]
@@ -183,7 +182,7 @@ def draw_course(pruned: Pruned) -> Figure:
                   label=label)  # fmt: skip
     axes.axhline(100.0 * (1.0 + pruned.tolerance) * pruned.best, color=style.REFERENCE, lw=0.8)
     axes.axvline(pruned.smallest.nonzero, color=style.REFERENCE, lw=0.8)
-    percent(axes)
+    style.log_percent(axes)
     axes.set_xlabel("weights and biases left")
     axes.set_ylabel("error, % of std")
     note = f"smallest: {pruned.smallest.topology}, {pruned.smallest.nonzero} weights"

@@ -11,9 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.errors import InputError
@@ -206,7 +204,7 @@ def draw_choice(choice: Choice) -> Figure:
         labels = [_name(what, t.candidate) for t in trials]
         every = max(1, -(-len(labels) // 13))
         axes.set_xticks(range(0, len(labels), every), labels[::every])
-        percent(axes)
+        style.log_percent(axes)
         axes.set_ylabel("error, % of std")
         scores = [t.score(choice.by) for t in trials]
         axes.axvline(int(np.argmin(scores)), color=style.REFERENCE, lw=0.8, zorder=0)
@@ -214,16 +212,6 @@ def draw_choice(choice: Choice) -> Figure:
     handles, texts = rows[0][0].get_legend_handles_labels()
     style.legend(fig, handles, texts)
     return fig
-
-
-def percent(axes: Axes) -> None:
-    """A logarithmic axis of percent with plain numbers."""
-    axes.set_yscale("log")
-    low, high = axes.get_ylim()
-    subs = (1.0, 2.0, 5.0) if high > 10.0 * low else (1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
-    axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_locator(NullLocator())
 
 
 _LINES = (

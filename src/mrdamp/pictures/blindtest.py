@@ -8,7 +8,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from mrdamp.pictures.style import COLOURS, INK, MUTED, REFERENCE, SIMULATED, figure, legend, styled, ticks
+from mrdamp.pictures.style import (
+    COLOURS,
+    INK,
+    MUTED,
+    REFERENCE,
+    SIMULATED,
+    figure,
+    legend,
+    log_percent,
+    styled,
+    ticks,
+)
 
 
 @styled
@@ -69,14 +80,15 @@ def shrinking(before: Sequence[float], after: Sequence[float], right: Sequence[b
     fig = figure(2.7)
     ax = fig.add_subplot()
     x = np.arange(len(order))
-    b, a, ok = np.asarray(before)[order], np.asarray(after)[order], np.asarray(right, dtype=bool)[order]
+    b, a = (100 * np.asarray(values)[order] for values in (before, after))
+    ok = np.asarray(right, dtype=bool)[order]
     ax.vlines(x, a, b, color=REFERENCE, linewidth=0.6)
     nominal = ax.plot(x, b, ".", color=MUTED, markersize=4)[0]
     good = ax.plot(x[ok], a[ok], "o", color=COLOURS[0], markersize=3.5)[0]
     missed = ax.plot(x[~ok], a[~ok], "s", color=SIMULATED, markersize=3.5)[0]
-    ax.set_yscale("log")
+    log_percent(ax)
     ax.set_xticks([])
     ax.set_xlabel("cases with an effect")
-    ax.set_ylabel("gap on unseen tests")
+    ax.set_ylabel("gap on unseen tests, %")
     legend(fig, [nominal, good, missed], ["nominal", "corrected, right cause", "corrected, wrong cause"])
     return fig

@@ -60,7 +60,7 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
     axes = [ax for row in axes_grid(fig, rows, 2, sharey=True) for ax in row]
     place = np.arange(len(names), dtype=np.float64)
     for ax, (title, bars) in zip(axes, panels.items(), strict=False):
-        largest = max((v for b in bars for v in (b.mean, b.high, b.worst) if np.isfinite(v)), default=1.0)
+        largest = max((v for b in bars for v in (b.mean, b.high, b.worst) if np.isfinite(v)), default=0.0) or 1.0
         for y, bar in zip(place, bars, strict=True):
             if not np.isfinite(bar.mean):
                 continue

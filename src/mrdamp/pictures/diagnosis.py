@@ -97,7 +97,8 @@ def probabilities(values: Mapping[str, float], most: int = 6) -> Figure:
     ranked = sorted(values.items(), key=lambda item: -item[1])
     shown, rest = ranked[:most], sum(p for _, p in ranked[most:])
     if len(ranked) > most:
-        shown = [*shown, (f"{len(ranked) - most} others", rest)]
+        others = len(ranked) - most
+        shown = [*shown, ("1 other" if others == 1 else f"{others} others", rest)]
     fig = figure(0.45 + 0.3 * len(shown))
     ax = fig.subplots()
     y = np.arange(len(shown))

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import TextToPath
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType, RcKeyType
@@ -148,6 +148,16 @@ def ticks(ax: Axes, x: int | None = None, y: int | None = None) -> None:
     for axis, count in ((ax.xaxis, x), (ax.yaxis, y)):
         if count is not None:
             axis.set_major_locator(MaxNLocator(count, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
+
+
+def log_percent(ax: Axes) -> None:
+    """A logarithmic ordinate of percent with plain numbers: a power of ten would be a formula."""
+    ax.set_yscale("log")
+    low, high = ax.get_ylim()
+    subs = (1.0, 2.0, 5.0) if high > 10.0 * low else (1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+    ax.yaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_locator(NullLocator())
 
 
 def elide(text: str, points: float, size: float = 9.5, weight: str = "normal") -> str:

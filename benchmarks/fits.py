@@ -1,0 +1,157 @@
+"""Identification: time of a fit over the time of its records, and against SciPy around a law in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from benchmarks.result import Figure, Section, of_ratio
+from benchmarks.timing import Effort, clock, interleave, ratio
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.identify import Problem, descend, identify, shorten
+from mrdamp.laws import PARAMETRIC, Scales, space
+from mrdamp.narx import lagged, train_narx
+from mrdamp.narx.stretches import varying_command
+from mrdamp.records import Record, embedded
+
+RECORD = "sine_5.0Hz_2.5mm_random_current"
+#: Bouc-Wen law: damping and its slope, hysteretic force and its slope, rate of the loop; the scale of each and where
+#: the fits against each other start, in scales.
+NAMES = ("c0a", "c0b", "alpha_a", "alpha_b", "A")
+SCALE = np.array([1e3, 1e3, 1e3, 1e3, 1e3])
+START = np.array([0.5, 0.5, 0.3, 0.3, 1.0])
+_STEPS = 12  # of the fits against each other
+
+
+def in_python(record: Record) -> Callable[[Array], Array]:
+    """Force (n,) N of the Bouc-Wen law in plain floats, explicit midpoint rule, two steps in a sample."""
+    v, u = record.velocity().tolist(), record.command.tolist()
+    h = record.sample_time / 2
+
+    def force(p: Array) -> Array:
+        c0a, c0b, alpha_a, alpha_b, slope = (float(x) for x in p * SCALE)
+        half = 0.5 * slope
+        z, out = 0.0, [c0a * v[0] + c0b * u[0] * v[0]]
+        for k in range(1, len(v)):
+            a, b = v[k - 1], v[k]
+            middle = 0.5 * (a + b)
+            for begin, end in ((a, middle), (middle, b)):
+                mid = 0.5 * (begin + end)
+                z_mid = z + 0.5 * h * (slope * begin - half * (abs(begin) * abs(z) + begin * z) * z)
+                z += h * (slope * mid - half * (abs(mid) * abs(z_mid) + mid * z_mid) * z_mid)
+            out.append((c0a + c0b * u[k]) * b + (alpha_a + alpha_b * u[k]) * z)
+        return np.array(out)
+
+    return force
+
+
+def in_c(record: Record) -> Callable[[Array], Array]:
+    """The same through the C entry."""
+    fixed = core.defaults() | {"n": 2.0, "k0": 0.0, "x0": 0.0}
+    v = record.velocity()
+
+    def force(p: Array) -> Array:
+        numbers = dict(zip(NAMES, (p * SCALE).tolist(), strict=True))
+        half = 0.5 * numbers["A"]
+        vector = core.vector("bouc_wen", {**fixed, **numbers, "gamma": half, "beta": half})
+        out = core.run_many("bouc_wen", vector, record.sample_time, record.displacement, record.command, v=v)
+        return np.asarray(out[0, 0])
+
+    return force
+
+
+def fitted(force: Callable[[Array], Array], measured: Array) -> Array:
+    """SciPy's least squares with its own differences."""
+    found = least_squares(
+        lambda p: (force(p) - measured) / measured.std(), START, diff_step=1e-5, max_nfev=_STEPS
+    )
+    return np.asarray(found.x)
+
+
+def measure(effort: Effort) -> list[Section]:
+    """The tables; few steps mean a part of the records and one start."""
+    with threadpool_limits(limits=1):
+        return [_over_records(effort), _against(effort)]
+
+
+def _over_records(effort: Effort) -> Section:
+    whole = effort.steps >= 1000
+    train: Sequence[Record] = embedded().train
+    train = train if whole else [r.part(r.time[0], r.time[0] + 1.0) for r in train[:3]]
+    seconds = sum(r.duration for r in train)
+    figures = []
+    for law in PARAMETRIC:
+        begin = clock()
+        fit = identify(law, train, starts=4 if whole else 1, threads=1)
+        cost = 1e-6 * (clock() - begin)
+        name = law.replace("_", " ")
+        detail = f"{cost:.1f} s for {seconds:.0f} s of records, {fit.evaluations} runs of the law"
+        figures.append(Figure(f"{name}, from {fit.starts} starts", cost / seconds, "x", "<= 0.2", detail))
+    stretches = varying_command(embedded(), RECORD)
+    (part,) = stretches.train if whole else [stretches.train[0].part(0, 400)]
+    begin = clock()
+    train_narx([part], inputs=lagged("viF", 4), hidden=(20,), initialisations=1, horizons=(),
+               one_step_iterations=150 if whole else 5)  # fmt: skip
+    cost = 1e-6 * (clock() - begin)
+    figures.append(
+        Figure("network 15-20-1, one initialisation", cost, "s", "<= 60", f"{part.n} samples, one step ahead")
+    )
+    text = (
+        "CPU time of a fit on one thread over the time of its records, the nine embedded training records at 500 Hz,"
+        " everything counted: trial points, local fits and the last one. Two cores take half as long."
+    )
+    return Section("Identification", text, tuple(figures))
+
+
+def _against(effort: Effort) -> Section:
+    rounds = min(effort.rounds, 7)
+    record = embedded()[RECORD].part(0.0, 4.0 if effort.steps >= 1000 else 0.5)
+    measured = record.channel("force_N")
+    tasks = {"python": partial(fitted, in_python(record), measured), "c": partial(fitted, in_c(record), measured)}
+    gap = float(np.abs(tasks["python"]() - tasks["c"]()).max())
+    costs = interleave({name: _timed(task) for name, task in tasks.items()}, rounds)
+    law = of_ratio(
+        "least squares around the law in Python over the C entry", ratio(costs["python"], costs["c"]), "Python", "C",
+        note=f"{record.n} samples; parameters differ by {gap:.1g} of their scale",
+    )  # fmt: skip
+    train = shorten(embedded().train, 24_000 if effort.steps >= 1000 else 2_000)
+    search = space("bouc_wen", Scales.of(train), ("offset",), 2e-3)
+    problem = Problem(search, train, 1)
+    pair = {"whole": partial(_whole, problem), "folded": partial(descend, problem, search.start, _STEPS)}
+    costs = interleave({name: _timed(task) for name, task in pair.items()}, rounds)
+    folded = of_ratio(
+        "SciPy with every sample over the folded one", ratio(costs["whole"], costs["folded"]), "whole", "folded",
+        note=f"Bouc-Wen law, {sum(r.n for r in train)} samples, the same steps",
+    )  # fmt: skip
+    text = (
+        "Above: SciPy's least_squares fits five parameters of a Bouc-Wen law, the law once in plain Python and once"
+        " through the C entry. Below: one local fit of ours, with the Jacobian of all samples and with it folded to as"
+        " many rows as a step can tell apart (`mrdamp.folding`)."
+    )
+    return Section("Identification against SciPy", text, (law, folded))
+
+
+def _whole(problem: Problem) -> None:
+    def jacobian(p: Array) -> Array:
+        return problem.jacobian(p, problem.residuals(p[None])[0])
+
+    least_squares(
+        lambda p: problem.residuals(p[None])[0], np.clip(problem.space.start, 1e-6, 1 - 1e-6), jacobian,
+        bounds=(0, 1), ftol=1e-6, xtol=1e-6, gtol=1e-9, max_nfev=_STEPS,
+    )  # fmt: skip
+
+
+def _timed(task: Callable[[], object]) -> Callable[[], float]:
+    """The task's CPU time, us."""
+
+    def timed() -> float:
+        begin = clock()
+        task()
+        return clock() - begin
+
+    return timed

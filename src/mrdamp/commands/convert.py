@@ -1,0 +1,74 @@
+"""The command `mrdamp convert`: a rig's own tables as records."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrdamp.commands import add_command
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.conversion import Converted
+
+
+def add_to(commands: Any) -> None:
+    """Adds convert to the subparsers of an argparse parser."""
+    p = add_command(
+        commands,
+        "convert",
+        run_convert,
+        "tables of a rig, with its own column names and units, as records",
+        'mrdamp convert rig/*.csv --columns "time_s=t [ms]:ms" displacement_m=LVDT:mm command=I:mA force_N=-Load:kN'
+        " -o records",
+    )
+    p.add_argument(
+        "files", nargs="+", type=Path, help="one test each; lines above the header are passed over"
+    )
+    p.add_argument(
+        "--columns",
+        nargs="+",
+        required=True,
+        metavar="CHANNEL=NAME:UNIT",
+        help="where each channel comes from; a minus before NAME turns the sign",
+    )
+    p.add_argument(
+        "--rate", type=float, metavar="HZ", help="resample to it; without a time_s column: the files' own"
+    )
+    p.add_argument("-o", "--out", type=Path, required=True, help="folder of the records")
+
+
+def run_convert(a: argparse.Namespace) -> int:
+    """Converts all files, then writes them, and prints the range of each channel."""
+    from mrdamp.conversion import column, convert
+
+    columns = [column(text) for text in a.columns]
+    found = [convert(path, columns, a.rate) for path in a.files]
+    names = [c.record.name for c in found]
+    if len(set(names)) < len(names):
+        raise InputError(f"two files would be one record: {', '.join(names)}")
+    try:
+        a.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    for one in found:
+        one.record.save(a.out / f"{one.record.name}.csv")
+    for one in found:
+        print(_told(one))
+    print(f"records: {a.out}")
+    return 0
+
+
+def _told(one: Converted) -> str:
+    """A line: length, rate, what was done to the clock, and ranges, by which a wrong unit shows."""
+    record = one.record
+    text = f"{record.name}: {record.duration:.3g} s at {1 / record.sample_time:.6g} Hz"
+    if one.steps is not None:
+        text += f" (the file's steps: {1e3 * one.steps[0]:.3g} to {1e3 * one.steps[1]:.3g} ms)"
+    ranges = (
+        f"{name} {values.min():.3g} to {values.max():.3g}"
+        for name, values in record.channels.items()
+        if name != "time_s"
+    )
+    return f"{text}; {', '.join(ranges)}"

@@ -1,0 +1,171 @@
+"""What `mrdamp identify --json` and `mrdamp table1 --json` print: the figures of the text, for a program to read.
+
+Errors: `rmse_N`, and `nrmse` over the standard deviation of the force. A figure that is not finite is null.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mrdamp.by_command import ByCommand
+    from mrdamp.comparison import Table1
+    from mrdamp.identify import Fit, RecordError
+    from mrdamp.intervals import ChannelFinding, Interval
+    from mrdamp.narx import Choice, FitNarx, Pruned
+    from mrdamp.narx.doubt import Sufficiency
+    from mrdamp.narx.select import Trial
+
+
+def words(as_json: bool) -> AbstractContextManager[Any]:
+    """Where the words go: to stdout, or to stderr where stdout is for JSON."""
+    return redirect_stdout(sys.stderr) if as_json else nullcontext()
+
+
+def to_text(report: Mapping[str, Any]) -> str:
+    """JSON without NaN or Infinity, which no standard knows."""
+    return json.dumps(_finite(report), indent=1, allow_nan=False)
+
+
+def of_fit(
+    fit: Fit,
+    left: Sequence[ChannelFinding],
+    intervals: Sequence[Interval] = (),
+    compared: Mapping[str, Fit] | None = None,
+) -> dict[str, Any]:
+    """Of a law's fit. compared: fits by dependence on the command, where they were compared."""
+    out: dict[str, Any] = {
+        "law": fit.model.law,
+        "attributes": dict(fit.model.attributes),
+        "fitted": _errors(fit.train, fit.train_nrmse),
+        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
+        "left_in_records": [
+            {
+                "record": c.record,
+                "offset_N": c.offset,
+                "offset_error_N": c.offset_error,
+                "force_delay_s": c.delay,
+                "force_delay_error_s": c.delay_error,
+            }
+            for c in left
+        ],
+    }
+    if compared:
+        out["dependences"] = {
+            name: {
+                "free_numbers": len(one.space.coordinates) if one.space else None,
+                "fitted_nrmse": one.train_nrmse,
+                "held_out_nrmse": one.held_out_nrmse,
+            }
+            for name, one in compared.items()
+        }
+    if intervals:
+        out["intervals"] = [
+            {"parameter": i.name, "value": i.value, "low": i.low, "high": i.high, "unit": i.unit,
+             "not_identifiable": i.word or None}
+            for i in intervals
+        ]  # fmt: skip
+    return out
+
+
+def of_by_command(found: ByCommand) -> dict[str, Any]:
+    """Of one fit per constant command with lines through the parameters."""
+    return {
+        "law": found.model.law,
+        "attributes": dict(found.model.attributes),
+        "by_command": [
+            {"command": u, "attributes": dict(fit.model.attributes), **_errors(fit.train, fit.train_nrmse)}
+            for u, fit in found.fits
+        ],
+        "lines": [asdict(line) for line in found.lines],
+        "held_out": _errors(found.held_out, found.held_out_nrmse),
+    }
+
+
+def of_network(
+    fit: FitNarx, found: Sufficiency, choice: Choice | None, pruned: Pruned | None
+) -> dict[str, Any]:
+    """Of a network: both errors by record, its stages, and what was chosen and pruned."""
+    net = fit.network
+    out: dict[str, Any] = {
+        "law": "narx",
+        "topology": net.topology,
+        "weights": len(net.theta),
+        "effective_weights": fit.posterior.gamma,
+        "sample_time_s": net.sample_time,
+        "stages": [
+            {"name": s.name, "gamma": s.gamma, "free_run_nrmse": s.free_run, "one_step_nrmse": s.one_step}
+            for s in fit.stages
+        ],
+        "sufficient": found.suffice,
+        "sufficiency": found.why,
+    }
+    for k, half in enumerate(("train", "validation", "test")):
+        out[half] = {
+            way: _errors(getattr(judged, half), judged.pooled[k])
+            for way, judged in (("free_run", fit.free_run), ("one_step", fit.one_step))
+        }
+    if choice:
+        out["choice"] = {
+            "by": choice.by,
+            "chosen": asdict(choice.candidate),
+            **{step: [_trial(t) for t in getattr(choice, step)] for step in ("inputs", "lags", "units")},
+        }
+    if pruned:
+        out["pruned"] = {
+            "topology": pruned.smallest.topology,
+            "weights": pruned.smallest.nonzero,
+            "course": [
+                {"weights": s.weights, "inputs": s.inputs, "units": list(s.units), "free_run_nrmse": s.free_run,
+                 "one_step_nrmse": s.one_step}
+                for s in pruned.steps
+            ],
+        }  # fmt: skip
+    return out
+
+
+def of_table(table: Table1) -> dict[str, Any]:
+    """Of the foam-damper paper's Table 1; E_x and E_v in its cm."""
+    return {
+        "held_out": [record.name for record in table.records],
+        "rows": [
+            {
+                "model": row.model,
+                **asdict(row.norms),
+                "nrmse": row.nrmse,
+                "paper": asdict(row.paper) if row.paper else None,
+            }
+            for row in table.rows
+        ],
+    }
+
+
+def _errors(errors: Sequence[RecordError], pooled: float) -> dict[str, Any]:
+    rows = [{"record": e.record, "rmse_N": e.rmse, "nrmse": e.nrmse} for e in errors]
+    return {"nrmse": pooled, "records": rows}
+
+
+def _trial(t: Trial) -> dict[str, Any]:
+    return {
+        **asdict(t.candidate),
+        "weights": t.weights,
+        "gamma": t.gamma,
+        "train": {"free_run_nrmse": t.train_free, "one_step_nrmse": t.train_one},
+        "validation": {"free_run_nrmse": t.validation_free, "one_step_nrmse": t.validation_one},
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,215 @@
+"""Every page that a command writes, in a real browser: no error, every picture, a phone's width, nothing fetched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chromium import Tab, browser, executable
+from mrdamp.blindtest import report as blindtest
+from mrdamp.blindtest.score import Row as Case
+from mrdamp.cli import main
+from mrdamp.compare import dyke1996
+from mrdamp.diagnosis.page import page as diagnosis_page
+from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Regime, Step, Where
+from mrdamp.gap.page import page as gap_page
+from mrdamp.gap.study import CRITERIA, Row, Study
+from mrdamp.model import Effect, Model
+from mrdamp.motions import kanai_tajimi
+from mrdamp.records import embedded
+
+pytestmark = pytest.mark.skipif(executable() is None, reason="needs Chromium (Debian: apt install chromium)")
+PHONE, DESK = 390, 1200  # CSS pixels
+STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    with browser(tmp_path_factory.mktemp("profile")) as found:
+        yield found
+
+
+def faults(tab: Tab, page: Path, width: int, dark: bool = False) -> list[str]:
+    """What is wrong with a page at a width."""
+    tab.open(page.as_uri(), width, dark=dark)
+    found = tab.complaints()
+    found += [f"asks for {url}" for url in tab.requests() if url != page.as_uri() and not url.startswith("data:")]
+    missing = tab.evaluate("""Promise.all([
+        ...Array.from(document.images, i => i.src),
+        ...Array.from(document.querySelectorAll("svg image"), i => i.href.baseVal),
+    ].map(source => {
+        const picture = new Image();
+        picture.src = source;
+        return picture.decode().then(() => picture.naturalWidth > 0 ? 0 : 1, () => 1);
+    })).then(all => all.reduce((a, b) => a + b, 0))""")
+    empty = tab.evaluate("""Array.from(document.querySelectorAll("figure svg")).filter(svg =>
+        svg.getBoundingClientRect().height < 20 || svg.querySelectorAll("path").length < 3).length""")
+    if missing or empty:
+        found.append(f"{missing} pictures missing, {empty} empty")
+    if not tab.evaluate("document.querySelectorAll('figure svg, figure img').length"):
+        found.append("no picture at all")
+    wide = tab.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    if wide > 0:
+        found.append(f"{wide} px wider than the screen")
+    # Pictures have type of 9 points: their scale is what makes it small.
+    small = tab.evaluate("""Array.from(document.querySelectorAll("body *")).filter(e => !e.closest("svg") &&
+        Array.from(e.childNodes).some(n => n.nodeType == 3 && n.data.trim()) &&
+        parseFloat(getComputedStyle(e).fontSize) < 12).length""")
+    scale = tab.evaluate("""Math.min(1, ...Array.from(document.querySelectorAll("figure svg"), svg =>
+        svg.getBoundingClientRect().width / svg.viewBox.baseVal.width))""")
+    if small or scale < 0.95:
+        found.append(f"{small} texts below 12 px, pictures at {scale:.2f} of their size")
+    return found
+
+
+# --- the pages ------------------------------------------------------------------------------
+def demo_page(folder: Path) -> Path:
+    records = embedded()
+    for half, chosen in (("train", records.train[1:4]), ("validation", records.validation[:2])):
+        (folder / "set" / half).mkdir(parents=True)
+        for r in chosen:
+            r.part(0.0, 2.0).save(folder / "set" / half / f"{r.name}.csv")
+    assert main(["demo", "--data", str(folder / "set"), "--law", "bouc_wen", "-o", str(folder)]) == 0
+    return folder / "index.html"
+
+
+def network_page(folder: Path) -> Path:
+    call = ["identify", "--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1"]
+    call += ["--protocol", "varying", "--record", "sine_5.0Hz_2.5mm_random_current", "--counts", "1200:600:500"]
+    assert main([*call, "--page", str(folder / "index.html"), "-o", str(folder / "model.json")]) == 0
+    return folder / "index.html"
+
+
+def comparison_page(folder: Path) -> Path:
+    kanai_tajimi(1, duration=6.0, rise=1.0, plateau=2.0, decay=1.0).save(folder / "quake.csv")
+    call = ["compare", "frame", "--controllers", "passive-off", "passive-on", "c=constant:value=0.5"]
+    call += ["--motions", str(folder / "quake.csv"), "--amplitudes", "0.5", "1", "--jobs", "1", "-o", str(folder)]
+    assert main(call) == 0
+    return folder / "index.html"
+
+
+def published_page(folder: Path) -> Path:
+    motion = kanai_tajimi(1, duration=6.0, rise=1.0, plateau=2.0, decay=1.0)
+    dyke1996.page(dyke1996.table(motion), motion).write(folder / "index.html")
+    return folder / "index.html"
+
+
+def inverse_page(folder: Path) -> Path:
+    parameters = dict(zip(("c0a", "c0b", "fya", "fyb", "v_ref"), (400.0, 150.0, 50.0, 600.0, 0.01), strict=True))
+    limits = {"command_min": 0.0, "command_max": 2.0}
+    Model("bingham", {**parameters, **limits}, name="bingham").write(folder / "m.json")
+    model = str(folder / "m.json")
+    assert main(["inverse", model, "--plant", model, "--no-network", "--seconds", "2", "-o", str(folder)]) == 0
+    return folder / "index.html"
+
+
+def study_page(folder: Path) -> Path:
+    causes = ("driver_lag", "storey_stiffness@1", "sensor_leakage@3")
+    errors = dict.fromkeys(CRITERIA, (0.104, 0.016))
+    rows = tuple(
+        Row(cause, "effect", (cause,), 0.104, 0.02, 0.533, errors, (0.6, 0.9), 0.49, 0.49, 0.53) for cause in causes
+    )
+    gap_page(Study("clipped-optimal", 0.475, rows)).write(folder / "index.html")
+    return folder / "index.html"
+
+
+def diagnosed_page(folder: Path) -> Path:
+    nominal = replace(dyke1996.frame_model(), rig="damper", structure=None)
+    lag = Effect("driver_lag", {"tau": 0.008})
+    corrected = Model(nominal.law, nominal.parameters, (lag,), name="corrected")
+    records = embedded().validation[:4]
+    names = {r.name: 1 / len(records) for r in records}
+    found = Diagnosis(
+        case="a_rig",
+        rig="damper",
+        verdict="effect",
+        sentence="The gap comes from driver_lag: with it the gap goes from 16.5 % to 1.5 % (noise 1.3 %).",
+        effects=(Named("driver_lag", "driver", None, 0.94, {"tau": 0.008}, 0.97, {"tau": (0.007, 0.009)}),),
+        candidates=(Candidate(("driver_lag",), 0.94, 0.015), Candidate((), 1e-22, 0.165)),
+        indistinguishable=(("driver_lag", "command_delay"),),
+        where=Where(
+            {s: float(s == "driver") for s in STAGES}, names, (Regime("command from 0 to 0.25", 0.32, 0.2),)
+        ),
+        gap=Gap(0.165, 0.021, 0.015, 0.013, (0.014, 0.016), 0.013),
+        waterfall=(Step("nominal", 0.165, (0.12, 0.2)), Step("+ driver_lag", 0.015, (0.014, 0.016))),
+        next_experiment={"signal": "sine of 5 Hz, command stepped every 0.4 s", "separation": 11.7},
+        corrected=corrected,
+        unseen=({"effect": "heating", "largest": 0.1},),
+        notes=("2 fits stopped at a bound.",),
+        probabilities=dict.fromkeys("abcdefgh", 1 / 8),
+    )
+    diagnosis_page(found, nominal, records).write(folder / "index.html")
+    return folder / "index.html"
+
+
+def blind_page(folder: Path) -> Path:
+    rng = np.random.default_rng(1)
+    labels = [*("driver_lag", "saturation", "backlash", "~hum", "none", "parameters") * 8, "driver_lag+backlash"]
+    cases = []
+    for k, label in enumerate(labels):
+        right, effect = rng.random() < 0.8, label[0] not in "~np"
+        causes = frozenset((name, None) for name in label.split("+") if effect and right)
+        verdict = ("effect" if effect else "unknown" if label[0] == "~" else label) if right else "none"
+        before = float(10 ** rng.uniform(-1.5, -0.3))
+        cases.append(Case(f"case_{k:03d}", "damper", label, ("driver",), False, verdict, causes, (), "driver",
+                          float(rng.uniform(0.3, 1)), before, 0.05 * before, 30.0))  # fmt: skip
+    blindtest.write(folder, cases, "ab" * 32, {"nominal only": cases[:9]})
+    return folder / "index.html"
+
+
+PAGES = {
+    "demo": demo_page,
+    "identify --law narx": network_page,
+    "compare": comparison_page,
+    "compare --preset dyke1996": published_page,
+    "inverse": inverse_page,
+    "gap": study_page,
+    "diagnose": diagnosed_page,
+    "blindtest": blind_page,
+}
+
+
+SLOW = ("demo", "inverse")
+
+
+@pytest.mark.parametrize(
+    "make", [pytest.param(f, id=n, marks=pytest.mark.slow if n in SLOW else ()) for n, f in PAGES.items()]
+)
+def test_page_is_whole_and_fits_a_phone(make: Callable[[Path], Path], tab: Tab, tmp_path: Path) -> None:
+    page = make(tmp_path)
+    assert faults(tab, page, DESK) == []
+    assert faults(tab, page, PHONE) == []
+    assert faults(tab, page, PHONE, dark=True) == []
+
+
+GOOD = "<!doctype html><meta name=viewport content='width=device-width'><figure>{}</figure>{}"
+DOT = (
+    "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGNgYGBgAAAABQABpfZFQAAAAABJRU5E"
+    "rkJggg=="
+)
+
+
+@pytest.mark.parametrize(
+    ("figure", "rest", "fault"),
+    [
+        (f"<img src='{DOT}'>", "", None),
+        ("", "", "no picture"),
+        (f"<img src='{DOT}'>", "<script>nothing.there()</script>", "Uncaught"),
+        (f"<img src='{DOT}'>", "<script>console.error('no')</script>", "no"),
+        ("<img src='missing.png'>", "", "1 pictures missing"),
+        ("<img src='data:image/png;base64,AAAA'>", "", "1 pictures missing"),
+        ("<svg viewBox='0 0 300 90'></svg>", "", "1 empty"),
+        (f"<img src='{DOT}'>", "<link rel=stylesheet href='http://127.0.0.1:9/a.css'>", "asks for http"),
+        (f"<img src='{DOT}'>", "<pre style='width: 500px'>wide</pre>", "wider than the screen"),
+        (f"<img src='{DOT}'>", "<p style='font-size: 8px'>small</p>", "1 texts below 12 px"),
+    ],
+)
+def test_faults_are_seen(figure: str, rest: str, fault: str | None, tab: Tab, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text(GOOD.format(figure, rest), encoding="utf-8")
+    found = faults(tab, page, PHONE)
+    assert found == [] if fault is None else any(fault in text for text in found), found

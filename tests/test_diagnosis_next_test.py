@@ -1,0 +1,169 @@
+"""The next test: within the rig's limits, and as far apart as a rival that is fitted again leaves two simulators."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.experiment import SECONDS, Envelope, columns, drawn, neighbour
+from mrdamp.diagnosis.next_test import Bench, Pair, Steps, best, next_test
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.run import judge
+from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.model import Model
+from mrdamp.records import Record
+from toy_rig import DT, ToyRig, parts, toy
+
+DAMPER = Envelope("displacement_m", 0.01, 0.12, 0.3, 10.0, 0.2, 1.4, 0.002)
+FRAME = Envelope("ground_acceleration_m_s2", 3.0, None, 0.8, 16.0, 0.0, 1.0, 0.002)
+
+
+@pytest.mark.parametrize("envelope", [DAMPER, FRAME])
+def test_every_test_stays_within_the_limits_and_uses_them(envelope: Envelope) -> None:
+    rng = np.random.default_rng(1)
+    designs = [drawn(rng, envelope) for _ in range(60)]
+    designs += [neighbour(rng, a, b, envelope) for a, b in pairwise(designs)]
+    kinds, used = set(), []
+    for design in designs:
+        signal = design.signal(envelope)
+        assert len(signal.motion) == len(signal.command) == round(SECONDS / envelope.sample_time)
+        peak = np.abs(signal.motion).max() / envelope.largest
+        slope = 0.0
+        if envelope.rate is not None:
+            slope = np.abs(np.diff(signal.motion)).max() / envelope.sample_time / envelope.rate
+        assert max(peak, slope) < 0.95, design
+        used.append(max(peak, slope))
+        assert abs(signal.motion[0]) < 1e-3 * envelope.largest
+        assert envelope.command_low <= signal.command.min()
+        assert signal.command.max() <= envelope.command_high
+        spectrum = np.abs(np.fft.rfft(signal.motion * np.hanning(len(signal.motion))))
+        hz = np.fft.rfftfreq(len(signal.motion), envelope.sample_time)
+        if not design.triangle:
+            assert envelope.lowest - 0.4 < hz[np.argmax(spectrum)] < envelope.highest + 0.4
+        kinds.add((design.triangle, design.command))
+        assert f"{max(design.hz):.2g} Hz" in design.text(envelope)
+    assert np.mean(used) > 0.85
+    assert len(kinds) > (7 if envelope.rate is not None else 4)
+    names = list(columns(designs[0].signal(envelope), envelope))
+    assert names == ["time_s", envelope.channel, "command"]
+
+
+def test_what_a_test_gains_is_what_least_squares_leaves_more() -> None:
+    rng = np.random.default_rng(2)
+    known, apart = rng.standard_normal((3, 200)), rng.standard_normal(200)
+    j, d = rng.standard_normal((3, 90)), rng.standard_normal(90)
+
+    def left(columns: Array, target: Array) -> float:
+        numbers = np.linalg.lstsq(columns.T, target)[0]
+        return float(np.sum((target - numbers @ columns) ** 2))
+
+    pair = Pair(("a", "b"), {}, {}, Steps((), np.zeros(0)), known, apart)
+    want = left(np.hstack([known, j]), np.concatenate([apart, d])) - left(known, apart)
+    assert pair.gained(j, d) == pytest.approx(want, rel=1e-6)
+    # A difference that the rival can make itself, and that the records leave it, gains nothing.
+    free = Pair(("a", "b"), {}, {}, Steps((), np.zeros(0)), 1e-6 * known, np.zeros(200))
+    assert free.gained(j, 0.7 * j[1]) < 1e-6
+
+
+def toy_bench(rig: ToyRig) -> tuple[Bench, Pair]:
+    """The cubic part against the law's gain, on the toy."""
+    law = Hypothesis(rig.nominal)
+    problem = Problem(rig)
+    at = np.zeros(1)
+    residual = problem.residuals(law, at)[0]
+    known = problem.jacobian(law, at, residual).T / problem.weights
+    steps = Steps.of(law, at, slice(None))
+    bench = Bench(rig, law.settings(at), steps, np.array([0.05]))
+    apart = 0.2 * np.concatenate([parts(np.asarray(r.displacement))["cubic"] for r in rig.records])
+    taken = np.concatenate([np.arange(r.n)[problem.taken(k)] + k * r.n for k, r in enumerate(rig.records)])
+    pair = Pair(
+        ("cubic", "none"),
+        {"cubic": 0.2},
+        {"gain": 2.0},
+        Steps((), np.zeros(0)),
+        known / 0.05,
+        apart[taken] / 0.05,
+    )
+    return bench, pair
+
+
+def test_the_best_test_is_better_than_one_at_random() -> None:
+    rig = toy({})
+    bench, pair = toy_bench(rig)
+    found = best(bench, [pair], rig.envelope)
+    rng = np.random.default_rng(8)
+    others = [
+        bench.distances(drawn(rng, rig.envelope).signal(rig.envelope), [pair], fitted=True)[0]
+        for _ in range(40)
+    ]
+    assert found.distances[0] > np.quantile(others, 0.8)
+    again = best(bench, [pair], rig.envelope)
+    np.testing.assert_array_equal(found.signal.motion, again.signal.motion)
+    # Fitted again the gain takes some of the difference away, and no more than all of it.
+    plain = bench.distances(found.signal, [pair], fitted=False)[0]
+    x = found.signal.motion[round(0.1 / DT) :]
+    assert plain == pytest.approx(np.sqrt(np.mean((0.2 * x**3 / 0.05) ** 2)), rel=1e-9)
+    assert 0 < found.distances[0] < plain
+
+
+LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+
+
+NOISE = np.array([0.02])
+
+
+def sines(commands: tuple[float, ...]) -> DamperRig:
+    """A damper that the simulator matches, shaken by sines at constant commands."""
+    t = 0.002 * np.arange(1200)
+    model, records = Model("bingham", LAW), []
+    rng = np.random.default_rng(3)
+    for k, command in enumerate(commands):
+        x = 0.008 * np.sin(2 * np.pi * (0.8 + 0.7 * k) * t)
+        force = model.simulate(0.002, {"displacement_m": x, "command": np.full(1200, command)})["force_N"]
+        channels = {"time_s": t, "displacement_m": x, "command": np.full(1200, command)}
+        records.append(
+            Record(f"{k}", None, 0.002, channels | {"force_N": force + 5 * rng.standard_normal(1200)})
+        )
+    return DamperRig(model, tuple(records))
+
+
+def test_constant_commands_are_answered_with_one_that_changes() -> None:
+    rig = sines((0.2, 1.0))
+    search = Search(Problem(rig, coarse=True), 1e-3, Limits())
+    fits, decision = judge(search)
+    chosen = fits[decision.chosen.index]
+    hidden = [{"effect": "driver_lag"}, {"effect": "command_delay"}]
+    test, made = next_test(search, chosen, fits, decision, (), hidden, np.array([5.0]))
+    assert made is not None
+    assert "driver_lag" in test["why"]
+    assert np.ptp(made["command"]) > 0.3
+    assert test["separation"] > 1.0
+    assert [s["one"] for s in test["separates"]] == ["driver_lag"]  # one of a stage
+
+
+def test_a_sensor_gain_that_the_law_can_make_itself_is_told_as_beyond_any_test() -> None:
+    rig = sines((0.2, 1.0))
+    search = Search(Problem(rig, coarse=True), 1e-3, Limits())
+    fits, decision = judge(search)
+    chosen = fits[decision.chosen.index]
+    test, _ = next_test(search, chosen, fits, decision, (), [{"effect": "sensor_gain"}], np.array([5.0]))
+    assert "no test within these limits parts sensor_gain" in test["why"]
+
+
+def test_ties_are_what_the_test_is_for() -> None:
+    rig = toy({"cubic": 0.4, "sign": 0.3})
+    problem = Problem(rig)
+    search = Search(problem, sum((0.02 / b.size) ** 2 for b in problem.blocks), Limits())
+    search.run()
+    fits, decision = judge(search)
+    single = search.smallest(False, ["cubic"])
+    assert single is not None
+    test, made = next_test(search, single, fits, decision, (("cubic", "sign"), ("cubic", "parameters")), (), NOISE)
+    assert made is not None
+    assert test["why"].startswith("these records leave cubic and sign tied")
+    assert [(s["one"], s["rival"]) for s in test["separates"]] == [("cubic", "sign"), ("cubic", "parameters")]

@@ -1,0 +1,254 @@
+"""Where the gap lies and how sure that is: substitution on the reference rig, intervals against known statistics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from mrdamp.blindtest import rig as reference
+from mrdamp.blindtest.bench import Truth, damper_channels, logged
+from mrdamp.blindtest.excitation import GRID_HZ, Excitation
+from mrdamp.core import Array
+from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.damper_where import parts
+from mrdamp.diagnosis.fit import Fit, fit
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.resample import draws, of_records, seconds, spread
+from mrdamp.diagnosis.result import Measured
+from mrdamp.diagnosis.run import judge
+from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.where import stage_intervals, stage_shares
+from mrdamp.model import Model
+from mrdamp.records import Record
+from toy_rig import ToyRig, toy
+
+LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+NOISE = 4.0  # N
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The reference rig's channels for two tests, and its own error of the whole and of its parts."""
+
+    records: tuple[Record, ...]
+    shares: tuple[float, float, float]
+
+
+def measured(
+    inner: dict[str, float], outside: dict[str, float], channels: tuple[str, ...], noise: float = NOISE
+) -> Bench:
+    """Two tests with a changing current. Shares of driver, body and sensor by the rig's own forces, free of noise."""
+    rng = np.random.default_rng(4)
+    truth = Truth({"law": 0.0, **LAW, **inner}, outside)
+    records, sums = [], []
+    t = np.arange(4 * GRID_HZ + 1) / GRID_HZ
+    for k, hz in enumerate((0.9, 2.3)):
+        u = 0.5 + 0.5 * np.sign(np.sin(2 * np.pi * (1.7 + k) * t))
+        test = Excitation("test", 0.008 * np.sin(2 * np.pi * hz * t), u)
+        clean = damper_channels(truth, test, rng)
+        kept = {n: clean[n] for n in ("displacement_m", "command", "force_N", *channels)}
+        kept["force_N"] = kept["force_N"] + noise * rng.standard_normal(len(kept["force_N"]))
+        time = np.arange(len(kept["command"])) / 500.0
+        records.append(Record(f"{k}", None, 1 / 500.0, {"time_s": time, **kept}))
+        motion = test.spline()
+        x, v = motion(test.time), motion(test.time, 1)
+        believed = {"law": 0.0, **LAW}
+        whole = reference.run_damper(believed, x, v, test.fine(u))["force"]
+        current = np.repeat(reference.run_damper(truth.numbers, x, v, test.fine(u))["current"], 2)[1:]
+        driven = reference.run_damper(believed, x, v, current)["force"]
+        e = [logged(truth, whole - driven), logged(truth, driven) - clean["reference_force_N"]]
+        e.append(clean["reference_force_N"] - clean["force_N"])
+        keep = slice(50, -8)
+        size = np.sum(clean["force_N"][keep] ** 2)
+        sums.append([np.sum(part[keep] * np.sum(e, axis=0)[keep]) / size for part in e])
+    total = np.sum(sums, axis=0)
+    driver, body, sensor = (total / (total.sum() or 1.0)).tolist()
+    return Bench(tuple(records), (driver, body, sensor))
+
+
+BOTH = ("current_A", "reference_force_N")
+LAG = {"lag_form": 1.0, "lag_tau": 0.02, "lag_tau2": 0.004}
+STIFF = {"c0a": 900.0, "c0b": 1000.0}
+
+
+@pytest.mark.parametrize(
+    ("inner", "outside"),
+    [
+        (LAG, {}),
+        ({}, {"sensor.gain": 0.15}),
+        (STIFF, {}),
+        ({**LAG, **STIFF}, {"sensor.gain": 0.1}),
+        (STIFF, {"sensor.gain": -0.08}),
+    ],
+)
+def test_measured_signals_part_the_chain(inner: dict[str, float], outside: dict[str, float]) -> None:
+    made = measured(inner, outside, BOTH)
+    found = parts(DamperRig(Model("bingham", LAW), made.records), NOISE)
+    assert [m.stages for m in found.found] == [
+        ("driver",), ("magnetics", "fluid", "mechanics", "mount"), ("sensor",),
+    ]  # fmt: skip
+    assert sum(m.share for m in found.found) == pytest.approx(1.0)
+    for m, want in zip(found.found, made.shares, strict=True):
+        assert m.share == pytest.approx(want, abs=0.03), m.between
+        assert m.interval[0] - 0.03 <= want <= m.interval[1] + 0.03
+        assert m.interval[0] <= m.share <= m.interval[1]
+
+
+def test_noise_of_the_own_sensor_is_no_fault_of_it() -> None:
+    made = measured(STIFF, {}, BOTH, noise=8.0)
+    rig = DamperRig(Model("bingham", LAW), made.records)
+    assert abs(parts(rig, 8.0).found[2].share) < 0.08
+    assert parts(rig, 0.0).found[2].share > 0.15
+    # And where there is nothing but noise, nothing is shared.
+    still = measured({}, {}, BOTH, noise=8.0)
+    assert parts(DamperRig(Model("bingham", LAW), still.records), 8.0).found == ()
+
+
+def test_what_is_not_measured_stays_together_and_says_what_would_part_it() -> None:
+    model = Model("bingham", LAW)
+    current = parts(DamperRig(model, measured(LAG, {}, ("current_A",)).records), NOISE).found
+    assert [m.stages[0] for m in current] == ["driver", "magnetics"]
+    assert current[0].share == pytest.approx(1.0, abs=0.05)
+    assert current[1].part_by == "reference_force_N"
+    load = parts(DamperRig(model, measured(LAG, {}, ("reference_force_N",)).records), NOISE).found
+    assert [m.part_by for m in load] == ["current_A", ""]
+    assert parts(DamperRig(model, measured(LAG, {}, ()).records), NOISE).found == ()
+
+
+def test_a_current_in_another_unit_than_the_command_counts_by_its_shape() -> None:
+    made = measured(LAG, {}, ("current_A",))
+    scaled = tuple(r.with_channels({"current_A": 0.5 * r.channel("current_A")}) for r in made.records)
+    model = Model("bingham", LAW)
+    plain, other = (parts(DamperRig(model, records), NOISE).found for records in (made.records, scaled))
+    assert other[0].share == pytest.approx(plain[0].share, abs=0.15)
+
+
+def searched(truth: dict[str, float], noise: float) -> Search:
+    rig = toy(truth, noise)
+    problem = Problem(rig)
+    search = Search(problem, sum((noise / b.size) ** 2 for b in problem.blocks), Limits())
+    search.run()
+    return search
+
+
+def test_intervals_of_shares_hold_the_shares_and_widen_with_the_noise() -> None:
+    widths = []
+    for noise in (0.02, 0.15):
+        search = searched({"sign": 0.6, "offset": 0.3}, noise)
+        fits, decision = judge(search)
+        chosen = fits[decision.chosen.index]
+        shares = stage_shares(search, chosen, decision.verdict)
+        found = stage_intervals(search, chosen, decision.verdict)
+        assert set(found) == set(shares)
+        for stage, (low, high) in found.items():
+            assert low - 1e-9 <= shares[stage] <= high + 1e-9, stage
+        low, high = found["mechanics"]
+        assert low <= 0.8 <= high  # the squares, .36 to .09
+        widths.append(high - low)
+    assert 0 < widths[0] < widths[1]
+
+
+def test_what_was_measured_goes_before_what_comes_near() -> None:
+    search = searched({"outside": 1.2}, 0.02)
+    fits, decision = judge(search)
+    chosen = fits[decision.chosen.index]
+    assert decision.verdict == "unknown"
+    near = stage_shares(search, chosen, "unknown")
+    parted = (
+        Measured("a", ("driver", "fluid", "mechanics"), 0.9, (0.8, 1.0)),
+        Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
+    )
+    shares = stage_shares(search, chosen, "unknown", parted)
+    assert shares["sensor"] == pytest.approx(0.1)
+    assert shares["fluid"] / shares["mechanics"] == pytest.approx(near["fluid"] / near["mechanics"])
+    drawn = np.column_stack([np.linspace(0.8, 1.0, 400), np.linspace(0.2, 0.0, 400)])
+    low, high = stage_intervals(search, chosen, "unknown", parted, drawn)["sensor"]
+    assert low == pytest.approx(0.005, abs=0.01)
+    assert high == pytest.approx(0.195, abs=0.01)
+
+
+def fitted(rig: ToyRig) -> tuple[Problem, Fit]:
+    problem = Problem(rig)
+    chosen = tuple(t for t in rig.terms if t.effect in ("sign", "offset"))
+    hypothesis = Hypothesis(rig.nominal, chosen)
+    return problem, fit(problem, hypothesis, hypothesis.start(), tolerance=1e-8)
+
+
+TRUTH = {"gain": 2.1, "sign": 0.3, "offset": 0.2}
+
+
+def test_intervals_of_parameters_hold_the_truth_as_often_as_they_say() -> None:
+    hits, widths, values = [], [], []
+    for seed in range(60):
+        problem, found = fitted(toy(TRUTH, 0.5, seed=seed, n=400))
+        ends = spread(problem, found).intervals()
+        hits += [ends[k][0] <= v <= ends[k][1] for k, v in TRUTH.items()]
+        widths.append(ends["offset"][1] - ends["offset"][0])
+        values.append(found.settings["offset"])
+    assert 0.88 < np.mean(hits) <= 1.0
+    # The width of 95 % of a normal distribution, of what the fits themselves scatter by.
+    assert np.mean(widths) == pytest.approx(3.92 * np.std(values), rel=0.35)
+
+
+def coloured(rig: ToyRig, size: float, seed: int) -> ToyRig:
+    """The rig with noise that is alike over some 50 samples."""
+    rng = np.random.default_rng(seed)
+    records = []
+    for r in rig.records:
+        slow = lfilter([np.sqrt(1 - 0.96**2)], [1, -0.96], rng.standard_normal(r.n + 300))[300:]
+        records.append(r.with_channels({"force_N": r.channel("force_N") + size * slow}))
+    return replace(rig, records=tuple(records))
+
+
+def test_noise_that_is_alike_from_sample_to_sample_widens_an_interval() -> None:
+    hits, ratio = [], []
+    for seed in range(40):
+        white = toy(TRUTH, 0.0, seed=seed)
+        problem, found = fitted(coloured(white, 0.3, seed))
+        ends = spread(problem, found).intervals()["offset"]
+        hits.append(ends[0] <= TRUTH["offset"] <= ends[1])
+        # What least squares says where samples are taken for independent.
+        j = found.jacobian
+        each = found.cost / problem.samples * np.linalg.inv(j.T @ j)[-1, -1]
+        ratio.append((ends[1] - ends[0]) / (3.92 * np.sqrt(each) * 0.1))
+    assert np.mean(hits) > 0.82
+    assert np.median(ratio) > 3.0
+
+
+def test_draws_of_parameters_belong_together() -> None:
+    """Gain and cubic part trade off, so that drawn apart they would answer what no draw does."""
+    rig = toy({"cubic": 0.3}, 0.4)
+    problem = Problem(rig)
+    hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "cubic"))
+    around = spread(problem, fit(problem, hypothesis, hypothesis.start(), tolerance=1e-8))
+    table = np.array([[s["gain"], s["cubic"]] for s in around.settings(200)])
+    assert np.corrcoef(table.T)[0, 1] < -0.7
+    low, high = around.intervals()["gain"]
+    assert np.mean((table[:, 0] >= low) & (table[:, 0] <= high)) > 0.9
+
+
+def test_an_interval_ends_where_the_range_does() -> None:
+    rig = toy({"gain": 20.0})
+    hypothesis = Hypothesis(rig.nominal)
+    problem = Problem(rig)
+    low, high = spread(problem, fit(problem, hypothesis, hypothesis.start())).intervals()["gain"]
+    assert high == pytest.approx(8.0)
+    assert low <= 8.0
+
+
+def test_groups_are_seconds_of_a_record_and_draws_keep_their_number() -> None:
+    problem = Problem(toy({}, n=600))
+    groups = seconds(problem)
+    assert groups[0] == 0
+    counts = np.bincount(groups)
+    assert len(counts) == 6 * 6
+    assert np.all(counts > 0)
+    assert counts.max() == 100
+    assert np.bincount(of_records(problem)).tolist() == [problem.samples // 6] * 6
+    table: Array = draws(36)
+    assert np.all(table.sum(axis=1) == 36)
+    np.testing.assert_array_equal(table, draws(36))
