@@ -76,7 +76,7 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
   double factor = 1;
   if (p.trapped_gas_d != 0) {
     Stroke stroke = s.c.stroke;
-    stroke.Follow(x);
+    stroke.Follow(x, p.trapped_gas_reach);
     factor *= TrappedGas(p, stroke, x);
   }
   *slope = factor * rate * f.slope;
@@ -123,7 +123,7 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   c.time += m.dt;
   const double x = m.x + path;
   if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
-  if (p.trapped_gas_d != 0) c.stroke.Follow(x);
+  if (p.trapped_gas_d != 0) c.stroke.Follow(x, p.trapped_gas_reach);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
     double slope, fluid;
     PistonForce(d, *s, field1, x, m.vb, &slope, &fluid);
@@ -183,7 +183,8 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.branch = d.p.remanence_start;
   c.heat = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
-  c.piston = c.stroke.extreme = c.stroke.turn = x;
+  c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
+  if (d.p.trapped_gas_direction < 0) c.stroke.pocket = d.p.trapped_gas_reach;
   c.piston_velocity = HasMount(d.p) ? 0 : v;
   if (s->line) {
     *s->line = DelayLine();

@@ -33,9 +33,13 @@ struct Stroke {
   double extreme = 0;    // m: furthest point of this stroke
   double turn = 0;       // m: where it began
   double direction = 0;  // +1 extension, -1 compression, 0 not yet moved
+  double last = 0;       // m
+  double pocket = 0;     // m that the gas is pressed together by extension, 0 to its reach
 
-  void Follow(double x) {
+  void Follow(double x, double reach) {
     constexpr double kBack = 1e-5;
+    pocket = std::fmin(std::fmax(pocket + x - last, 0), reach);
+    last = x;
     if (direction == 0) {
       if (std::fabs(x - turn) > kBack) {
         direction = x > turn ? 1 : -1;
@@ -54,7 +58,8 @@ struct Stroke {
 inline double TrappedGas(const Params& p, const Stroke& stroke, double x) {
   if (p.trapped_gas_d == 0 || stroke.direction == 0) return 1;
   if (p.trapped_gas_direction != 0 && stroke.direction * p.trapped_gas_direction < 0) return 1;
-  const double s = (x - stroke.turn) / p.trapped_gas_s_g;
+  const double pressed = stroke.direction > 0 ? stroke.pocket : p.trapped_gas_reach - stroke.pocket;
+  const double s = (p.trapped_gas_reach > 0 ? pressed : x - stroke.turn) / p.trapped_gas_s_g;
   const double power = p.trapped_gas_shape == 2 ? s * s : std::pow(std::fabs(s), p.trapped_gas_shape);
   return 1 - p.trapped_gas_d * std::exp(-power);
 }

@@ -145,6 +145,21 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0), ("both", 0.0))
         ),
+        *(
+            Term(
+                "trapped_gas",
+                "fluid",
+                (
+                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
+                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
+                    positive("trapped_gas_reach", 0.2 * s.stroke, 0.01 * s.stroke, 2 * s.stroke),
+                ),
+                ((0.3, 0.1 * s.stroke, 0.2 * s.stroke), (0.3, 0.3 * s.stroke, 0.5 * s.stroke)),
+                form=f"{form}, a pocket",
+                fixed={"trapped_gas_direction": direction, "trapped_gas_shape": 1.0},
+            )
+            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        ),
         Term(
             "gas_spring",
             "mechanics",

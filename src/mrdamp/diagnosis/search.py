@@ -40,7 +40,8 @@ class Limits:
 
     singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
     to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base: iterations for the nominal parameters alone.
+    that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base:
+    iterations for the nominal parameters alone.
     """
 
     singles: int = 8
