@@ -220,7 +220,7 @@ class FrameRig:
             r.sample_time,
             r.channel("ground_acceleration_m_s2"),
             r.command,
-            substep=self.coarse_step if coarse else FINE,
+            substep=self.coarse_step if coarse else min(self.coarse_step, FINE),
             narx=self.nominal_model.narx,
         )
 

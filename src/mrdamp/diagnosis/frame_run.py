@@ -163,8 +163,10 @@ def _search(
     """
     problem = Problem(replace(rig, placed=True), telling(rig.records), coarse=True)
     floor = floors(problem, noise, {})
-    if too_coarse(problem, floor):
-        rig = replace(rig, coarse_step=FINE)
+    for step in (FINE, FINE / 2):
+        if not too_coarse(problem, floor):
+            break
+        rig = replace(rig, coarse_step=step)
         problem = Problem(replace(rig, placed=True), problem.records, coarse=True)
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
@@ -177,7 +179,7 @@ def _search(
         ("two causes", rig, True, 2),
     )
     for number, (what, sought, wanted, depth) in enumerate(steps):
-        if not wanted or _enough(search, rig, at_fault):
+        if not wanted or _enough(search, rig, at_fault, law=number > 2):
             continue
         progress(what, (number + 1) / 6)
         problem.rig = sought
@@ -201,8 +203,9 @@ def _search(
 
 def too_coarse(problem: Problem, floor: Array) -> bool:
     """True where the nominal simulator's own step errors are no trifle beside the noise (floor (blocks,), gaps)."""
-    fine = Problem(problem.rig, problem.records)
-    apart = problem.gaps(problem.of_settings([{}])[0] - fine.of_settings([{}])[0])
+    assert isinstance(problem.rig, FrameRig)
+    half = Problem(replace(problem.rig, coarse_step=problem.rig.coarse_step / 2), problem.records, coarse=True)
+    apart = problem.gaps(problem.of_settings([{}])[0] - half.of_settings([{}])[0])
     return problem.cost(apart) > _STEP_ERROR * problem.cost(floor)
 
 
@@ -211,12 +214,18 @@ def _block_names(rig: FrameRig) -> list[str]:
     return [f"{kind} {j}" for kind in ("accelerometer", "storey") for j in floors] + ["damper"]
 
 
-def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str]) -> bool:
-    """True where the best fit so far leaves little, and every block at fault is one that its causes act in."""
-    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if search.solved(best) and at_fault <= {"damper"}:
+def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: bool = True) -> bool:
+    """True where the best fit so far leaves little, and every block at fault is one that its causes act in.
+
+    law: free numbers of the law alone will do; they can bend after an effect of the damper that was not tried yet.
+    """
+    fits = [f for f in search.fits.values() if law or f.hypothesis.terms or not f.hypothesis.nominal]
+    best = min(fits, key=lambda f: (f.cost, f.hypothesis.name))
+    solved = search.solved(best)
+    if solved and at_fault <= {"damper"}:
         return True
-    covered: set[str] = {"damper"} if best.hypothesis.nominal else set()
+    # What is left may be little beside an accelerometer's fault, and all of the damper's.
+    covered: set[str] = {"damper"} if solved else set()
     for term in best.hypothesis.terms:
         if term.place is None:
             covered.add("damper")
@@ -225,7 +234,7 @@ def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str]) -> bool:
         else:
             first = 1 if term.effect == "floor_mass" else term.place
             covered |= {f"storey {j}" for j in range(first, term.place + 1)}
-    little = search.solved(best) or search.unexplained(best) < _FORM
+    little = solved or search.unexplained(best) < _FORM
     return bool(best.hypothesis.terms) and at_fault <= covered and little
 
 
