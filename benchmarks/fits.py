@@ -52,14 +52,16 @@ def in_python(record: Record) -> Callable[[Array], Array]:
 
 def in_c(record: Record) -> Callable[[Array], Array]:
     """The same through the C entry."""
-    fixed = core.defaults() | {"n": 2.0, "k0": 0.0, "x0": 0.0}
     v = record.velocity()
 
     def force(p: Array) -> Array:
         numbers = dict(zip(NAMES, (p * SCALE).tolist(), strict=True))
         half = 0.5 * numbers["A"]
-        vector = core.vector("bouc_wen", {**fixed, **numbers, "gamma": half, "beta": half})
-        out = core.run_many("bouc_wen", vector, record.sample_time, record.displacement, record.command, v=v)
+        fixed = {"n": 2.0, "k0": 0.0, "x0": 0.0, "gamma": half, "beta": half}
+        vector = core.vector("bouc_wen", numbers | fixed)
+        out = core.run_many(
+            "bouc_wen", vector, record.sample_time, record.displacement, record.command, v=v, substep=1e-3
+        )
         return np.asarray(out[0, 0])
 
     return force
@@ -93,7 +95,7 @@ def _over_records(effort: Effort) -> Section:
         detail = f"{cost:.1f} s for {seconds:.0f} s of records, {fit.evaluations} runs of the law"
         figures.append(Figure(f"{name}, from {fit.starts} starts", cost / seconds, "x", "<= 0.2", detail))
     stretches = varying_command(embedded(), RECORD)
-    (part,) = stretches.train if whole else [stretches.train[0].part(0, 400)]
+    (part,) = stretches.train if whole else [stretches.train[0].part(0, 800)]
     begin = clock()
     train_narx([part], inputs=lagged("viF", 4), hidden=(20,), initialisations=1, horizons=(),
                one_step_iterations=150 if whole else 5)  # fmt: skip
@@ -112,7 +114,10 @@ def _against(effort: Effort) -> Section:
     rounds = min(effort.rounds, 7)
     record = embedded()[RECORD].part(0.0, 4.0 if effort.steps >= 1000 else 0.5)
     measured = record.channel("force_N")
-    tasks = {"python": partial(fitted, in_python(record), measured), "c": partial(fitted, in_c(record), measured)}
+    tasks = {
+        "python": partial(fitted, in_python(record), measured),
+        "c": partial(fitted, in_c(record), measured),
+    }
     gap = float(np.abs(tasks["python"]() - tasks["c"]()).max())
     costs = interleave({name: _timed(task) for name, task in tasks.items()}, rounds)
     law = of_ratio(
@@ -122,8 +127,13 @@ def _against(effort: Effort) -> Section:
     train = shorten(embedded().train, 24_000 if effort.steps >= 1000 else 2_000)
     search = space("bouc_wen", Scales.of(train), ("offset",), 2e-3)
     problem = Problem(search, train, 1)
-    pair = {"whole": partial(_whole, problem), "folded": partial(descend, problem, search.start, _STEPS)}
-    costs = interleave({name: _timed(task) for name, task in pair.items()}, rounds)
+    costs = interleave(
+        {
+            "whole": _timed(partial(_whole, problem)),
+            "folded": _timed(partial(descend, problem, search.start, _STEPS)),
+        },
+        rounds,
+    )
     folded = of_ratio(
         "SciPy with every sample over the folded one", ratio(costs["whole"], costs["folded"]), "whole", "folded",
         note=f"Bouc-Wen law, {sum(r.n for r in train)} samples, the same steps",

@@ -260,14 +260,14 @@ def _one(one: Predict, parts: Sequence[Series]) -> float:
 _PLAIN = ("offset",)
 _EFFECTS = ("offset", "driver_lag", "saturation")
 
-#: Each with what it needs.
+#: Each with what it needs besides the package; bench-narx goes into an environment of its own, or over bench.
 COMPARED: dict[str, tuple[str, Callable[[Stretches, Effort], Rival]]] = {
-    "scikit-learn, MLP": ("scikit-learn", perceptron),
-    "sysidentpy, polynomial NARX": ("sysidentpy 0.9", polynomial),
-    "sysidentpy, neural NARX": ("sysidentpy 0.9 and torch", neural),
+    "scikit-learn, MLP": ("the extra bench", perceptron),
+    "sysidentpy, polynomial NARX": ("the extra bench-narx", polynomial),
+    "sysidentpy, neural NARX": ("the extra bench-narx", neural),
     "mrdamp, modified Bouc-Wen": ("", lambda _, __: law(_PLAIN, "mrdamp, modified Bouc-Wen")),
     "mujoco.sysid, modified Bouc-Wen": (
-        "mujoco[sysid]",
+        "the extra bench",
         lambda _, __: engine(_PLAIN, "mujoco.sysid, modified Bouc-Wen"),
     ),
     "mrdamp, modified Bouc-Wen with effects": (
@@ -275,7 +275,7 @@ COMPARED: dict[str, tuple[str, Callable[[Stretches, Effort], Rival]]] = {
         lambda _, __: law(_EFFECTS, "mrdamp, modified Bouc-Wen with effects"),
     ),
     "mujoco.sysid, modified Bouc-Wen with effects": (
-        "mujoco[sysid]",
+        "the extra bench",
         lambda _, __: engine(_EFFECTS, "mujoco.sysid, modified Bouc-Wen with effects"),
     ),
 }

@@ -80,6 +80,7 @@ class CableEnv(PlantEnv):
     | `loads` | `LoadSource` | `WindLoads()` | `WindLoads`, `AmbientLoads`, or one of your own |
     | `reward` | `CableReward`, mapping | `CableReward()` | weights of the parts, exponent |
     | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
+    | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
     | `observer` | `Observer`, mapping | from those | takes their place |
     | `full_state` | bool | False | see above |
     | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 0.2}` |

@@ -102,6 +102,7 @@ class CableTask(Task):
         signals: Sequence[str] | None = None,
         history: int = 1,
         action_in_observation: bool = True,
+        memory: Sequence[float] = (),
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
@@ -122,7 +123,7 @@ class CableTask(Task):
             observer = Observer.from_dict(observer)
         if observer is None:
             observer = cable_observer(
-                self.cable, places, float(maximum[0]), signals, history, action_in_observation, full_state
+                self.cable, places, float(maximum[0]), signals, history, action_in_observation, memory, full_state
             )
         self.weights = reward if isinstance(reward, CableReward) else CableReward.from_dict(reward or {})
         self.loads = WindLoads() if loads is None else loads
@@ -163,6 +164,7 @@ def cable_observer(
     signals: Sequence[str] | None = None,
     history: int = 1,
     action_in_observation: bool = True,
+    memory: Sequence[float] = (),
     full_state: bool = False,
 ) -> Observer:
     """What a cable's sensors give: accelerations where they are measured, and the damper's stroke and force.
@@ -194,4 +196,6 @@ def cable_observer(
     if unknown:
         raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
     scales = tuple(scale[name] for name in signals)
-    return Observer(tuple(signals), scales, history, action_in_observation, (command_max,))
+    return Observer(
+        tuple(signals), scales, history, action_in_observation, (command_max,), memory=tuple(memory)
+    )

@@ -128,11 +128,14 @@ class FrameRows:
 
 def currents(current: Array, command_max: Array) -> Array:
     """(n, 3) means over (n, k, m) currents: |current| over its largest (m,), its square, and |current|."""
-    _, k, m = current.shape
+    n, k, m = current.shape
     size = np.abs(current)
     share = size / command_max
-    sums = [np.add.reduce(part, axis=(1, 2)) for part in (share, share * share, size)]
-    return np.asarray(np.stack(sums, axis=1) / (k * m))
+    found = np.empty((n, 3))
+    for column, part in zip(found.T, (share, share * share, size), strict=True):
+        np.add.reduce(part, axis=(1, 2), out=column)
+    found /= k * m
+    return found
 
 
 def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
@@ -141,7 +144,9 @@ def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
     velocity: (n, k, m) m/s at the steps, after: (n, m) behind the last one. A step changes the velocity by the pull, so
     the pull times the mean of both velocities is the work of the step, exactly.
     """
-    both = velocity + np.concatenate([velocity[:, 1:], after[:, None]], axis=1)
+    both = velocity.copy()
+    both[:, :-1] += velocity[:, 1:]
+    both[:, -1] += after
     both *= pull
     return np.asarray(-0.5 * timestep * np.add.reduce(both.reshape(len(both), -1), axis=1))
 

@@ -44,6 +44,7 @@ class FrameTask(Task):
         signals: Sequence[str] | None = None,
         history: int = 1,
         action_in_observation: bool = True,
+        memory: Sequence[float] = (),
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
@@ -61,7 +62,7 @@ class FrameTask(Task):
             observer = Observer.from_dict(observer)
         if observer is None:
             observer = frame_observer(
-                self.models, maximum, signals, history, action_in_observation, full_state
+                self.models, maximum, signals, history, action_in_observation, memory, full_state
             )
         weights = reward if isinstance(reward, FrameReward) else FrameReward.from_dict(reward or {})
         if weights.reference == "passive-on" and len(self.models) > 1:
@@ -116,6 +117,7 @@ def frame_observer(
     signals: Sequence[str] | None = None,
     history: int = 1,
     action_in_observation: bool = True,
+    memory: Sequence[float] = (),
     full_state: bool = False,
 ) -> Observer:
     """What the frame's sensors give: floor accelerations, stroke and force of every damper.
@@ -149,7 +151,9 @@ def frame_observer(
             found.append(scale[stem])
         else:
             raise InputError(f"observer: no measurement {name!r} in a frame of {structure.storeys} storeys")
-    return Observer(tuple(signals), tuple(found), history, action_in_observation, tuple(command_max))
+    return Observer(
+        tuple(signals), tuple(found), history, action_in_observation, tuple(command_max), memory=tuple(memory)
+    )
 
 
 def _largest_force(model: Model, stroke: float, w: float, command: float) -> float:

@@ -74,8 +74,10 @@ class Plants:
         self._control = self.batch.bind("ctrl")
         self._pushes = np.zeros((n, inner, m.nu))
         self._record = {name: np.zeros((n, inner, a.shape[1])) for name, a in self._now.items()}
-        self._rest = np.zeros((inner, len(loads)))
-        self._load: list[Array] = [self._rest] * n
+        # Loads (n, samples, loads) at the engine's steps, and each row's last sample, from which on there is none.
+        self._load = np.zeros((n, inner, len(loads)))
+        self._last = np.full(n, inner - 1)
+        self._row, self._ahead = np.arange(n)[:, None], np.arange(inner + 1)
         self.step = np.zeros(n, dtype=np.int64)
 
     @property
@@ -86,19 +88,18 @@ class Plants:
     def start(self, row: int, load: Array) -> None:
         """Row at rest at time 0, to run under a load (samples, loads) at the engine's steps; none after its end."""
         self.batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE)
-        whole = np.zeros((-len(load) % self.inner, load.shape[1]))
-        self._load[row] = np.concatenate([load, whole, self._rest])
+        rest = np.zeros((-len(load) % self.inner + self.inner, load.shape[1]))
+        self._give(row, np.concatenate([load, rest]))
         self.step[row] = 0
 
     def measure(self, rows: Sequence[int] | None = None) -> dict[str, Array]:
         """The fields, (rows, size) each, at the present state, under the present load and the last commands."""
-        for row in range(self.n) if rows is None else rows:
-            load = self._load[row]
-            self._control[row, self.loads] = load[min(self.step.item(row), len(load) - 1)]
+        some = list(range(self.n) if rows is None else rows)
+        now = self._load[some, np.minimum(self.step[some], self._last[some])]
+        for row, load in zip(some, now, strict=True):
+            self._control[row, self.loads] = load
         self.batch.forward(rows)
-        if rows is None:
-            return {name: now.copy() for name, now in self._now.items()}
-        return {name: now[list(rows)] for name, now in self._now.items()}
+        return {name: value[some] for name, value in self._now.items()}
 
     def advance(self, commands: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         """One control period with commands (n, dampers) held.
@@ -109,13 +110,14 @@ class Plants:
         """
         pushes, inner = self._pushes, self.inner
         pushes[:, :, self.dampers] = commands[:, None, :]
-        for row in range(self.n):
-            load = self._load[row]
-            k = min(self.step.item(row), len(load) - inner)
-            pushes[row, :, self.loads] = load[k : k + inner]
+        at = np.minimum(self.step[:, None] + self._ahead, self._last[:, None])
+        load = self._load[self._row, at]
+        pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
         self.step += inner
-        return self._record, self.measure()
+        self._control[:, self.loads] = load[:, -1]
+        self.batch.forward()
+        return self._record, {name: now.copy() for name, now in self._now.items()}
 
     def position(self, row: int) -> Array:
         """(nq,) of a row, for drawing."""
@@ -123,12 +125,21 @@ class Plants:
 
     def save(self, row: int) -> Moment:
         """The row's present, to go back to."""
-        return Moment(np.array(self.batch.state[row]), self._load[row], int(self.step[row]))
+        load = self._load[row, : self._last[row] + 1].copy()
+        return Moment(np.array(self.batch.state[row]), load, int(self.step[row]))
 
     def restore(self, row: int, moment: Moment) -> None:
         """Back to a saved present, exactly."""
         self.batch.state[row] = moment.state
-        self._load[row], self.step[row] = moment.load, moment.step
+        self._give(row, moment.load)
+        self.step[row] = moment.step
+
+    def _give(self, row: int, load: Array) -> None:
+        n, held, width = self._load.shape
+        if len(load) > held:
+            self._load = np.concatenate([self._load, np.zeros((n, len(load) - held, width))], axis=1)
+        self._load[row, : len(load)] = load
+        self._last[row] = len(load) - 1
 
 
 def _columns(ids: Sequence[int]) -> slice | NDArray[np.intp]:

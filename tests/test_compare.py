@@ -29,6 +29,7 @@ from mrdamp.compare.motions import (
 )
 from mrdamp.compare.runner import run_all
 from mrdamp.compare.summary import difference, interval, summarise
+from mrdamp.compare.tables import differences_csv
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Network, Policy
 from mrdamp.criteria import evaluate
@@ -197,6 +198,10 @@ def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> Non
         np.testing.assert_allclose(result.values["learned"][key].ravel(), [one, two], rtol=1e-12)
     s = result.against("learned", "passive-on", "mean_command")
     assert [s.mean, s.low, s.high] == pytest.approx([-0.5625, -1.125, 0.0])
+    told = {(r["less"], r["measure"]): r for r in csv.DictReader(differences_csv(result).splitlines())}
+    assert {less for less, _ in told} == {"constant:value=1.125", "passive-on"}
+    found = told["passive-on", "mean_command"]
+    assert [float(found[key]) for key in ("mean", "low", "high")] == pytest.approx([-0.5625, -1.125, 0.0])
     # Another file under the same name is another run.
     key = BENCH.key(rows[0].specs[0], MOTIONS[0], 1.0)
     steady_policy(-1.0, tmp_path / "seed_1" / "policy.json")

@@ -171,8 +171,9 @@ def test_open_cases(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CASES.is_dir(), reason="needs the folder ../shared/cases")
-def test_one_worker_and_two_give_the_same_answer(tmp_path: Path) -> None:
-    one, two = (diagnosed("open_04", tmp_path / jobs, "--jobs", jobs) for jobs in ("1", "2"))
+@pytest.mark.parametrize("name", ["open_04", "open_frame_05"])
+def test_one_worker_and_two_give_the_same_answer(name: str, tmp_path: Path) -> None:
+    one, two = (diagnosed(name, tmp_path / jobs, "--jobs", jobs) for jobs in ("1", "2"))
     assert {**one, "seconds": 0} == {**two, "seconds": 0}
     assert (tmp_path / "1" / "corrected.json").read_text() == (tmp_path / "2" / "corrected.json").read_text()
 

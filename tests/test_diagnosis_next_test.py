@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -9,18 +10,32 @@ import pytest
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.experiment import SECONDS, Envelope, columns, drawn, neighbour
+from mrdamp.diagnosis.experiment import SECONDS, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.diagnosis.next_test import Bench, Pair, Steps, best, next_test
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import judge
 from mrdamp.diagnosis.search import Limits, Search
-from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.terms import Hypothesis, Settings
+from mrdamp.diagnosis.ties import could_hide
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record
 from toy_rig import DT, ToyRig, parts, toy
 
 DAMPER = Envelope("displacement_m", 0.01, 0.12, 0.3, 10.0, 0.2, 1.4, 0.002)
 FRAME = Envelope("ground_acceleration_m_s2", 3.0, None, 0.8, 16.0, 0.0, 1.0, 0.002)
+
+
+def test_the_size_that_could_hide_is_told_in_the_settings_own_direction() -> None:
+    terms = {t.effect: t for t in sines((0.2, 1.0)).terms}
+    gain = could_hide(terms["sensor_gain"], 3.0)
+    assert gain == pytest.approx(1.3)  # of 1, which is none
+    assert could_hide(terms["sensor_gain"], 1e9) == terms["sensor_gain"].coordinates[0].high
+    delay, mount = terms["command_delay"], terms["mount_compliance"]
+    assert could_hide(delay, 2.0) == pytest.approx(2 * delay.starts[0][0])
+    assert could_hide(mount, 2.0) == pytest.approx(
+        mount.starts[0][0] / 2
+    )  # a softer mount hides, not a stiffer one
 
 
 @pytest.mark.parametrize("envelope", [DAMPER, FRAME])
@@ -111,6 +126,27 @@ def test_the_best_test_is_better_than_one_at_random() -> None:
     assert 0 < found.distances[0] < plain
 
 
+class Refusing(ToyRig):
+    """Takes no gain above 2, as the chain takes no hysteresis that grows without bound."""
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        if any(s.get("gain", 2.0) > 2.0 for s in settings):
+            raise InputError("gain is above 2")
+        return super().try_signal(settings, signal)
+
+
+def test_a_step_that_the_chain_refuses_leaves_the_others_alone() -> None:
+    rig = toy({})
+    bench, pair = toy_bench(rig)
+    refusing = Bench(Refusing(rig.records), bench.middle, bench.law, bench.noise)
+    signal = drawn(np.random.default_rng(3), rig.envelope).signal(rig.envelope)
+    plain = bench.distances(signal, [pair], fitted=False)
+    np.testing.assert_array_equal(refusing.distances(signal, [pair], fitted=False), plain)
+    # The gain, which cannot be moved, is then as the records have it.
+    left = refusing.distances(signal, [pair], fitted=True)[0]
+    assert bench.distances(signal, [pair], fitted=True)[0] <= left <= plain[0] * 1.5
+
+
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 
 
@@ -163,7 +199,9 @@ def test_ties_are_what_the_test_is_for() -> None:
     fits, decision = judge(search)
     single = search.smallest(False, ["cubic"])
     assert single is not None
-    test, made = next_test(search, single, fits, decision, (("cubic", "sign"), ("cubic", "parameters")), (), NOISE)
+    test, made = next_test(
+        search, single, fits, decision, (("cubic", "sign"), ("cubic", "parameters")), (), NOISE
+    )
     assert made is not None
     assert test["why"].startswith("these records leave cubic and sign tied")
     assert [(s["one"], s["rival"]) for s in test["separates"]] == [("cubic", "sign"), ("cubic", "parameters")]

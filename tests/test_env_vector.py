@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+from scipy.signal import lfilter
 
 import mrdamp.envs
 from mrdamp.control.observe import Stack
@@ -35,7 +38,9 @@ ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
         "damper_between": [(0, 1), (1, 3)],
         "reward": FrameReward.peaks(),
     },
-    "cable": {"loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "history": 2, "threads": 2},
+    "cable": {
+        "loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "history": 2, "memory": [3.0], "threads": 2,
+    },
 }
 SINGLE: Mapping[str, Callable[..., Any]] = {"frame": FrameEnv, "cable": CableEnv}
 VECTOR: Mapping[str, Callable[..., PlantVectorEnv]] = {"frame": FrameVectorEnv, "cable": CableVectorEnv}
@@ -190,9 +195,31 @@ def test_an_observer_scales_cuts_and_stacks() -> None:
     assert OBSERVER.size == len(OBSERVER.names) == 9
 
 
-def test_stacked_rows_are_observers() -> None:
+REMEMBERING = replace(OBSERVER, history=2, memory=(2.0, 9.0))
+
+
+def test_leaky_averages_are_a_filter_of_the_signals() -> None:
+    observer = replace(REMEMBERING)
+    assert observer.names[2:7] == ("command", "a~2", "b~2", "a~9", "b~9")
+    assert observer.size == len(observer.names) == 14
+    signal = np.random.default_rng(2).normal(size=(60, 2))
+    seen = np.array([observer({"a": a, "b": b}, 1.0) for a, b in signal])
+    scaled = signal / OBSERVER.scales
+    for k, periods in enumerate(observer.memory):
+        keep = math.exp(-1 / periods)
+        # At rest with the first sample: lfilter's state is what one sample of it has left.
+        wanted = lfilter([1 - keep], [1, -keep], scaled, axis=0, zi=keep * scaled[:1])[0]
+        np.testing.assert_allclose(seen[:, 3 + 2 * k : 5 + 2 * k], wanted, atol=1e-6)
+        np.testing.assert_array_equal(seen[1:, 10 + 2 * k : 12 + 2 * k], seen[:-1, 3 + 2 * k : 5 + 2 * k])
+    assert Observer.from_dict(observer.to_dict()) == observer
+    older = {key: value for key, value in OBSERVER.to_dict().items() if key != "memory"}
+    assert Observer.from_dict(older) == OBSERVER  # a policy that was written before there was one
+
+
+@pytest.mark.parametrize("observer", [OBSERVER, REMEMBERING])
+def test_stacked_rows_are_observers(observer: Observer) -> None:
     rng = np.random.default_rng(0)
-    stack, each = Stack(OBSERVER, 2), [Observer.from_dict(OBSERVER.to_dict()) for _ in range(2)]
+    stack, each = Stack(observer, 2), [Observer.from_dict(observer.to_dict()) for _ in range(2)]
     for k in range(6):
         values, command = rng.normal(size=(2, 2)) * 10, rng.uniform(0, 4, (2, 1))
         if k in (0, 3):
@@ -217,6 +244,7 @@ def test_stacked_rows_are_observers() -> None:
         {"history": 0},
         {"command_max": (-1.0,)},
         {"limit": 0.0},
+        {"memory": (0.0,)},
     ],
 )
 def test_observers_that_cannot_be(arguments: dict[str, Any]) -> None:

@@ -6,11 +6,14 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mrdamp.commands.identify import add_to
 from mrdamp.errors import InputError
+from mrdamp.identify import simulate
 from mrdamp.model import Model
+from mrdamp.records import read_records
 from sine_records import grid, straight
 
 
@@ -115,6 +118,50 @@ def test_json_holds_the_figures_of_the_text(
     (slope,) = (i for i in report["intervals"] if i["parameter"] == "fyb")
     assert slope["low"] < 300.0 < slope["high"]
     assert slope["not_identifiable"] is None
+
+
+def test_both_papers_measures_and_loops_of_a_law(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Against the papers' formulas, on a law that is half of the damper's."""
+    out, picture = tmp_path / "m.json", tmp_path / "loops.png"
+    call: list[str | Path] = ["identify", folder, "--law", "bingham", "--starts", "1", "--extras", "-o", out]
+    assert run(*call, "--norms", "--json", "--picture", picture) == 0
+    report = json.loads(capsys.readouterr().out)
+    record = next(r for r in read_records(folder).validation if r.name == "0.3A_4mm")
+    (row,) = (r for r in report["norms"] if r["record"] == record.name)
+    dt, skip = record.sample_time, round(0.02 / record.sample_time)
+    force = record.channel("force_N")[skip:]
+    gap = (simulate(Model.read(out), record)[skip:] - force) ** 2
+    weight = 100 * np.abs(record.velocity()[skip:])  # cm/s
+    assert row["delta_2"] == pytest.approx(np.sqrt(np.mean(gap) / np.mean(force**2)), rel=1e-6)
+    assert row["e_t"] == pytest.approx(np.sqrt(np.mean(gap)) / np.std(force), rel=1e-2)
+    assert row["e_x"] == pytest.approx(
+        np.sqrt(dt * np.sum(gap * weight) / (dt * len(gap))) / np.std(force), rel=2e-2
+    )
+    assert row["e_v"] > 0
+    assert picture.stat().st_size > 5000
+
+
+def test_what_the_records_cannot_show_is_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each record has one command: no driver lag is seen. A saturation is, over several of them."""
+    call: list[str | Path] = [
+        "identify",
+        folder,
+        "--law",
+        "bingham",
+        "--starts",
+        "1",
+        "-o",
+        tmp_path / "m.json",
+    ]
+    assert run(*call, "--extras", "offset", "driver_lag", "saturation") == 0
+    text = capsys.readouterr().out
+    assert "left out, as no record here has a command that varies enough: driver_lag\n" in text
+    with pytest.raises(InputError, match="--intervals is for laws"):
+        run("identify", folder, "--law", "narx", "--intervals", "-o", tmp_path / "m.json")
 
 
 def test_json_of_dependences_and_of_commands(

@@ -21,6 +21,7 @@ from mrdamp.narx.prune import draw_course, prune
 from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
+from mrdamp.stepping import drive_rig
 from narx_data import made, motion, recursion
 
 TRAIN = (made(700, 1), made(500, 2))
@@ -67,6 +68,21 @@ def test_it_stays_bounded_and_accurate_over_ten_times_the_training_length(traine
     late = slice(n // 2, None)
     assert np.std(force[late] - truth[late]) < 0.06 * np.std(truth)
     assert np.max(np.abs(force)) < 1.5 * np.max(np.abs(truth))
+
+
+@pytest.mark.parametrize("dt", [7e-4, 2.6e-3])
+def test_it_stays_so_inside_the_plugin_at_other_timesteps(trained: FitNarx, dt: float) -> None:
+    """Ten times the training length in MuJoCo, at a timestep that is no simple part of its sample time of 2 ms."""
+    n = round(10 * sum(s.n for s in TRAIN) * 2e-3 / dt)
+    x, v, i = motion(n, dt, 9)
+    driven = drive_rig(
+        trained.model, dt, {"displacement_m": x, "velocity_m_s": v, "command": i}, largest_step=dt
+    )
+    count = round(n * dt / 2e-3) + 1
+    truth = np.interp(np.arange(n) * dt, np.arange(count) * 2e-3, recursion(*motion(count, 2e-3, 9), 2e-3))
+    late = slice(n // 2, None)
+    assert np.std(driven["force_N"][late] - truth[late]) < 0.08 * np.std(truth)
+    assert np.max(np.abs(driven["force_N"])) < 1.5 * np.max(np.abs(truth))
 
 
 def test_the_model_runs_in_the_plugin(trained: FitNarx) -> None:

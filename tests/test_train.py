@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,16 @@ import numpy as np
 import pytest
 
 from mrdamp.cli import main
+from mrdamp.control.following import ForceController
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 from mrdamp.train import loads
 from mrdamp.train.evolution import Cma, Shape, actions
+from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train
 from mrdamp.train.run import explored, whitening
+from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import ALGORITHMS, Options, settings
 from mrdamp.train.sweep import points, sweep
 from mrdamp.train.worlds import world
@@ -24,7 +28,7 @@ from mrdamp.train.worlds import world
 FRAME = "mrdamp/Frame-v0"
 #: An evolution strategy that takes a second or two.
 SMALL = (
-    "loads=2", "population=4", "n_timesteps=8000", "normalize=false",
+    "loads=2", "population=4", "n_timesteps=8000", "normalize=false", "teacher=", "sigma=0.1",
     "env_kwargs.period=0.004", "env_kwargs.duration=0.8",
 )  # fmt: skip
 
@@ -173,6 +177,48 @@ def test_candidates_at_once_act_as_their_networks() -> None:
     each = [[shape.network(c)(seen[k, j])[0] for j in range(2)] for k, c in enumerate(candidates)]
     assert actions(shape.layers(candidates), seen) == pytest.approx(np.array(each))
     assert (actions(shape.layers(shape.start(rng)[None]), seen[:1]) == 0).all()
+
+
+@pytest.mark.parametrize("hidden", [[], [3], [4, 2]])
+def test_a_network_begins_at_given_weights(hidden: list[int]) -> None:
+    shape, rng = Shape(5, hidden), np.random.default_rng(1)
+    weights, seen = 0.1 * rng.standard_normal(5), rng.standard_normal((20, 5))
+    numbers = shape.following(shape.start(rng), weights)
+    assert numbers.shape == (shape.size,)
+    assert shape.network(numbers)(seen)[:, 0] == pytest.approx(np.clip(seen @ weights, -1, 1), abs=1e-3)
+
+
+class Wanting:
+    """A wanted force of 300 N a unit of the third floor's acceleration, less 2000 N a metre of stroke."""
+
+    def reset(self) -> None:
+        pass
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> float:
+        return 300 * y["acceleration_3"] - 2000 * y["stroke"]
+
+
+def test_what_is_imitated_is_the_wanted_force_of_the_teacher() -> None:
+    frame = world(FRAME, {"period": 0.004, "action_in_observation": False, "duration": 0.8})
+    task = frame.task(1)
+    stage = frame.stage(task, "clipped-optimal:balance=30,r=1e-6")
+    assert isinstance(stage.controller, ForceController)
+    stage.controller.aim = Wanting()
+    matrix = np.diag([2.0, 1.0, 1.0, 1.0, 4.0]).astype(np.float32)
+    found = imitated(stage, loads.validation_motions(1, (0.5, 1.5)), task.observer, matrix, 500.0)
+    scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
+    wanted = [0, 0, 300 * scales["acceleration_3"] / 500, -2000 * scales["stroke"] / 500, 0]
+    assert found * np.diag(matrix) == pytest.approx(np.array(wanted), abs=1e-3)
+
+
+@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0"])
+def test_a_search_begins_at_its_teacher(environment: str, tmp_path: Path) -> None:
+    chosen = settings(Options(environment, "es"))
+    run = EvolutionRun(Options(environment, "es"), chosen, tmp_path)
+    taught = run.network().layers[-1][0][0]
+    assert np.linalg.norm(taught) > 2 * float(chosen.learner["sigma"])
+    with pytest.raises(InputError, match="passive-on: it has no wanted force"):
+        run._taught("passive-on")
 
 
 # --- whole trainings --------------------------------------------------------------------

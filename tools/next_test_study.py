@@ -33,12 +33,12 @@ from mrdamp.files import write_atomic
 
 #: The gap that a cause opens on tests with a changing command.
 _GAP = 0.15
-_TELLING = ("steps", "random", "sine_random")
+_TELLING = ("sine_random",)
 #: Sines of the cut-down case: Hz, share of the limits, share of the largest command.
 _SINES = ((0.6, 0.9, 0.0), (0.6, 0.9, 1.0), (2.5, 0.8, 0.5), (2.5, 0.8, 1.0))
 _SECONDS = 4.0
 #: One cause at a time: a narrow search does, and is quick.
-_LIMITS = Limits(singles=6, beam=2, additions=0, depth=1, polished=2)
+_LIMITS = Limits(singles=6, forms=2, depth=1, polished=2, base=10)
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset")
 
 
@@ -114,6 +114,9 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence) -> Ro
     recorder.write_case(folder / "before", "damper", nominal, records)
     case = read_case(folder / "before")
     before = diagnose(case, limits=_LIMITS)
+    if settled(before, cause):
+        found = answer(before)
+        return Row(name, cause, found, found, found, str(before.next_experiment["signal"]), False, True, True)
     envelope = make_rig(case).envelope
     tests = {"proposed": before.next_signal}
     at_random = drawn(rng, envelope).signal(envelope)
@@ -134,7 +137,7 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence) -> Ro
         answer(after["proposed"]),
         answer(after["random"]),
         str(before.next_experiment["signal"]),
-        not settled(before, cause),
+        True,
         settled(after["proposed"], cause),
         settled(after["random"], cause),
     )

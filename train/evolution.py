@@ -19,6 +19,8 @@ from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
 
+_LINEAR = 0.1  # share of a tanh's input that is as good as straight
+
 
 class Cma:
     """Minimises over n numbers. Attributes: mean (n,), sigma, generation; population, candidates a generation."""
@@ -102,6 +104,16 @@ class Shape:
         parts = [rng.standard_normal((out, into)) / math.sqrt(into) for out, into in self._sizes[:-1]]
         rows = [np.concatenate([w, np.zeros((len(w), 1))], axis=1).ravel() for w in parts]
         return np.concatenate([*rows, np.zeros(self._sizes[-1][1] + 1)])
+
+    def following(self, numbers: Array, weights: Array) -> Array:
+        """(size,) with an output of weights (inputs,) times the inputs, nearly so through a hidden unit a layer."""
+        layers = [(w.copy(), b.copy()) for w, b in self.layers(numbers)]
+        small = _LINEAR if len(layers) > 1 else 1.0
+        for k, (weight, bias) in enumerate(layers):
+            weight[0], bias[0] = 0.0, 0.0
+            weight[0, : len(weights) if k == 0 else 1] = small * weights if k == 0 else 1.0
+        layers[-1][0][0] /= small
+        return np.concatenate([np.column_stack([w, b]).ravel() for w, b in layers])
 
     def layers(self, numbers: Array) -> list[tuple[Array, Array]]:
         """Weights (..., out, in) and biases (..., out) of numbers (..., size)."""

@@ -47,7 +47,7 @@ class Pulses:
 def _kind(duration: float, plateau: float, pga: tuple[float, float]) -> Pulses:
     return Pulses(
         SyntheticMotions(
-            pga=pga, ground_frequency=(6.0, 40.0), ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
+            pga=pga, ground_frequency=(4.0, 40.0), ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
             rise=(1.0, 4.0), decay=(0.25, 1.0), duration=duration,
         )
     )  # fmt: skip
@@ -60,7 +60,7 @@ def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
     return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))
 
 
-def validation_motions(count: int = 6, amplitudes: Sequence[float] = AMPLITUDES) -> list[GroundMotion]:
+def validation_motions(count: int = 12, amplitudes: Sequence[float] = AMPLITUDES) -> list[GroundMotion]:
     """count motions at each amplitude, of the kinds that training draws from but drawn apart."""
     rng = np.random.default_rng([VALIDATION_SEED, 1])
     source = training_motions((1.0, 1.0))
@@ -68,19 +68,28 @@ def validation_motions(count: int = 6, amplitudes: Sequence[float] = AMPLITUDES)
     return [motion.scaled(a * _PEAK / motion.pga) for motion in drawn for a in amplitudes]
 
 
-def some_motions(rng: np.random.Generator, count: int, shortest: float = 10.0) -> list[GroundMotion]:
-    """count synthetic motions of `shortest` s full-size, amplitudes evenly over AMPLITUDES' range, for searches that
+def some_motions(rng: np.random.Generator, count: int, duration: float = 20.0) -> list[GroundMotion]:
+    """count synthetic motions of `duration` s full-size, amplitudes evenly over AMPLITUDES' range, for searches that
     run every candidate under all of them."""
-    drawn = [_kind(shortest, 4.0, (1.0, 1.0)).draw(rng) for _ in range(count)]
+    drawn = [_kind(duration, 0.4 * duration, (1.0, 1.0)).draw(rng) for _ in range(count)]
     factors = np.linspace(AMPLITUDES[0], AMPLITUDES[-1], count) * _PEAK
     return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 
 
 @dataclass(frozen=True)
 class CableLoads:
-    """Wind and ambient loads, one of them for each episode."""
+    """Wind and ambient loads of `duration` s, one of them for each episode."""
 
-    sources: Sequence[LoadSource] = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
+    duration: float = 20.0
+
+    @property
+    def sources(self) -> tuple[LoadSource, ...]:
+        d = self.duration
+        return WindLoads(duration=d), AmbientLoads(duration=d), AmbientLoads(shape="uniform", duration=d)
+
+    def some(self, rng: np.random.Generator, length: float, count: int) -> list[CableLoad]:
+        """count loads, of each source in turn."""
+        return [self.sources[k % len(self.sources)].draw(rng, length) for k in range(count)]
 
     def draw(self, rng: np.random.Generator, length: float) -> CableLoad:
         return self.sources[int(rng.integers(len(self.sources)))].draw(rng, length)
@@ -88,6 +97,4 @@ class CableLoads:
 
 def validation_loads(length: float, count: int = 12) -> list[CableLoad]:
     """count loads on a cable of `length` m, drawn apart from those of training."""
-    rng = np.random.default_rng([VALIDATION_SEED, 2])
-    sources = CableLoads().sources
-    return [sources[k % len(sources)].draw(rng, length) for k in range(count)]
+    return CableLoads().some(np.random.default_rng([VALIDATION_SEED, 2]), length, count)

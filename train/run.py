@@ -56,7 +56,7 @@ class Run(ABC):
             raise InputError("training is for one damper; the environment has several")
         self.command_max = float(self.task.command_max[0])
         self.levels = self.world.levels(self.task) if chosen.action == "force" else None
-        self.draws, explore, self.seed = np.random.SeedSequence(options.seed).spawn(3)
+        self.draws, explore, self.seed, self.lessons = np.random.SeedSequence(options.seed).spawn(4)
         self.matrix = self._matrix(np.random.default_rng(explore))
         self.judge = Judge(self.world, self.world.validation())
         self.curve: list[dict[str, float]] = []

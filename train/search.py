@@ -12,14 +12,20 @@ from mrdamp.control.policy import Network
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
+from mrdamp.train.imitation import imitated
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.settings import Options, Settings
 
 Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
-#: score's share for the mean current over its largest.
-DEFAULTS: Mapping[str, float] = {"loads": 12, "population": 12, "sigma": 0.1, "current": 0.05}
+#: score's share for the mean current over its largest; a classical controller whose wanted force the search begins at,
+#: as `clipped-optimal:balance=30`, or nothing to begin at no action.
+DEFAULTS: Mapping[str, float | str] = {
+    "loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "teacher": "",
+}  # fmt: skip
+
+_LESSONS = 6  # loads that a teacher is watched under
 
 
 class EvolutionRun(Run):
@@ -36,7 +42,10 @@ class EvolutionRun(Run):
         self.task = self.world.judging(self.population * self.loads_count)
         self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
-        self.cma = Cma(self.shape.start(rng), float(own["sigma"]), self.population, rng)
+        start = self.shape.start(rng)
+        if own["teacher"]:
+            start = self.shape.following(start, self._taught(str(own["teacher"])))
+        self.cma = Cma(start, float(own["sigma"]), self.population, rng)
         self._periods = 0
         if self._checkpoint.is_file():
             self.cma.load(self._checkpoint)
@@ -66,6 +75,14 @@ class EvolutionRun(Run):
         fresh = self.out / "checkpoint.new.npz"
         self.cma.save(fresh)
         fresh.replace(self._checkpoint)
+
+    def _taught(self, spec: str) -> Array:
+        """(inputs,) weights whose action is nearest to the teacher's."""
+        if self.levels is None:
+            raise InputError("es: hyperparameters: teacher is for action: force")
+        loads = self.world.draw(np.random.default_rng(self.lessons), _LESSONS)
+        stage = self.world.stage(self.task, spec)
+        return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
 
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""

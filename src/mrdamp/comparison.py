@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, identify, simulate
+from mrdamp.model import Model
 from mrdamp.narx import FitNarx, lagged, train_narx
 from mrdamp.narx.stretches import of_records
-from mrdamp.norms import CENTIMETRE, FoamNorms, record_norms, rmse
+from mrdamp.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet
 
@@ -54,7 +55,7 @@ class Table1:
     def picture(self, record: str | None = None) -> Figure:
         """Loops of all models over one held-out record, by name; None: the one with the largest force."""
         if record is None:
-            chosen = max(self.records, key=lambda r: float(np.std(r.channel("force_N"))))
+            chosen = _strongest(self.records)
         else:
             named = [r for r in self.records if r.name == record]
             if not named:
@@ -62,13 +63,35 @@ class Table1:
                     f"no held-out record {record!r}; there are {', '.join(r.name for r in self.records)}"
                 )
             chosen = named[0]
-        return model_loops(
-            chosen.time,
-            chosen.displacement,
-            chosen.velocity(),
-            chosen.channel("force_N"),
-            {name: forces[chosen.name] for name, forces in self.forces.items()},
+        return _loops(chosen, {name: forces[chosen.name] for name, forces in self.forces.items()})
+
+
+def loops_of(model: Model, records: Sequence[Record]) -> Figure:
+    """Loops of a model in free run over the record of the largest force."""
+    chosen = _strongest(records)
+    return _loops(chosen, {model.law.replace("_", " "): simulate(model, chosen)})
+
+
+@dataclass(frozen=True)
+class RecordNorms:
+    """A model's free-run errors on one record in both papers' measures: Eq. (9), E_x and E_v in cm; Eq. (4)."""
+
+    record: str
+    norms: FoamNorms
+    delta_2: float
+
+
+def record_errors(model: Model, records: Sequence[Record]) -> tuple[RecordNorms, ...]:
+    """The papers' measures of a model in free run, by record; the first 20 ms do not count."""
+    found = []
+    for record in records:
+        rest, force = _settled(record, simulate(model, record))
+        found.append(
+            RecordNorms(
+                record.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force)
+            )
         )
+    return tuple(found)
 
 
 def paper_network(
@@ -137,11 +160,26 @@ def _row(name: str, forces: Mapping[str, Array], records: Sequence[Record]) -> R
     variance = np.array([float(np.var(r.channel("force_N"))) for r in records])
     parts = []
     for record in records:
-        skip = min(record.n // 4, int(0.02 / record.sample_time))  # the unknown start state fades
-        rest = record.part(record.time[skip], record.time[-1])
-        norms = record_norms(rest, np.asarray(forces[record.name])[skip:], CENTIMETRE)
+        rest, force = _settled(record, forces[record.name])
+        norms = record_norms(rest, force, CENTIMETRE)
         deviation = float(np.std(rest.channel("force_N")))
-        error = rmse(rest.channel("force_N"), np.asarray(forces[record.name])[skip:])
+        error = rmse(rest.channel("force_N"), force)
         parts.append([norms.e_t * deviation, norms.e_x * deviation, norms.e_v * deviation, error])
     total = np.sqrt(np.mean(np.square(parts), axis=0) / variance.mean())
     return Row(name, FoamNorms(*(float(x) for x in total[:3])), float(total[3]), PAPER.get(name))
+
+
+def _settled(record: Record, force: Array) -> tuple[Record, Array]:
+    """Both without the first 20 ms, where the unknown start state fades."""
+    skip = min(record.n // 4, int(0.02 / record.sample_time))
+    return record.part(record.time[skip], record.time[-1]), np.asarray(force)[skip:]
+
+
+def _strongest(records: Sequence[Record]) -> Record:
+    return max(records, key=lambda r: float(np.std(r.channel("force_N"))))
+
+
+def _loops(record: Record, forces: Mapping[str, Array]) -> Figure:
+    return model_loops(
+        record.time, record.displacement, record.velocity(), record.channel("force_N"), forces
+    )  # fmt: skip

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.core import Array
 
@@ -57,6 +58,8 @@ def bounded_least_squares(
         at = residual(point) if known is None else known
         return fold(at, jacobian(point, at))
 
-    return least_squares(
-        length, start, slope, bounds=bounds, ftol=ftol, xtol=xtol, gtol=gtol, max_nfev=most
-    )  # fmt: skip
+    # The matrices are too slim for more threads of BLAS, which wait for each other where the cores are busy.
+    with threadpool_limits(limits=1):
+        return least_squares(
+            length, start, slope, bounds=bounds, ftol=ftol, xtol=xtol, gtol=gtol, max_nfev=most
+        )

@@ -51,6 +51,8 @@ class Fit:
     held_out: tuple[RecordError, ...]
     starts: int
     evaluations: int
+    #: Effects asked for that these records cannot show, and so left out of the fit.
+    left_out: tuple[str, ...] = ()
     #: The search that found it and the point it found, for intervals; not kept in files.
     space: Space | None = field(default=None, compare=False, repr=False)
     point: tuple[float, ...] = field(default=(), compare=False, repr=False)
@@ -175,6 +177,9 @@ def identify(
     check_clipping(train)
     scales = Scales.of(train)
     dependence = dependence_for(dependence, scales, train[0].label)
+    asked = tuple(extras)
+    if scales.levels == 1:
+        extras = [extra for extra in extras if extra != "saturation"]
     if all(np.ptp(record.command) < 1e-3 * scales.command for record in train):
         extras = [extra for extra in extras if extra != "driver_lag"]  # nothing would show it
     search = space(law, scales, extras, max(record.sample_time for record in train), dependence)
@@ -222,6 +227,7 @@ def identify(
         tuple(error(model, record) for record in held_out),
         starts,
         problem.evaluations + full.evaluations,
+        tuple(extra for extra in asked if extra not in extras),
         search,
         tuple(float(p) for p in best),
     )

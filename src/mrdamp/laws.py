@@ -326,5 +326,9 @@ def space(
     rate = None
     if dependence == "saturating" and len(knots) > 1:
         span = knots[1] - knots[0]
-        rate = Coordinate("field_rate", 1.5 / span, 0.05 / span, 30 / span, log=True)
+        # Where the smallest command saturates the field already, no two commands differ by it.
+        most = min(30 / span, 5 / knots[0]) if knots[0] > 0 else 30 / span
+        rate = Coordinate(
+            "field_rate", min(1.5 / span, 0.5 * most), 0.05 * min(1 / span, most), most, log=True
+        )
     return Space(law, maps, knots, plain, rate)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import progress_bar, save_picture
 
 
 def add_to(commands: Any) -> None:
@@ -41,9 +41,9 @@ def add_to(commands: Any) -> None:
 
 
 def run_gap(a: argparse.Namespace) -> int:
-    """Runs the study, writes study.json and index.html, prints the tables."""
+    """Runs the study, writes study.json, index.html and the pictures, prints the tables."""
     from mrdamp.files import write_atomic
-    from mrdamp.gap.page import COLUMNS, gap_rows, page, score_rows
+    from mrdamp.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores
     from mrdamp.gap.real import EFFECTS
     from mrdamp.gap.study import Options, study
 
@@ -52,6 +52,9 @@ def run_gap(a: argparse.Namespace) -> int:
         found = study(options, a.out, jobs=a.jobs, progress=progress)
     write_atomic(a.out / "study.json", json.dumps(asdict(found), indent=1) + "\n")
     page(found).write(a.out / "index.html")
+    save_picture(errors(found), a.out / "errors.png")
+    if score_rows(found):
+        save_picture(scores(found), a.out / "scores.png")
     widths = (20, 28, 14, 16, 8, 16)
     for row in (COLUMNS, *gap_rows(found)):
         print("  ".join(f"{text:{w}s}" for text, w in zip(row, widths, strict=True)).rstrip())

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
 from mrdamp.commands.calibrate import add_calibrate
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_table, to_text, words
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
 from mrdamp.commands.output import check_picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
+    from mrdamp.comparison import RecordNorms
     from mrdamp.identify import Fit, RecordError
     from mrdamp.intervals import ChannelFinding, Interval
     from mrdamp.records import RecordSet
@@ -60,6 +61,9 @@ def add_identify(commands: Any) -> None:
     p.add_argument(
         "--intervals", action="store_true", help="95 %% intervals by bootstrap, and what is not identifiable"
     )
+    p.add_argument(
+        "--norms", action="store_true", help="E_t, E_x, E_v and delta_2 of both papers, by held-out record"
+    )
     p.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
     p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
     p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
@@ -72,7 +76,10 @@ def add_identify(commands: Any) -> None:
         help="processes, for --refit and narx; the answer is the same",
     )
     p.add_argument(
-        "--picture", type=Path, help="picture of --by-command or of a network to write (.svg, .png or .pdf)"
+        "--picture",
+        type=Path,
+        help="loops over the held-out record of the largest force, the lines of --by-command, or a network's choice"
+        " and pruning (.svg, .png or .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     _add_cutoff(p)
@@ -122,22 +129,32 @@ def _add_cutoff(p: argparse.ArgumentParser) -> None:
 def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
     with words(a.json):
-        report = _identified(a)
+        records = _records(a.records, a.cutoff)
+        if a.starts < 1 or a.resamples < 20 or a.workers < 1:
+            raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
+        check_picture(a.picture)
+        report = {"model": str(a.out), **_identified(a, records)}
+        if a.norms:
+            report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
     if a.json:
-        print(to_text({"model": str(a.out), **report}))
+        print(to_text(report))
     return 0
 
 
-def _identified(a: argparse.Namespace) -> dict[str, Any]:
+def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
+    from mrdamp.comparison import loops_of
     from mrdamp.identify import compare_dependences, identify
     from mrdamp.intervals import channel_findings
 
-    records = _records(a.records, a.cutoff)
-    if a.starts < 1 or a.resamples < 20 or a.workers < 1:
-        raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
-    check_picture(a.picture)
     if a.law == "narx":
+        for flag, value in (
+            ("--by-command", a.by_command),
+            ("--intervals", a.intervals),
+            ("--dependence", a.dependence),
+        ):
+            if value:
+                raise InputError(f"{flag} is for laws; a network (--law narx) has no parameters of that kind")
         with progress_bar() as progress:
             return identify_narx(a, records, progress)
     records = protocol_records(a, records)
@@ -166,6 +183,8 @@ def _identified(a: argparse.Namespace) -> dict[str, Any]:
     left = channel_findings(fit, records.train)
     _found(fit, left)
     rows = _intervals(a, fit, records) if a.intervals else ()
+    if a.picture:
+        save_picture(loops_of(fit.model, records.validation or records.train), a.picture)
     print(f"model: {a.out}")
     return of_fit(fit, left, rows, fits)
 
@@ -263,7 +282,9 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
 
 
 def _found(fit: Fit, findings: Sequence[ChannelFinding]) -> None:
-    """Offsets and delays that the fit found, and what the residuals still hold of them."""
+    """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
+    if fit.left_out:
+        print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),
@@ -280,6 +301,20 @@ def _found(fit: Fit, findings: Sequence[ChannelFinding]) -> None:
             left.append(f"force late by {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
         if left:
             print(f"  left in {c.record}: {', '.join(left)}")
+
+
+def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
+    from mrdamp.comparison import record_errors
+    from mrdamp.model import Model
+
+    rows = record_errors(Model.read(a.out), records.validation)
+    print(
+        "held out, free run: E_t, E_x, E_v of the foam-damper paper in its cm, delta_2 of the self-sensing paper"
+    )
+    for row in rows:
+        n = row.norms
+        print(f"  {row.record:40s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {100 * row.delta_2:8.2f} %")
+    return rows
 
 
 def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[Interval]:

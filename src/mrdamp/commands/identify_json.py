@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mrdamp.by_command import ByCommand
-    from mrdamp.comparison import Table1
+    from mrdamp.comparison import RecordNorms, Table1
     from mrdamp.identify import Fit, RecordError
     from mrdamp.intervals import ChannelFinding, Interval
     from mrdamp.narx import Choice, FitNarx, Pruned
@@ -43,6 +43,7 @@ def of_fit(
     out: dict[str, Any] = {
         "law": fit.model.law,
         "attributes": dict(fit.model.attributes),
+        "effects_left_out": list(fit.left_out),
         "fitted": _errors(fit.train, fit.train_nrmse),
         "held_out": _errors(fit.held_out, fit.held_out_nrmse),
         "left_in_records": [
@@ -128,6 +129,11 @@ def of_network(
             ],
         }  # fmt: skip
     return out
+
+
+def of_norms(rows: Sequence[RecordNorms]) -> list[dict[str, Any]]:
+    """Of `--norms`: both papers' measures, E_x and E_v in cm."""
+    return [{"record": row.record, **asdict(row.norms), "delta_2": row.delta_2} for row in rows]
 
 
 def of_table(table: Table1) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.page import add_frame_runs, comparison_page
-from mrdamp.compare.tables import means_csv, report, runs_csv, to_json
+from mrdamp.compare.tables import differences_csv, means_csv, report, runs_csv, to_json
 from mrdamp.criteria import Criteria
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
@@ -22,12 +22,14 @@ _MOST_SHOWN = 3
 def write_comparison(
     folder: Path, bench: Bench, result: Comparison, loads: Sequence[Load], about: str, command: str
 ) -> Path:
-    """Writes index.html, table.md, table.csv, runs.csv and result.json; returns the page. Raises InputError.
+    """Writes index.html, table.md, table.csv, differences.csv, runs.csv and result.json; returns the page. Raises
+    InputError.
 
     loads: those of the result; command: what made it.
     """
     write_atomic(folder / "table.md", report(result, bench, about))
     write_atomic(folder / "table.csv", means_csv(result))
+    write_atomic(folder / "differences.csv", differences_csv(result))
     write_atomic(folder / "runs.csv", runs_csv(result))
     write_atomic(folder / "result.json", to_json(result, bench.command_unit, about))
     page = comparison_page(result, bench, about, command)

@@ -88,6 +88,20 @@ def means_csv(result: Comparison) -> str:
     return _csv(("controller", "measure", "mean", "worst", "low", "high"), lines)
 
 
+def differences_csv(result: Comparison) -> str:
+    """One row a learned controller, another one and a measure: mean of the paired difference, and its interval."""
+    lines = [
+        (c.name, other.name, m.key, *(_plain(v) for v in (s.mean, s.low, s.high)))
+        for c in result.contenders
+        if c.learned
+        for other in result.contenders
+        if other is not c
+        for m in result.measures
+        for s in (result.against(c.name, other.name, m.key),)
+    ]
+    return _csv(("controller", "less", "measure", "mean", "low", "high"), lines)
+
+
 def runs_csv(result: Comparison) -> str:
     """One row a run: controller, seed (from 1), motion, amplitude and every measure."""
     lines = []

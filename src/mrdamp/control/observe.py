@@ -23,7 +23,9 @@ class Observer:
 
     signals: names of measurements (see `mrdamp.control.base`), s of them. scales: (s,) the size of each in its own
     unit; an observation is the value over it. history: how many control periods are stacked, the newest first.
-    action_in_observation: each of them also holds the command that was held when it was measured.
+    action_in_observation: each of them also holds the command that was held when it was measured. memory: time
+    constants, in control periods, of leaky averages of every signal that follow it in each of them: a longer past in
+    few numbers.
     command_max: A or V, what that command is divided by, one number for each damper. limit: what a scaled value is
     cut off at, as a real sensor has a range.
 
@@ -36,17 +38,18 @@ class Observer:
     action_in_observation: bool = True
     command_max: tuple[float, ...] = (1.0,)
     limit: float = 20.0
+    memory: tuple[float, ...] = ()
     _past: list[Array] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("scales", "command_max"):
+        for name in ("scales", "command_max", "memory"):
             object.__setattr__(self, name, tuple(float(v) for v in np.atleast_1d(getattr(self, name))))
         object.__setattr__(self, "signals", tuple(self.signals))
         if not self.signals or len(set(self.signals)) != len(self.signals):
             raise InputError(f"observer: signals is {self.signals}; allowed: at least one name, each once")
         if len(self.scales) != len(self.signals):
             raise InputError(f"observer: {len(self.scales)} scales for {len(self.signals)} signals")
-        for name in ("scales", "command_max"):
+        for name in ("scales", "command_max", "memory"):
             if not all(0 < v < math.inf for v in getattr(self, name)):
                 raise InputError(f"observer: {name} is {getattr(self, name)}; allowed: numbers > 0")
         if (
@@ -61,7 +64,7 @@ class Observer:
     @property
     def width(self) -> int:
         """Numbers of one control period."""
-        return len(self.signals) + len(self.command_max) * self.action_in_observation
+        return len(self.signals) * (1 + len(self.memory)) + len(self.command_max) * self.action_in_observation
 
     @property
     def size(self) -> int:
@@ -75,19 +78,33 @@ class Observer:
         if self.action_in_observation:
             many = len(self.command_max) > 1
             one += [f"command_{k + 1}" if many else "command" for k in range(len(self.command_max))]
+        one += [f"{name}~{periods:g}" for periods in self.memory for name in self.signals]
         return tuple(f"{name}[{-k}]" if k else name for k in range(self.history) for name in one)
 
-    def scaled(self, values: Array, last_command: Array) -> Array:
-        """One control period: values (..., s) and last_command (..., dampers) -> (..., width)."""
-        scales, command_max = self._divisors
+    def scaled(self, values: Array, last_command: Array, before: Array | None = None) -> Array:
+        """One control period: values (..., s) and last_command (..., dampers) -> (..., width).
+
+        before: (..., width) of the period before, None where there is none.
+        """
+        scales, command_max, keep = self._numbers
         now = values / scales
         if self.action_in_observation:
             now = np.concatenate([now, last_command / command_max], axis=-1)
-        return np.minimum(np.maximum(now, -self.limit), self.limit)
+        now = np.minimum(np.maximum(now, -self.limit), self.limit)
+        if not self.memory:
+            return now
+        signals = now[..., None, : len(self.signals)]
+        if before is None:
+            averages = np.repeat(signals, len(keep), axis=-2)
+        else:
+            averages = before[..., now.shape[-1] :].reshape(*now.shape[:-1], len(keep), -1)
+            averages = signals + keep[:, None] * (averages - signals)
+        return np.concatenate([now, averages.reshape(*now.shape[:-1], -1)], axis=-1)
 
     @cached_property
-    def _divisors(self) -> tuple[Array, Array]:
-        return np.array(self.scales), np.array(self.command_max)
+    def _numbers(self) -> tuple[Array, Array, Array]:
+        keep = np.exp(-1 / np.array(self.memory)) if self.memory else np.zeros(0)
+        return np.array(self.scales), np.array(self.command_max), keep
 
     def reset(self) -> None:
         """Forget the past."""
@@ -100,7 +117,7 @@ class Observer:
         except KeyError as error:
             raise InputError(f"observer: no measurement {error}; there are: {', '.join(y)}") from None
         last = np.broadcast_to(np.asarray(last_command, dtype=np.float64), (len(self.command_max),))
-        now = self.scaled(values, last)
+        now = self.scaled(values, last, self._past[0] if self._past else None)
         self._past[:] = [now, *self._past[: self.history - 1]] if self._past else [now] * self.history
         return np.concatenate(self._past).astype(np.float32)
 
@@ -113,6 +130,7 @@ class Observer:
             "action_in_observation": self.action_in_observation,
             "command_max": list(self.command_max),
             "limit": self.limit,
+            "memory": list(self.memory),
         }
 
     @classmethod
@@ -136,8 +154,9 @@ class Stack:
 
     def push(self, values: Array, last_command: Array) -> Observation:
         """(n, size) after a control period: values (n, signals), last_command (n, dampers)."""
+        now = self.observer.scaled(values, last_command, self.past[:, 0])
         self.past[:, 1:] = self.past[:, :-1]
-        self.past[:, 0] = self.observer.scaled(values, last_command)
+        self.past[:, 0] = now
         return self.past.reshape(len(values), -1).astype(np.float32)
 
     def restart(self, rows: Sequence[int], values: Array, last_command: Array) -> Observation:

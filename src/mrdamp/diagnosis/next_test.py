@@ -22,6 +22,7 @@ from mrdamp.diagnosis.rig import Rig
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.terms import Hypothesis, Settings, Term
 from mrdamp.diagnosis.verdict import Decision
+from mrdamp.errors import InputError
 
 _SEED = 11
 #: Tests drawn, those of them whose rivals are fitted, tests tried near the best ones; the same where nothing is tied
@@ -54,8 +55,9 @@ class Steps:
         return cls(tuple(moved[which]), sizes[which])
 
     def columns(self, runs: Array, at: Array) -> Array:
-        """Derivatives (coordinates, samples) of runs (coordinates, samples) about the one at the point."""
-        return (runs - at) / self.sizes[:, None]
+        """Derivatives (coordinates, samples) of runs (coordinates, samples) about the one at the point; 0 where one
+        diverged."""
+        return np.nan_to_num((runs - at) / self.sizes[:, None], posinf=0.0, neginf=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +113,11 @@ class Bench:
         wanted = [s for p in pairs for s in (p.one, p.rival)]
         if fitted:
             wanted += [self.middle, *self.law.settings, *(s for p in pairs for s in p.own.settings)]
-        runs = self.rig.try_signal(wanted, signal)
+        runs = self._tried(wanted, signal)
         skip = round(SKIP / self.rig.envelope.sample_time)
         flat = (runs[:, :, skip:] / self.noise[:, None]).reshape(len(wanted), -1)
         if not np.isfinite(flat[: 2 * len(pairs)]).all():
             return np.zeros(len(pairs))
-        flat = np.nan_to_num(flat, posinf=0.0, neginf=0.0)
         at, out = 2 * len(pairs), []
         if fitted:
             count = len(self.law.sizes)
@@ -131,6 +132,15 @@ class Bench:
                 total = p.gained(np.vstack([law, own]), apart)
             out.append(np.sqrt(total / len(apart)))
         return np.array(out)
+
+    def _tried(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        """Runs (sets, channels, n); NaN for settings that the chain does not take, a step beyond what it allows."""
+        try:
+            return self.rig.try_signal(settings, signal)
+        except InputError:
+            if len(settings) == 1:
+                return np.full((1, len(self.rig.channels), len(signal.motion)), np.nan)
+            return np.concatenate([self._tried([one], signal) for one in settings])
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +191,7 @@ def next_test(
 ) -> tuple[dict[str, Any], dict[str, Array] | None]:
     """What to test next, for the report, and the columns of its CSV. noise (channels,): standard deviations."""
     rig = search.problem.rig
-    make = _Pairs(search, chosen, np.maximum(noise, _left(search, chosen)))
+    make = _Pairs(search, chosen, np.maximum(np.maximum(noise, _left(search, chosen)), 1e-12))
     pairs, why = [], ""
     for tie in ties:
         pairs += [make.against(f) for f in make.tied(tie)]

@@ -92,7 +92,10 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
         out.table(
             "",
             ("between measured channels", "stages", "share of the nominal gap", "what would part them"),
-            [(m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by) for m in found.where.measured],
+            [
+                (m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by)
+                for m in found.where.measured
+            ],
             "Measured signals put in at the chain's interfaces; a share below 0 undoes another part's error.",
         )
     out.figure(
@@ -110,7 +113,9 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
     if found.where.places:
         ends = found.where.place_intervals
         out.table(
-            "", ("place", "share of the gap"), [(n, share(v, ends.get(n))) for n, v in found.where.places.items()]
+            "",
+            ("place", "share of the gap"),
+            [(n, share(v, ends.get(n))) for n, v in found.where.places.items()],
         )
     if found.where.records:
         out.table("", ("record", "share of the gap"),
@@ -170,10 +175,21 @@ def _doubt(out: Page, found: Diagnosis) -> None:
     if found.corrections:
         out.text(
             "Corrections of form",
-            "In the corrected simulator, and not named as causes: " + ", ".join(f"`{c}`" for c in found.corrections),
+            "In the corrected simulator, and not named as causes: "
+            + ", ".join(f"`{c}`" for c in found.corrections),
         )
-    if found.next_experiment:
-        out.text("The next experiment", [f"{key}: {_text(v)}" for key, v in found.next_experiment.items()])
+    test = found.next_experiment
+    if test:
+        file = f" Its inputs are in `{test['file']}`." if "file" in test else ""
+        out.text("The next experiment", [f"Why: {test['why']}.", f"Test: {test['signal']}.{file}"])
+        rows = [(row["one"], row["rival"], row["separation"]) for row in test.get("separates", ())]
+        if rows:
+            out.table(
+                "",
+                ("simulator", "rival, fitted to it again", "distance"),
+                rows,
+                "RMS over the length of the test, in standard deviations of what the noise and the form leave.",
+            )
     if found.notes:
         out.text("Notes", found.notes)
 

@@ -9,11 +9,14 @@ import numpy as np
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.terms import Term
 
 #: Two causes are tied where what they change is alike by this cosine, or the rival is this probable.
 _COSINE, _PROBABLE = 0.98, 0.1
 #: A cause is unseen where its signature is below so many times the error that is left, at the size it starts from.
 _SEEN = 0.1
+#: Settings whose effect is the weaker, the larger they are.
+_INVERSE = frozenset({"saturation_i_s", "mount_compliance_k", "sensor_leakage_tau"})
 
 
 def cosine(a: Array, b: Array) -> float:
@@ -57,7 +60,7 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     """Effects of the catalogue that these records show too little of to say anything, with the size they could hide.
 
     The size is that at which the signature, less what the free nominal parameters can make of it, reaches a tenth of
-    the error that is left.
+    the error that is left, and no more than the end of the setting's range.
     """
     base = search.base
     basis = np.linalg.qr(base.jacobian)[0] if base.jacobian.shape[1] else base.jacobian
@@ -70,12 +73,16 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
         own = change - basis @ (basis.T @ change)
         size = float(np.linalg.norm(own)) / max(float(np.sqrt(chosen.cost)), 1e-12)
         if size < _SEEN:
-            first = term.coordinates[0]
-            out.append(
-                {
-                    "effect": term.cause,
-                    "setting": first.name,
-                    "could_hide": term.starts[0][0] * min(_SEEN / max(size, 1e-9), 1e6),
-                }
-            )
+            value = could_hide(term, _SEEN / max(size, 1e-9))
+            out.append({"effect": term.cause, "setting": term.coordinates[0].name, "could_hide": value})
     return tuple({str(u["effect"]): u for u in out}.values())
+
+
+def could_hide(term: Term, factor: float) -> float:
+    """The first setting of a term at so many times the size that it starts from, within its range."""
+    first, start = term.coordinates[0], term.starts[0][0]
+    if not first.log:
+        value = first.start + factor * (start - first.start)
+    else:
+        value = start / factor if first.name.partition("@")[0] in _INVERSE else start * factor
+    return min(max(value, first.low), first.high)

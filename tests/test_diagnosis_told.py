@@ -1,0 +1,156 @@
+"""What goes wrong in a diagnosis is told in a line and loses nothing: ends of ranges, fits that fail, interrupts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp import cli
+from mrdamp.commands import diagnose as command
+from mrdamp.core import Array
+from mrdamp.diagnosis import search as searching
+from mrdamp.diagnosis.case import read_case
+from mrdamp.diagnosis.fit import Fit, fit
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.diagnosis.search import Limits
+from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.record_csv import render
+
+LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+NONE = Limits(singles=0, forms=0, depth=1, polished=0)  # no effect is fitted
+
+
+def bingham(x: Array, u: Array, dt: float, **changed: float) -> Array:
+    """N, as the law's equation has it: dry friction of the field and a dashpot."""
+    p = LAW | changed
+    v = np.gradient(x, dt)
+    return np.asarray((p["fya"] + p["fyb"] * u) * np.tanh(v / p["v_ref"]) + (p["c0a"] + p["c0b"] * u) * v)
+
+
+def write(folder: Path, offset: float = 0.0, **changed: float) -> Path:
+    """Three tests and a repeat, at constant and at changing commands."""
+    folder.mkdir()
+    rng, dt = np.random.default_rng(6), 0.002
+    t: Array = np.linspace(0, 699 * dt, 700)
+    tests = [
+        (1.0, np.full(700, 0.2)),
+        (2.2, np.full(700, 0.8)),
+        (1.6, 0.5 + 0.4 * np.sin(9 * t)),
+        (2.2, np.full(700, 0.8)),
+    ]
+    names = ["1_low.csv", "2_high.csv", "3_both.csv", "4_repeat.csv"]
+    for name, (hz, u) in zip(names, tests, strict=True):
+        x = 0.008 * np.sin(2 * np.pi * hz * t)
+        force = bingham(x, u, dt, **changed) + offset + 3 * rng.standard_normal(700)
+        columns: dict[str, Array] = {
+            "time_s": t,
+            "displacement_m": np.asarray(x),
+            "command": u,
+            "force_N": force,
+        }
+        (folder / name).write_text(render(columns))
+    case: dict[str, Any] = {
+        "name": "small", "format": 1, "rig": "damper", "sample_rate_hz": 500.0,
+        "nominal": {"law": "bingham", "parameters": LAW},
+        "channels": ["time_s", "displacement_m", "command", "force_N"], "records": names,
+    }  # fmt: skip
+    (folder / "case.json").write_text(json.dumps(case))
+    return folder
+
+
+def test_a_repeat_at_a_constant_command_belongs_to_the_test_with_that_command(tmp_path: Path) -> None:
+    """Two tests with one motion at two commands: the repeat is of the one with its command."""
+    folder = write(tmp_path / "case")
+    low, high = (folder / name for name in ("1_low.csv", "2_high.csv"))
+    t: Array = np.linspace(0, 1.398, 700)
+    x = 0.008 * np.sin(2 * np.pi * 2.2 * t)
+    force = bingham(x, np.full(700, 0.2), 0.002)
+    low.write_text(
+        render({"time_s": t, "displacement_m": np.asarray(x), "command": np.full(700, 0.2), "force_N": force})
+    )
+    assert high.is_file()
+    assert [k for _, k in read_case(folder).repeats] == [1]
+
+
+def test_a_parameter_at_the_end_of_its_range_is_told(tmp_path: Path) -> None:
+    found = diagnose(read_case(write(tmp_path / "case", fyb=620.0 * 6)), limits=NONE)
+    assert any(n.startswith("fyb stands at an end of its range") for n in found.notes), found.notes
+    low, high = found.intervals["fyb"]
+    assert high == pytest.approx(4 * 620.0)
+    assert low <= high
+
+
+def test_a_fit_that_fails_is_told_and_the_others_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(problem: Problem, hypothesis: Hypothesis, *a: Any, **more: Any) -> Fit:
+        if "trapped_gas" in hypothesis.causes:
+            raise np.linalg.LinAlgError("singular matrix")
+        return fit(problem, hypothesis, *a, **more)
+
+    monkeypatch.setattr(searching, "fit", fails)
+    found = diagnose(
+        read_case(write(tmp_path / "case", offset=60.0)), limits=Limits(singles=20, forms=1, depth=1)
+    )
+    failed = [n for n in found.notes if "failed" in n]
+    assert failed
+    for note in failed:
+        assert note.startswith("trapped_gas")
+        assert note.endswith("the fit failed (singular matrix)")
+    assert found.gap.corrected < 0.2 * found.gap.nominal
+
+
+def answer(out: Path) -> dict[str, Any]:
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert isinstance(found, dict)
+    return {**found, "seconds": 0}
+
+
+def same(one: Any, other: Any) -> bool:
+    """Alike to a hundredth: a fit that is taken up again has its Jacobian where it stands, and not a step before."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(v, other[k]) for k, v in one.items())
+    if isinstance(one, list):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == pytest.approx(other, rel=0.01, abs=1e-6)) if isinstance(one, float) else one == other
+
+
+def test_an_interrupted_run_goes_on_to_the_same_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = write(tmp_path / "case", offset=60.0)
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    assert cli.main(["diagnose", str(case), "-o", str(whole), "--jobs", "1"]) == 0
+    tell = command._tell
+
+    def stop(what: str, share: float) -> None:
+        if share >= 0.7:
+            raise KeyboardInterrupt
+        tell(what, share)
+
+    monkeypatch.setattr(command, "_tell", stop)
+    capsys.readouterr()
+    assert cli.main(["diagnose", str(case), "-o", str(halved), "--jobs", "1"]) == 130
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert line == "mrdamp: interrupted; run the same command again to go on"
+    assert [p.name for p in halved.iterdir()] == [".fits.json"]
+    kept = json.loads((halved / ".fits.json").read_text())["points"]
+    assert len(kept) > 2
+    monkeypatch.setattr(command, "_tell", tell)
+    fits: list[int] = []
+
+    def counted(*a: Any, most: int = 12, **more: Any) -> Fit:
+        fits.append(most)
+        return fit(*a, most=most, **more)
+
+    monkeypatch.setattr(searching, "fit", counted)
+    assert cli.main(["diagnose", str(case), "-o", str(halved), "--jobs", "1"]) == 0
+    assert sum(most == 0 for most in fits) >= len(kept)  # taken up where they stood
+    assert same(answer(halved), answer(whole))
+    assert (halved / "corrected.json").read_text() == (whole / "corrected.json").read_text()
+    assert not (halved / ".fits.json").exists()
