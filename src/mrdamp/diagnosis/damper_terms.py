@@ -209,7 +209,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "mount_compliance",
             "mount",
             (positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),),
-            ((30 * k,), (200 * k,)),
+            ((30 * k,), (200 * k,), (1000 * k,)),
         ),
         Term(
             "mount_compliance",
