@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dampers import attributes, commands, excitation, grid, reference, rms, sample, size
 from excitation import Array, constant, multisine, random_steps, sine, steps, wave
@@ -211,6 +212,25 @@ def test_command_outside_the_range_is_clamped(id: str) -> None:
     np.testing.assert_array_equal(force(low - 5.0), force(low))
     np.testing.assert_array_equal(force(high + 5.0), force(high))
     assert rms(force(high) - force(low)) > 0.1 * rms(force(high))
+
+
+@pytest.mark.parametrize(("v0", "v1"), [(0.1, -0.06), (-0.04, 0.1), (0.05, -0.05)])
+def test_a_turn_inside_a_step_is_followed(v0: float, v1: float) -> None:
+    """One inner step of 20 ms in which the piston turns back: z knows only the path, so it is exact."""
+    p = {"c0a": 0.0, "c0b": 0.0, "alpha_a": 1.0, "alpha_b": 0.0, "k0": 0.0, "x0": 0.0}
+    p |= {"A": 300.0, "gamma": 9e4, "beta": 3e4, "n": 2.0}
+    dt = 0.02
+    x, v = np.cumsum([0.0, 0.5 * dt * (v0 + v1), dt * v1]), np.array([v0, v1, v1])
+    out = core.run("bouc_wen", {**p, "substep": 1.0}, dt, x, v, u=np.zeros(3), columns=("state",))
+
+    def slope(t: float, z: Array) -> Array:
+        now = v0 + (v1 - v0) * t / dt
+        return np.asarray(p["A"] * now - z**2 * (p["beta"] * now + p["gamma"] * abs(now) * np.sign(z)))
+
+    turn = dt * v0 / (v0 - v1)
+    there = solve_ivp(slope, (0.0, turn), [0.0], rtol=1e-10, atol=1e-14).y[:, -1]
+    expected = solve_ivp(slope, (turn, dt), there, rtol=1e-10, atol=1e-14).y[0, -1]
+    assert out["state"][1] == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.parametrize("id", IDS)

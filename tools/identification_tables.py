@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mrdamp.cli import main as mrdamp
+from mrdamp.comparison import row_of
 from mrdamp.identify import error, identify, pooled, simulate
 from mrdamp.model import Model
 from mrdamp.narx.data import series
@@ -82,7 +83,7 @@ def table(
         records = at_constant_command(records, t.command)
     lines = [f"## {t.title}", "", t.text, "", "```"]
     lines += ["mrdamp " + shlex.join(command(name, row, t.cutoff, "records")) for row in t.rows] + ["```", ""]
-    head = ["model", "fitted records", "held-out records"]
+    head = ["model", "fitted records", "held-out records", "E_x", "E_v"]
     head += ["held out at the network's rate"] if t.sample_time else []
     head += [f"without {t.without}"] if t.without else []
     head += ["held out, one step ahead"] if t.one_step else []
@@ -94,7 +95,8 @@ def table(
         model = models[row.file]
         seen, new = ([error(model, r) for r in half] for half in (records.train, records.validation))
         by_record[row.name] = {e.record: e.nrmse for e in new}
-        values: list[float | None] = [pooled(seen), pooled(new)]
+        norms = row_of("", {r.name: simulate(model, r) for r in records.validation}, records.validation).norms
+        values: list[float | None] = [pooled(seen), pooled(new), norms.e_x, norms.e_v]
         if t.sample_time:
             values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
         if t.without:

@@ -1,6 +1,6 @@
 """Does the proposed test settle what the records leave open? `python tools/next_test_study.py -o out/next_test`.
 
-Makes cases on the reference rig (`mrdamp.blindtest`, which shares no code with the simulator) whose records are sines
+Makes cases on the reference rig (`mrdamp.blindtest`, which shares no code with the simulator), cut down to their sines
 at constant command, diagnoses them, runs the proposed test on that rig, and beside it a test drawn at random from the
 same family, of the same length and within the same limits; then diagnoses again with either one added. A case counts
 where the first diagnosis leaves its cause open. Finished cases are kept in OUT and the same command goes on there.
@@ -34,9 +34,6 @@ from mrdamp.files import write_atomic
 #: The gap that a cause opens on tests with a changing command.
 _GAP = 0.15
 _TELLING = ("sine_random",)
-#: Sines of the cut-down case: Hz, share of the limits, share of the largest command.
-_SINES = ((0.6, 0.9, 0.0), (0.6, 0.9, 1.0), (2.5, 0.8, 0.5), (2.5, 0.8, 1.0))
-_SECONDS = 4.0
 #: One cause at a time: a narrow search does, and is quick.
 _LIMITS = Limits(singles=6, forms=2, depth=1, polished=2, base=10)
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset")
@@ -69,14 +66,6 @@ def settled(found: Diagnosis, cause: str) -> bool:
     return [e.effect for e in found.effects] == [cause] and not found.indistinguishable
 
 
-def sine(machine: excitation.Machine, hz: float, share: float, command: float) -> Excitation:
-    t = np.arange(round(_SECONDS * GRID_HZ) + 1) / GRID_HZ
-    amplitude = share * min(machine.stroke, machine.velocity / (2 * np.pi * hz))
-    return Excitation(
-        "sine", amplitude * np.sin(2 * np.pi * hz * t), np.full(len(t), command * machine.command)
-    )
-
-
 def played(columns: Mapping[str, Array]) -> Excitation:
     """A proposed test as the rig's machine runs it."""
     time = columns["time_s"]
@@ -91,7 +80,8 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence) -> Ro
     task = Task(name, "damper", cause)
     device = dampers.draw(rng, mounted=task.mounted)
     plain = Truth(device.numbers, filtered=False)
-    telling = [t for t in excitation.damper_tests(rng, device.machine, long=False) if t.kind in _TELLING]
+    whole = excitation.damper_tests(rng, device.machine, long=False)
+    telling, sines = ([t for t in whole if t.kind in kinds] for kinds in (_TELLING, ("sine",)))
     scale = damper_case.measure(device, telling)
     noise = recorder.damper_noise(rng, scale.force, scale.command)
     sized = causes.draw(rng, cause, scale).sized
@@ -108,9 +98,8 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence) -> Ro
         return {n: noise[n].onto(clean[n], rng) if n in noise else clean[n] for n in names}
 
     nominal = {"law": device.law, "parameters": device.parameters}
-    sines = [sine(device.machine, *numbers) for numbers in _SINES]
     records = {f"{k}_sine.csv": recorded(test) for k, test in enumerate(sines, 1)}
-    records["5_repeat.csv"] = recorded(sines[-1])
+    records["4_repeat.csv"] = recorded(sines[-1])
     recorder.write_case(folder / "before", "damper", nominal, records)
     case = read_case(folder / "before")
     before = diagnose(case, limits=_LIMITS)
@@ -127,7 +116,7 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence) -> Ro
         if columns is None:
             after[kind] = before
             continue
-        more = {"4_test.csv": recorded(played(columns))}
+        more = {"3_test.csv": recorded(played(columns))}
         recorder.write_case(folder / kind, "damper", nominal, dict(sorted((records | more).items())))
         after[kind] = diagnose(read_case(folder / kind), limits=_LIMITS)
     return Row(
@@ -186,8 +175,11 @@ def main() -> int:
     p.add_argument("-o", "--out", type=Path, required=True)
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--rounds", type=int, default=1, help="cases of each effect (default: %(default)s)")
+    p.add_argument(
+        "--effects", nargs="+", default=list(causes.EFFECTS), help="what the rigs have (default: all)"
+    )
     a = p.parse_args()
-    effects = [e for _ in range(a.rounds) for e in causes.EFFECTS]
+    effects = [e for _ in range(a.rounds) for e in a.effects]
     seeds = np.random.SeedSequence(a.seed).spawn(len(effects))
     rows = []
     for k, (cause, seed) in enumerate(zip(effects, seeds, strict=True), 1):

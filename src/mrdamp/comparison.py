@@ -151,12 +151,15 @@ def table_1(
         forces[name] = given
     if progress:
         progress("judging", 1.0)
-    rows = tuple(_row(name, given, records.validation) for name, given in forces.items())
+    rows = tuple(row_of(name, given, records.validation) for name, given in forces.items())
     return Table1(rows, fits, forces, records.validation)
 
 
-def _row(name: str, forces: Mapping[str, Array], records: Sequence[Record]) -> Row:
-    """Mean squares of the errors over the records, over the mean variance of the force: as in `identify.pooled`."""
+def row_of(name: str, forces: Mapping[str, Array], records: Sequence[Record]) -> Row:
+    """A model's row from its force (n,) N by record name.
+
+    Mean squares of the errors over the records, over the mean variance of the force: as in `identify.pooled`.
+    """
     variance = np.array([float(np.var(r.channel("force_N"))) for r in records])
     parts = []
     for record in records:

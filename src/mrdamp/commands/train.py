@@ -1,4 +1,4 @@
-"""`mrdamp train`: a learned controller by stable-baselines3, over seeds and settings."""
+"""`mrdamp train`: a learned controller, by an evolution strategy or stable-baselines3, over seeds and settings."""
 
 from __future__ import annotations
 

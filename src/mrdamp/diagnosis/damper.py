@@ -159,7 +159,7 @@ class DamperRig:
             rate=v,
             lowest=_LOWEST,
             highest=_HIGHEST,
-            command_low=float(command.min()) if command.min() > 1e-6 * self.sizes.command else 0.0,
+            command_low=min(float(command.min()), 0.0),  # any rig can be switched off
             command_high=float(command.max()),
             sample_time=self.sizes.sample_time,
         )

@@ -191,7 +191,7 @@ class FrameRig:
             rate=None,
             lowest=_LOWEST,
             highest=_HIGHEST,
-            command_low=max(float(command.min()), 0.0),
+            command_low=min(float(command.min()), 0.0),
             command_high=float(command.max()),
             sample_time=self.sizes.sample_time,
         )

@@ -192,33 +192,27 @@ def next_test(
     """What to test next, for the report, and the columns of its CSV. noise (channels,): standard deviations."""
     rig = search.problem.rig
     make = _Pairs(search, chosen, np.maximum(np.maximum(noise, _left(search, chosen)), 1e-12))
-    pairs, why = [], ""
+    pairs: list[Pair] = []
+    reasons = []
     for tie in ties:
         pairs += [make.against(f) for f in make.tied(tie)]
-        why = f"these records leave {' and '.join(ties[0])} tied"
-    if decision.verdict != "unknown":
-        terms = _first_of_stages([t for t in rig.terms if any(t.cause == u["effect"] for u in hidden)])
-        pairs += [make.unseen(t) for t in terms]
-        names = ", ".join(t.cause for t in terms)
-        why = (
-            f"{why}, and hardly show {names}"
-            if why and terms
-            else why or f"these records hardly show {names}"
-        )
+    if ties:
+        reasons.append(f"these records leave {' and '.join(ties[0])} tied")
+    near = rival(chosen, [fits[k] for k in np.argsort(-np.array(decision.probabilities), kind="stable")])
+    if decision.verdict == "unknown" and near is not None:
+        pairs.append(make.against(near))
+        reasons.append(f"to part {' from '.join(pairs[-1].names)}, the nearest known causes")
+    terms = _first_of_stages([t for t in rig.terms if any(t.cause == u["effect"] for u in hidden)])
+    pairs += [make.unseen(t) for t in terms]
+    if terms:
+        reasons.append(f"these records hardly show {', '.join(t.cause for t in terms)}")
     effort = _EFFORT if pairs else _LITTLE
     if not pairs:
-        likely = sorted(zip(decision.probabilities, fits, strict=True), key=lambda pair: -pair[0])
-        near = rival(chosen, [f for _, f in likely])
         if near is None:
             return {"why": "nothing is tied and nothing is unseen", "signal": "none"}, None
         pairs = [make.against(near)]
-        both = " from ".join(pairs[0].names)
-        unknown = decision.verdict == "unknown"
-        why = (
-            f"to part {both}, the nearest known causes"
-            if unknown
-            else f"nothing is tied; it would part {both} best"
-        )
+        reasons.append(f"nothing is tied; it would part {' from '.join(pairs[0].names)} best")
+    why = "; ".join(reasons)
     pairs, envelope = pairs[:_PAIRS], rig.envelope
     found = best(make.bench, pairs, envelope, effort)
     parted = found.distances[found.distances > _APART]
@@ -238,11 +232,12 @@ def next_test(
 
 
 def rival(chosen: Fit, fits: Sequence[Fit]) -> Fit | None:
-    """The first fit whose causes are neither a part nor an extension of the chosen one's."""
+    """The first fit whose causes are neither a part nor an extension of the chosen one's; of a fit without causes, the
+    first that has any."""
     own = set(chosen.hypothesis.causes)
     for found in fits:
         causes = set(found.hypothesis.causes)
-        if not (causes <= own or own <= causes):
+        if causes - own and not (own and own <= causes):
             return found
     return None
 
