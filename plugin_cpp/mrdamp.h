@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 2 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 3 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -98,7 +98,8 @@ typedef struct {
   const double* acc_leakage;
   const double* acc_lag;
   const double* acc_lag2;
-  const double* friction_width; /* m/s, velocity over which dry friction turns; NULL, 0: it builds up over 10 um */
+  const double* friction_width; /* m/s, velocity over which dry friction turns; NULL, 0: it builds up over a drift */
+  const double* friction_presliding; /* m, that drift; NULL, 0: 10 um */
 } mrdamp_frame;
 
 /* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements

@@ -53,3 +53,44 @@ def test_force_comes_back_over_the_stroke_in_its_shape(shape: float) -> None:
     share = run("force", trapped_gas_direction=0.0, **gas)[stroke] / run("force")[stroke]
     s = X[stroke] + 0.01
     np.testing.assert_allclose(share, 1 - loss * np.exp(-((s / length) ** shape)), atol=0.01)
+
+
+def test_extension_and_compression_differ_by_the_force() -> None:
+    a, width = 0.2, 60.0
+    plain, bent = run("force"), run("force", asymmetry_a=a, asymmetry_force=width)
+    np.testing.assert_allclose(bent, plain * (1 + a * np.tanh(plain / width)), rtol=1e-9, atol=1e-9)
+
+
+def test_seal_slips_at_once_over_a_small_velocity() -> None:
+    coulomb, breakaway, v_s, width = 40.0, 1.5, 0.02, 0.004
+    seal = {"seal_friction_coulomb": coulomb, "seal_friction_breakaway": breakaway, "seal_friction_v_s": v_s}
+    added = run("force", seal_friction_width=width, **seal) - run("force")
+    v = 0.01 * 2 * np.pi * 1.5 * np.cos(2 * np.pi * 1.5 * T)
+    limit = coulomb * (1 + (breakaway - 1) * np.exp(-((v / v_s) ** 2)))
+    np.testing.assert_allclose(added[5:-5], (limit * np.tanh(v / width))[5:-5], atol=0.5)
+
+
+def test_mount_hardens_with_its_deflection() -> None:
+    k, k3 = 2e5, 4e5
+    out = core.run(
+        "bingham",
+        {**BINGHAM, "mount_compliance_k": k, "mount_compliance_k3": k3},
+        DT,
+        X,
+        u=0.5,
+        columns=("force", "piston"),
+    )
+    d = X - out["piston"]
+    late = T > 0.05
+    np.testing.assert_allclose(out["force"][late], (k * d * (1 + k3 * d**2))[late], rtol=1e-3, atol=0.5)
+    assert np.abs(k3 * d**2).max() > 0.5  # the cubic part is no trifle here
+
+
+def test_magnetic_circuit_remembers_how_it_got_to_the_start() -> None:
+    b, d, start = 0.1, 0.2, -0.8
+    level = run("field", 0.5, remanence_b=b, remanence_d=d, remanence_start=start)
+    np.testing.assert_allclose(level, 0.5 - b * start)  # constant current: the branch stays
+    ramp = 0.5 + 0.4 * T
+    field = run("field", ramp, remanence_b=b, remanence_d=d, remanence_start=start)
+    branch = 1 + (start - 1) * np.exp(-(ramp - 0.5) / d)
+    np.testing.assert_allclose(field, ramp - b * branch, atol=2e-3)

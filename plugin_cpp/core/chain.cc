@@ -56,22 +56,39 @@ LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, dou
   }
 }
 
+double SealLimit(const Params& p, double v) {
+  return SealFriction::Limit(p.seal_friction_coulomb, p.seal_friction_breakaway, p.seal_friction_v_s, v);
+}
+
 double SealSigma(const Params& p) { return p.seal_friction_coulomb * p.seal_friction_breakaway / p.seal_friction_presliding; }
 
 // Force of damper and mechanics on the piston side of the mount, without inertia.
 double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* fluid) {
   const Params& p = d.p;
   LawForce f = ForceOfLaw(d, s, field, x, v);
-  double factor = Asymmetry(p, v);
+  double rate = 1;
+  if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
+    f.fluid = AsymmetryByForce(p, f.fluid, &rate);
+  } else {
+    rate = Asymmetry(p, v);
+    f.fluid *= rate;
+  }
+  double factor = 1;
   if (p.trapped_gas_d != 0) {
     Stroke stroke = s.c.stroke;
-    stroke.Follow(x);
+    stroke.Follow(x, p.trapped_gas_reach);
     factor *= TrappedGas(p, stroke, x);
   }
-  *slope = factor * f.slope;
+  *slope = factor * rate * f.slope;
   *fluid = factor * f.fluid;
   double force = *fluid + f.spring + GasSpring(p, x);
-  if (p.seal_friction_coulomb > 0) force += SealSigma(p) * s.c.bristle;
+  if (p.seal_friction_coulomb > 0 && p.seal_friction_width > 0) {
+    double own;
+    force += SealFriction::Slip(SealLimit(p, v), p.seal_friction_width, v, &own);
+    *slope += own;
+  } else if (p.seal_friction_coulomb > 0) {
+    force += SealSigma(p) * s.c.bristle;
+  }
   return force;
 }
 
@@ -105,11 +122,8 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   }
   c.time += m.dt;
   const double x = m.x + path;
-  if (p.seal_friction_coulomb > 0) {
-    const double limit = SealFriction::Limit(p.seal_friction_coulomb, p.seal_friction_breakaway, p.seal_friction_v_s, mean);
-    c.bristle = SealFriction::Follow(c.bristle, path, limit, SealSigma(p));
-  }
-  if (p.trapped_gas_d != 0) c.stroke.Follow(x);
+  if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
+  if (p.trapped_gas_d != 0) c.stroke.Follow(x, p.trapped_gas_reach);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
     double slope, fluid;
     PistonForce(d, *s, field1, x, m.vb, &slope, &fluid);
@@ -166,9 +180,11 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   ChainState& c = s->c;
   c = ChainState();
   c.coil1 = c.coil = d.Clamp(u);
+  c.branch = d.p.remanence_start;
   c.heat = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
-  c.piston = c.stroke.extreme = c.stroke.turn = x;
+  c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
+  if (d.p.trapped_gas_direction < 0) c.stroke.pocket = d.p.trapped_gas_reach;
   c.piston_velocity = HasMount(d.p) ? 0 : v;
   if (s->line) {
     *s->line = DelayLine();

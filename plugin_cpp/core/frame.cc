@@ -27,7 +27,8 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
     bool open;
   } rows[] = {{"mass_kg", f.mass, 0, true},        {"stiffness_n_m", f.stiffness, 0, true},
               {"damping_n_s_m", f.damping, 0, false}, {"friction", f.friction, 0, false},
-              {"friction_width", f.friction_width, 0, false}};
+              {"friction_width", f.friction_width, 0, false},
+              {"friction_presliding", f.friction_presliding, 0, false}};
   for (const auto& row : rows) {
     for (int i = 0; row.value && i < n; i++) {
       const double v = row.value[i];
@@ -47,7 +48,7 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
 
 namespace {
 
-constexpr double kPresliding = 1e-5;  // m of drift over which dry friction in a storey builds up
+constexpr double kPresliding = 1e-5;  // m of drift over which dry friction in a storey builds up, unless given
 
 // One scalar element that acts on the structure along a direction: the damper, or dry friction in a storey.
 struct Element {
@@ -124,7 +125,8 @@ class Structure {
 double Dry(const mrdamp_frame& f, int storey, double v, double dx, double* q) {
   const double limit = f.friction[storey], width = f.friction_width ? f.friction_width[storey] : 0;
   if (width > 0) return limit * std::tanh(v / width);
-  const double sigma = limit / kPresliding;
+  const double drift = f.friction_presliding ? f.friction_presliding[storey] : 0;
+  const double sigma = limit / (drift > 0 ? drift : kPresliding);
   *q = SealFriction::Follow(*q, dx, limit, sigma);
   return sigma * *q;
 }
@@ -249,7 +251,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
               blend[j] = 2 * EndWeight(-2 * ramp_v * std::max(0.0, (f1 - f0) / dv)) - 1;
             }
           }
-          const double solved = SolveIncreasing(residual, guess, slope, 1e-9 * std::fabs(e.next) + 1e-7);
+          const double solved = SolveIncreasing(residual, guess, slope, 1e-8 * std::fabs(e.next) + 1e-7);
           const double along = (solved - fv) / wv;
           moved = std::max(moved, std::fabs(along - e.next));
           size = std::max(size, std::fabs(along));

@@ -27,6 +27,12 @@ struct SealFriction {
     const double rest = (dx > 0 ? limit : -limit) / sigma;
     return rest + (q - rest) * std::exp(-std::fabs(dx) * sigma / limit);
   }
+  // Without presliding: turned over a small velocity. Its slope in `slope`.
+  static double Slip(double limit, double width, double v, double* slope) {
+    const double t = std::tanh(v / width);
+    *slope = limit / width * (1 - t * t);
+    return limit * t;
+  }
 };
 
 }  // namespace mrdamp

@@ -12,12 +12,11 @@ inline double MountStiffness(const Params& p) {
   return p.mount_compliance_k > 0 ? p.mount_compliance_k : p.backlash_k;
 }
 
-// Force (N) through the mount stretched by d = x - x_piston.
+// Force (N) through the mount stretched by d = x - x_piston: k d (1 + k3 d^2) beyond the clearance.
 inline double MountForce(const Params& p, double d) {
   const double half = 0.5 * p.backlash_gap;
-  if (d > half) return MountStiffness(p) * (d - half);
-  if (d < -half) return MountStiffness(p) * (d + half);
-  return 0;
+  d = d > half ? d - half : d < -half ? d + half : 0;
+  return MountStiffness(p) * d * (1 + p.mount_compliance_k3 * d * d);
 }
 
 }  // namespace mrdamp

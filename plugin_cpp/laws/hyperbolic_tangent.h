@@ -14,17 +14,18 @@ namespace mrdamp {
 
 struct HyperbolicTangent {
   // Root of a p + f tanh(p / w) = b with a > 0, f >= 0; w -> 0 is the sign function. tanh is concave where the
-  // root lies, so Newton's steps from below rise to it without overshoot.
-  static double Root(double a, double f, double w, double b) {
+  // root lies, so Newton's steps from below rise to it without overshoot; one from a guess above falls below it.
+  static double Root(double a, double f, double w, double b, double guess = 0) {
     const double sign = b < 0 ? -1 : 1;
     b = std::fabs(b);
     if (!(w > 0)) return sign * std::max(b - f, 0.0) / a;
-    double p = std::max(b / (a + f / w), (b - f) / a);
+    const double low = std::max(b / (a + f / w), (b - f) / a);
+    double p = std::max(low, sign * guess);
     for (int i = 0; i < 50; i++) {
       const double t = std::tanh(p / w);
       const double step = (b - a * p - f * t) / (a + f * (1 - t * t) / w);
-      p += step;
-      if (!(step > 1e-10 * (p + w))) break;
+      p = std::max(low, p + step);
+      if (!(step > 1e-10 * (p + w)) && (i > 0 || step > -1e-10 * (p + w))) break;
     }
     return sign * p;
   }
@@ -42,7 +43,7 @@ struct HyperbolicTangent {
     const double weight = EndWeight(dt * spring / dashpot);
     const double from = *g + (1 - weight) * dt * *rate;
     const double x1 = x + 0.5 * (va + vb) * dt;
-    *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from);
+    *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from, *rate);
     *g = from + weight * dt * *rate;
   }
 

@@ -100,15 +100,15 @@ TEST(TrappedGasTakesTheStartOfAStroke) {
   p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.002, p.trapped_gas_direction = 1;
   mrdamp::Stroke s;
   CHECK(mrdamp::TrappedGas(p, s, 0) == 1);
-  s.Follow(5e-6);  // not yet a stroke
+  s.Follow(5e-6, 0);  // not yet a stroke
   CHECK(s.direction == 0);
-  for (double x = 0; x <= 0.0105; x += 1e-4) s.Follow(x);
+  for (double x = 0; x <= 0.0105; x += 1e-4) s.Follow(x, 0);
   CHECK(s.direction == 1);
   NEAR(mrdamp::TrappedGas(p, s, 0.002), 1 - 0.6 * std::exp(-1), 1e-9);
   const double top = s.extreme;
-  s.Follow(top - 0.9e-5);  // noise turns nothing round
+  s.Follow(top - 0.9e-5, 0);  // noise turns nothing round
   CHECK(s.direction == 1);
-  s.Follow(top - 2e-5);
+  s.Follow(top - 2e-5, 0);
   CHECK(s.direction == -1 && s.turn == top);
   CHECK(mrdamp::TrappedGas(p, s, top - 0.001) == 1);  // the other direction loses nothing
   p.trapped_gas_direction = 0;
@@ -120,6 +120,18 @@ TEST(GasSpringIsAParabola) {
   p.gas_spring_k = 2000, p.gas_spring_k2 = 5, p.gas_spring_f0 = 30;
   NEAR(mrdamp::GasSpring(p, 0.1), 200 * 1.5 + 30, 1e-12);
   NEAR(mrdamp::GasSpring(p, -0.1), -200 * 0.5 + 30, 1e-12);
+}
+
+TEST(APocketOfGasOpensOnTheWayBack) {
+  Params p;
+  p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.001, p.trapped_gas_reach = 0.002, p.trapped_gas_shape = 1;
+  mrdamp::Stroke s;
+  for (double x = 0; x <= 0.0051; x += 1e-4) s.Follow(x, p.trapped_gas_reach);
+  NEAR(mrdamp::TrappedGas(p, s, 0.005), 1 - 0.6 * std::exp(-2), 1e-9);  // shut
+  s.Follow(s.last - 5e-4, p.trapped_gas_reach);  // a quarter open
+  CHECK(mrdamp::TrappedGas(p, s, s.last) == 1);   // the other direction loses nothing
+  s.Follow(s.last + 1e-4, p.trapped_gas_reach);
+  NEAR(mrdamp::TrappedGas(p, s, s.last), 1 - 0.6 * std::exp(-1.6), 1e-9);
 }
 
 TEST(SealFrictionBuildsUpAndSlides) {

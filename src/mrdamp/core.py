@@ -175,7 +175,8 @@ class FrameInput:
     """A shear frame for `run_frame`: arrays (storeys,) in SI units, the ground up; None is ideal or none.
 
     `damper_between`: the two floors (0 the ground), or None without a damper. `friction` (N): dry friction per
-    storey; `friction_width` (m/s): the velocity over which it turns as F tanh(v / width), 0: over 10 um of drift.
+    storey; `friction_width` (m/s): the velocity over which it turns as F tanh(v / width), 0: it builds up over
+    `friction_presliding` (m) of drift, 0: 10 um.
     `acc_*`: the floors' accelerometers (gain, offset m/s2, leakage s, lag s and its second pole s).
     """
 
@@ -190,6 +191,7 @@ class FrameInput:
     acc_lag: Array | None = None
     acc_lag2: Array | None = None
     friction_width: Array | None = None
+    friction_presliding: Array | None = None
 
 
 def frame_columns(storeys: int) -> tuple[str, ...]:
@@ -248,6 +250,7 @@ def run_frame_many(
             "acc_lag",
             "acc_lag2",
             "friction_width",
+            "friction_presliding",
         ):
             setattr(row, name, held(name, getattr(frame, name), row.storeys))
         row.damper_from, row.damper_to = frame.damper_between or (-1, -1)

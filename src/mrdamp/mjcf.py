@@ -135,8 +135,10 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
         joint.set("stiffness", repr(float(frame.stiffness[j - 1])))
         joint.set("damping", repr(float(frame.damping[j - 1])))
         if frame.friction is not None and frame.friction[j - 1] > 0:
-            width = 0.0 if frame.friction_width is None else float(frame.friction_width[j - 1])
-            _put_friction(root, j, float(frame.friction[j - 1]), width)
+            width, presliding = (
+                0.0 if row is None else float(row[j - 1]) for row in (frame.friction_width, frame.friction_presliding)
+            )
+            _put_friction(root, j, float(frame.friction[j - 1]), width, presliding or 1e-5)
         for tag in ("geom", "site"):
             for item in body.findall(tag):
                 if item.get("name"):
@@ -149,13 +151,13 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
     _sensors(root, model)
 
 
-def _put_friction(root: ET.Element, storey: int, coulomb: float, width: float) -> None:
+def _put_friction(root: ET.Element, storey: int, coulomb: float, width: float, presliding: float) -> None:
     """Dry friction in a storey: a damper with nothing else in it, as the engine's own friction is soft."""
     name = f"friction_{storey}"
     damper = _find(root, "extension/plugin[@plugin='mrdamp.damper']")
     instance = ET.SubElement(damper, "instance", name=name)
     law = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), "0")
-    friction = {"seal_friction_coulomb": repr(coulomb), "seal_friction_presliding": "1e-5"}
+    friction = {"seal_friction_coulomb": repr(coulomb), "seal_friction_presliding": repr(presliding)}
     if width > 0:
         friction = {"fya": repr(coulomb), "v_ref": repr(width)}
     for key, value in ({"law": "bingham"} | law | friction).items():

@@ -29,7 +29,8 @@ STRUCTURE_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "storey_damping": {"e": "relative change of the storey's damping"},
     "joint_friction": {
         "coulomb": "N, dry friction in the storey",
-        "width": "m/s, velocity over which it turns; 0: over 10 um of drift",
+        "width": "m/s, velocity over which it turns; 0: it builds up over a drift",
+        "presliding": "m, that drift; 0: 10 um",
     },
     "floor_mass": {"dm": "kg, mass added to the floor"},
 }
@@ -118,7 +119,7 @@ class Model:
             raise InputError(f"{self.name}: rig damper has no structure")
         s = self.structure
         mass, stiffness, damping = s.mass.copy(), s.stiffness.copy(), s.damping.copy()
-        friction, width = np.zeros(s.storeys), np.zeros(s.storeys)
+        friction, width, presliding = (np.zeros(s.storeys) for _ in range(3))
         sensors = {"acc_gain": np.ones(s.storeys)}
         for effect in self.effects:
             if effect.place is None:
@@ -130,7 +131,7 @@ class Model:
                 damping[k] *= 1 + p.get("e", 0.0)
             elif effect.name == "joint_friction":
                 friction[k] += p.get("coulomb", 0.0)
-                width[k] = p.get("width", 0.0)
+                width[k], presliding[k] = p.get("width", 0.0), p.get("presliding", 0.0)
             elif effect.name == "floor_mass":
                 mass[k] += p.get("dm", 0.0)
             else:
@@ -144,6 +145,7 @@ class Model:
             s.damper_between,
             friction if friction.any() else None,
             friction_width=width if width.any() else None,
+            friction_presliding=presliding if presliding.any() else None,
             **sensors,
         )
 

@@ -13,7 +13,7 @@ from mrdamp.library import library_path
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 2
+_ABI = 3
 ERROR_SIZE = 400
 
 
@@ -36,6 +36,7 @@ class Frame(ctypes.Structure):
         ("acc_lag", double_p),
         ("acc_lag2", double_p),
         ("friction_width", double_p),
+        ("friction_presliding", double_p),
     )
 
 

@@ -54,7 +54,8 @@ def _lag_limit(r: np.random.Generator, c: Scale) -> Sized:
 
 def _lag_unequal(r: np.random.Generator, c: Scale) -> Sized:
     ratio = r.choice([0.4, 0.6, 1.6, 2.5])
-    return lambda s: {"lag_form": 3, "lag_tau": 0.05 * s, "lag_tau2": 0.05 * s * ratio}
+    span = c.command
+    return lambda s: {"lag_form": 3, "lag_tau": 0.05 * s, "lag_tau2": 0.05 * s * ratio, "lag_span": span}
 
 
 def _delay(r: np.random.Generator, c: Scale) -> Sized:
@@ -106,7 +107,8 @@ def _heat_rational(r: np.random.Generator, c: Scale) -> Sized:
 def _asymmetry(form: int) -> Form:
     def draw(r: np.random.Generator, c: Scale) -> Sized:
         side = r.choice([-1.0, 1.0])
-        return lambda s: {"asym_form": form, "asym_share": 0.35 * s * side}
+        width = c.force * r.uniform(0.05, 0.3)
+        return lambda s: {"asym_form": form, "asym_share": 0.35 * s * side, "asym_width": width}
 
     return draw
 
@@ -133,10 +135,10 @@ def _spring_polytropic(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"spring_form": 1, "spring_f0": 0.4 * c.force * s, "spring_length": length}
 
 
-def _spring_cubic(r: np.random.Generator, c: Scale) -> Sized:
-    k, k3 = r.uniform(0.1, 0.3) * c.force / c.stroke, r.uniform(0.05, 0.12) * c.force / c.stroke**3
-    f0 = r.uniform(0.0, 0.3) * c.force
-    return lambda s: {"spring_form": 2, "spring_f0": f0 * s, "spring_k": k * s, "spring_k3": k3 * s}
+def _spring_power(r: np.random.Generator, c: Scale) -> Sized:
+    k, end, power = r.uniform(0.1, 0.3) * c.force / c.stroke, r.uniform(0.05, 0.12) * c.force, r.uniform(2.0, 4.0)
+    f0, fixed = r.uniform(0.0, 0.3) * c.force, {"spring_form": 2, "spring_length": c.stroke, "spring_power": power}
+    return lambda s: {**fixed, "spring_f0": f0 * s, "spring_k": k * s, "spring_end": end * s}
 
 
 def _seal(form: int) -> Form:
@@ -162,7 +164,8 @@ def _mass(form: int) -> Form:
 
 def _mount(form: int) -> Form:
     def draw(r: np.random.Generator, c: Scale) -> Sized:
-        fixed = {"mount_form": form, "mount_c": 0.2 * c.force, "mount_mass": c.piston}
+        power = r.uniform(1.0, 2.5)
+        fixed = {"mount_form": form, "mount_c": 0.2 * c.force, "mount_mass": c.piston, "mount_power": power}
 
         def sized(s: float) -> dict[str, float]:
             k = c.force / (0.5 * c.stroke * s)
@@ -235,7 +238,7 @@ EFFECTS: Mapping[str, tuple[str, tuple[Form, ...]]] = {
     "asymmetry": ("fluid", (_asymmetry(1), _asymmetry(2))),
     "shear_thinning": ("fluid", (_thin_cross, _thin_eyring)),
     "trapped_gas": ("fluid", (_gas(1), _gas(2))),
-    "gas_spring": ("mechanics", (_spring_polytropic, _spring_cubic)),
+    "gas_spring": ("mechanics", (_spring_polytropic, _spring_power)),
     "seal_friction": ("mechanics", (_seal(1), _seal(2), _seal(3))),
     "moving_mass": ("mechanics", (_mass(1), _mass(2))),
     "mount_compliance": ("mount", (_mount(1), _mount(2))),

@@ -16,21 +16,21 @@ static const double kPi = 3.14159265358979323846;
   X(law) X(c0a) X(c0b) X(c1a) X(c1b) X(k0) X(k1) X(x0) X(alpha_a) X(alpha_b) X(gamma) X(beta) X(A) X(n) X(fya) X(fyb) \
   X(v_ref) X(k0a) X(k0b) X(k1a) X(k1b) X(m0) X(f0a) X(f0b)                                                          \
   /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2) */                                  \
-  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(sag_share) X(sag_time) X(dead_zone)                              \
+  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(lag_span) X(sag_share) X(sag_time) X(dead_zone)                              \
   /* magnetics: saturation 1 Froehlich, 2 error function, 3 arc tangent; remanence 1 plays, 2 relays */             \
   X(sat_form) X(sat_level) X(rem_form) X(rem_width) X(rem_share) X(rem_span)                                        \
   /* fluid: heating 1 Arrhenius with two bodies, 2 rational with one; shear thinning 1 Cross, 2 Eyring */           \
   X(heat_form) X(heat_capacity) X(heat_loss) X(heat_body) X(heat_link) X(heat_visc) X(heat_yield)                                \
   X(thin_form) X(thin_v) X(thin_m)                                                                                  \
   /* asymmetry 1 by velocity, 2 by pressure; trapped gas 1 by stroke, 2 as a pocket that is pressed shut */         \
-  X(asym_form) X(asym_share) X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign)                                      \
+  X(asym_form) X(asym_share) X(asym_width) X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign)                                      \
   X(wear_loss) X(wear_x) X(wear_width) X(relief_force) X(cavity_force) X(chatter_share) X(chatter_hz)               \
   X(settle_loss) X(settle_path)                                                                                     \
-  /* mechanics: spring 1 polytropic, 2 cubic; seal 1 LuGre, 2 Dahl, 3 Coulomb and Stribeck without a state */       \
-  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_k3)                                             \
+  /* mechanics: spring 1 polytropic, 2 of any power; seal 1 LuGre, 2 Dahl, 3 Coulomb and Stribeck without a state */       \
+  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_end) X(spring_power)                                             \
   X(seal_form) X(seal_coulomb) X(seal_static) X(seal_v) X(seal_slide) X(bent_force) X(stop_k) X(stop_x)             \
   /* mount: 1 spring and dashpot, 2 stiffening rubber, 3 pin with play, 4 the same with Hertz's contact */          \
-  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_mass)
+  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_mass)
 
 typedef struct {
 #define X(name) double name;
@@ -93,9 +93,10 @@ static void drive(const Rig *r, const double *y, double u, double *dy) {
     dy[I1] = (u - y[I1]) / r->lag_tau;
     dy[I2] = (y[I1] - y[I2]) / r->lag_tau2;
   } else if (r->lag_form == 2) {
-    dy[I1] = clip((u - y[I1]) / r->lag_tau, -r->lag_rate, r->lag_rate);
+    dy[I1] = r->lag_rate * tanh((u - y[I1]) / (r->lag_tau * r->lag_rate));
   } else if (r->lag_form == 3) {
-    dy[I1] = (u - y[I1]) / (fabs(u) > fabs(y[I1]) ? r->lag_tau : r->lag_tau2);
+    const double tau = fabs(u) > fabs(y[I1]) ? r->lag_tau : r->lag_tau2;
+    dy[I1] = (u - y[I1]) / tau * (r->lag_span > 0 ? 1 + 0.5 * fabs(y[I1]) / r->lag_span : 1); /* an iron core */
   }
   if (r->sag_share > 0) {
     const double i = current(r, y, u);
@@ -194,7 +195,7 @@ static double law(const Rig *r, const double *y, double x, double v, double b, d
 /* What is lost or added on the way from the fluid to the rod. */
 static double rod_share(const Rig *r, const Memory *m, double x, double v, double force) {
   if (r->asym_form == 1) force *= 1 + r->asym_share * v / sqrt(v * v + 1.6e-5);
-  if (r->asym_form == 2) force *= 1 + r->asym_share * tanh(force / 40);
+  if (r->asym_form == 2) force *= 1 + r->asym_share * force / (fabs(force) + r->asym_width);
   if (r->gas_form == 1 && m->direction == r->gas_sign)
     force *= 1 - r->gas_loss * exp(-fabs(x - m->start) / r->gas_stroke);
   if (r->gas_form == 2 && v * r->gas_sign > 0) {
@@ -217,7 +218,7 @@ static double seal(const Rig *r, double q, double v, double *dq) {
   const double s = v / r->seal_v;
   const double limit = r->seal_coulomb * (1 + (r->seal_static - 1) * exp(-s * s));
   const double stiffness = r->seal_coulomb / r->seal_slide;
-  if (r->seal_form == 3) return limit * tanh(v / (0.1 * r->seal_v));
+  if (r->seal_form == 3) return limit * (2 / kPi) * atan(v / (0.1 * r->seal_v));
   if (r->seal_form == 2) {
     *dq = v * (1 - stiffness * q / r->seal_coulomb * sign(v));
     return stiffness * q;
@@ -229,7 +230,7 @@ static double seal(const Rig *r, double q, double v, double *dq) {
 static double springs(const Rig *r, double x) {
   double force = 0;
   if (r->spring_form == 1) force += r->spring_f0 * pow(clip(1 - x / r->spring_length, 0.05, 20), -1.3);
-  if (r->spring_form == 2) force += r->spring_f0 + r->spring_k * x + r->spring_k3 * x * x * x;
+  if (r->spring_form == 2) force += r->spring_f0 + r->spring_k * x + r->spring_end * sign(x) * pow(fabs(x) / r->spring_length, r->spring_power);
   if (r->stop_k > 0) force += sign(x) * r->stop_k * pow(positive(fabs(x) - r->stop_x), 1.5);
   return force;
 }
@@ -254,7 +255,7 @@ static Force piston(const Rig *r, const Memory *m, const double *y, double x, do
 
 static double mount(const Rig *r, double d, double rate) {
   if (r->mount_form == 1) return r->mount_k * d + r->mount_c * rate;
-  if (r->mount_form == 2) return r->mount_k * d * (1 + pow(d / r->mount_scale, 2)) + r->mount_c * rate;
+  if (r->mount_form == 2) return r->mount_k * d * (1 + pow(fabs(d) / r->mount_scale, r->mount_power)) + r->mount_c * rate;
   const double depth = fabs(d) - 0.5 * r->mount_gap;
   if (depth <= 0) return 0;
   const double speed = rate * sign(d);

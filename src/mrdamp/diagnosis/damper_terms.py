@@ -64,7 +64,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 positive("driver_lag_tau", 0.005, 1e-4, 0.5),
                 positive("driver_lag_rate", 50 * s.command, 0.5 * s.command, 5000 * s.command),
             ),
-            ((0.005, 50 * s.command), (0.005, 15 * s.command)),
+            ((0.005, 50 * s.command), (0.005, 15 * s.command), (0.005, 4 * s.command)),
             form="slew",
         ),
         Term("command_delay", "driver", (positive("command_delay_d", 0.01, 3e-4, 0.3),), ((0.006,), (0.02,))),
@@ -83,8 +83,13 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             (
                 linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
                 positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                linear("remanence_start", 0.5, -1.0, 1.0),
             ),
-            ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
+            (
+                (0.05 * s.command, 0.2 * s.command, 0.0),
+                (0.1 * s.command, 0.05 * s.command, 0.0),
+                (0.1 * s.command, 0.1 * s.command, 1.0),
+            ),
         ),
         Term(
             "heating",
@@ -105,6 +110,16 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 positive("asymmetry_width", 0.1 * s.velocity, 1e-4, 3 * s.velocity),
             ),
             ((0.1, 0.05 * s.velocity), (-0.1, 0.3 * s.velocity)),
+        ),
+        Term(
+            "asymmetry",
+            "fluid",
+            (
+                linear("asymmetry_a", 0.05, -0.8, 0.8),
+                positive("asymmetry_force", 0.1 * s.force, 3e-3 * s.force, 3 * s.force),
+            ),
+            ((0.1, 0.05 * s.force), (-0.1, 0.3 * s.force)),
+            form="by the force",
         ),
         Term(
             "shear_thinning",
@@ -129,6 +144,21 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 fixed={"trapped_gas_direction": direction},
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0), ("both", 0.0))
+        ),
+        *(
+            Term(
+                "trapped_gas",
+                "fluid",
+                (
+                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
+                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
+                    positive("trapped_gas_reach", 0.2 * s.stroke, 0.01 * s.stroke, 2 * s.stroke),
+                ),
+                ((0.3, 0.1 * s.stroke, 0.2 * s.stroke), (0.3, 0.3 * s.stroke, 0.5 * s.stroke)),
+                form=f"{form}, a pocket",
+                fixed={"trapped_gas_direction": direction, "trapped_gas_shape": 1.0},
+            )
+            for form, direction in (("extension", 1.0), ("compression", -1.0))
         ),
         Term(
             "gas_spring",
@@ -158,6 +188,18 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ((0.08 * s.force, 1.2, 0.1 * s.velocity, 2e-3 * s.stroke),),
         ),
         Term(
+            "seal_friction",
+            "mechanics",
+            (
+                linear("seal_friction_coulomb", 0.03 * s.force, 0.0, 2 * s.force),
+                positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
+                positive("seal_friction_v_s", 0.1 * s.velocity, 1e-3 * s.velocity, 2 * s.velocity),
+                positive("seal_friction_width", 0.02 * s.velocity, 1e-3 * s.velocity, 0.5 * s.velocity),
+            ),
+            ((0.08 * s.force, 1.2, 0.1 * s.velocity, 0.02 * s.velocity),),
+            form="slipping at once",
+        ),
+        Term(
             "moving_mass",
             "mechanics",
             (linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),),
@@ -167,7 +209,17 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "mount_compliance",
             "mount",
             (positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),),
-            ((30 * k,), (200 * k,)),
+            ((30 * k,), (200 * k,), (1000 * k,)),
+        ),
+        Term(
+            "mount_compliance",
+            "mount",
+            (
+                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                positive("mount_compliance_k3", (30 / s.stroke) ** 2, 0.1 / s.stroke**2, 1e8 / s.stroke**2, 1.0),
+            ),
+            ((20 * k, (20 / s.stroke) ** 2), (130 * k, (130 / s.stroke) ** 2)),
+            form="hardening",
         ),
         Term(
             "backlash",
@@ -209,10 +261,13 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
 def nominal_coordinates(
     law: str, parameters: Settings, command: float, stroke: float
 ) -> tuple[Coordinate, ...]:
-    """The law's parameters, free about their nominal values: a factor of 4 and a prior of a third to either side."""
+    """The law's parameters, free about their nominal values: a factor of 4 and a prior of a third to either side.
+
+    An exponent of 1 or 2 is a choice of form and stays: hysteresis has a closed form there, five times as fast.
+    """
     out = []
     for name, value in parameters.items():
-        if name in ("command_min", "command_max"):
+        if name in ("command_min", "command_max") or (name == "n" and value in (1, 2)):
             continue
         if name == "n":
             out.append(Coordinate(name, value, 1.0, 8.0, 0.05, log=True, prior=3.0))

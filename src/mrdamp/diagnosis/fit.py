@@ -15,6 +15,8 @@ from mrdamp.diagnosis.terms import Hypothesis, Settings
 PRIOR_WEIGHT = 3e-6
 #: Dampings tried at once, times the present one.
 _DAMPINGS = (0.03, 1.0, 30.0)
+#: Iterations after which a fit has to be below its bar.
+_PATIENCE = 4
 #: Gauss-Newton steps are no longer than this in any coordinate, in units of search.
 _LONGEST = 8.0
 
@@ -64,11 +66,13 @@ def fit(
     tolerance: float = 2e-3,
     known: Array | None = None,
     frozen: bool = False,
+    bar: float = np.inf,
 ) -> Fit:
     """Fits from a point. most: iterations; tolerance: relative fall of the cost that ends it.
 
     known (samples, columns): columns of the Jacobian for the first coordinates, used in the first step, or in all of
-    them where `frozen` (signatures of the nominal parameters change little with an effect).
+    them where `frozen` (signatures of the nominal parameters change little with an effect). bar: a fit whose cost is
+    still above this after a few iterations is given up.
     """
     low, high = hypothesis.bounds()
     prior = np.sqrt(PRIOR_WEIGHT) * hypothesis.prior()
@@ -88,6 +92,8 @@ def fit(
         if gain > 0:
             q, r, total = trials[best], rows[best], float(totals[best])
             damping = float(np.clip(damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
+        if iterations == _PATIENCE and total > bar:
+            break
         if gain < tolerance:
             if fresh or frozen:
                 if damping >= 1e3 or gain > 0:

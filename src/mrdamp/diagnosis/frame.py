@@ -25,7 +25,7 @@ from mrdamp.sampling import derivative
 from mrdamp.structures import ShearFrame
 
 #: s, the chain's inner step while searching and for the last fit; the frame is stepped with half of it.
-_COARSE, _FINE = 2e-3, 1e-3
+_COARSE, FINE = 2e-3, 1e-3
 #: The law's numbers are free within so many times the damper's ranges.
 _WIDER = 4.0
 #: Hz, of the sines of a proposed test.
@@ -41,6 +41,7 @@ class FrameRig:
     the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
     clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there.
     free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
+    coarse_step: s, the chain's inner step while searching.
     """
 
     nominal_model: Model
@@ -49,6 +50,7 @@ class FrameRig:
     clean: frozenset[str] = frozenset()
     free_structure: bool = False
     placed: bool = False
+    coarse_step: float = _COARSE
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
@@ -218,7 +220,7 @@ class FrameRig:
             r.sample_time,
             r.channel("ground_acceleration_m_s2"),
             r.command,
-            substep=_COARSE if coarse else _FINE,
+            substep=self.coarse_step if coarse else min(self.coarse_step, FINE),
             narx=self.nominal_model.narx,
         )
 

@@ -17,7 +17,7 @@ from mrdamp.diagnosis import run
 from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.frame import FrameRig, averaged
+from mrdamp.diagnosis.frame import FINE, FrameRig, averaged
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import (
     Block,
@@ -27,12 +27,11 @@ from mrdamp.diagnosis.frame_where import (
     place_shares,
     shares_by_stage,
 )
-from mrdamp.diagnosis.noise import Noise, channel_noise, floors
+from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.result import Diagnosis
 from mrdamp.diagnosis.search import Limits, Search
 from mrdamp.diagnosis.settle import settle
-from mrdamp.diagnosis.smoothing import noise_level
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.diagnosis.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, Scored, decide
@@ -53,12 +52,12 @@ _LEFT = 0.02
 _FREED, _FORM = 2, 0.02
 #: Iterations for the nominal numbers alone, where no single cause will do.
 _FREE = 15
+#: Share of the noise's cost above which the step's own errors ask for a finer one.
+_STEP_ERROR = 0.05
 #: Share of the noise's cost by which a cause in a block at fault has to lower the cost.
 _SEEN = 0.003
 #: Records that a search goes by, at most.
 _RECORDS = 4
-#: Two runs that differ by more than this times the noise of the high band do not repeat.
-_REPEATS = 1.5
 
 
 def reduced(case: Case, found: Sequence[Block] = ()) -> tuple[Case, FrameRig]:
@@ -86,7 +85,7 @@ def diagnose_frame(
     progress("trying each storey, accelerometer and the damper alone", 0.01)
     found = blocks(case)
     small, rig = reduced(case, found)
-    noise, note = repeatable(channel_noise(small, rig), case, rig)
+    noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
     notes += note
 
     def part(begin: float, end: float) -> Progress:
@@ -114,17 +113,6 @@ def diagnose_frame(
     )
     answer = replace(answer, where=where)
     return answer.with_sentence(sentence(answer))
-
-
-def repeatable(noise: Noise, case: Case, rig: FrameRig) -> tuple[Noise, list[str]]:
-    """The noise, no more of what two runs differ by than the high band holds, and notes on what does not repeat."""
-    levels, notes = noise.levels.copy(), []
-    for c, name in enumerate(rig.channels):
-        white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(rig.block)
-        if levels[c] > _REPEATS * white > 0:
-            notes.append(f"{name}: two runs of one test differ by {levels[c] / white:.1f} times the sensor's noise")
-            levels[c] = white
-    return replace(noise, levels=levels), notes
 
 
 def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
@@ -175,6 +163,11 @@ def _search(
     """
     problem = Problem(replace(rig, placed=True), telling(rig.records), coarse=True)
     floor = floors(problem, noise, {})
+    for step in (FINE, FINE / 2):
+        if not too_coarse(problem, floor):
+            break
+        rig = replace(rig, coarse_step=step)
+        problem = Problem(replace(rig, placed=True), problem.records, coarse=True)
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
     at_fault = frozenset(_block_names(rig)) - rig.clean
@@ -186,7 +179,7 @@ def _search(
         ("two causes", rig, True, 2),
     )
     for number, (what, sought, wanted, depth) in enumerate(steps):
-        if not wanted or _enough(search, rig, at_fault):
+        if not wanted or _enough(search, rig, at_fault, law=number > 2):
             continue
         progress(what, (number + 1) / 6)
         problem.rig = sought
@@ -202,7 +195,18 @@ def _search(
     if not _enough(search, rig, at_fault):
         progress("one cause beside other numbers", 5 / 6)
         search.extend(True, 1)
+    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    if not _enough(search, rig, at_fault):
+        search.reform(best)
     return search, floor
+
+
+def too_coarse(problem: Problem, floor: Array) -> bool:
+    """True where the nominal simulator's own step errors are no trifle beside the noise (floor (blocks,), gaps)."""
+    assert isinstance(problem.rig, FrameRig)
+    half = Problem(replace(problem.rig, coarse_step=problem.rig.coarse_step / 2), problem.records, coarse=True)
+    apart = problem.gaps(problem.of_settings([{}])[0] - half.of_settings([{}])[0])
+    return problem.cost(apart) > _STEP_ERROR * problem.cost(floor)
 
 
 def _block_names(rig: FrameRig) -> list[str]:
@@ -210,12 +214,18 @@ def _block_names(rig: FrameRig) -> list[str]:
     return [f"{kind} {j}" for kind in ("accelerometer", "storey") for j in floors] + ["damper"]
 
 
-def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str]) -> bool:
-    """True where the best fit so far leaves little, and every block at fault is one that its causes act in."""
-    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if search.solved(best) and at_fault <= {"damper"}:
+def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: bool = True) -> bool:
+    """True where the best fit so far leaves little, and every block at fault is one that its causes act in.
+
+    law: free numbers of the law alone will do; they can bend after an effect of the damper that was not tried yet.
+    """
+    fits = [f for f in search.fits.values() if law or f.hypothesis.terms or not f.hypothesis.nominal]
+    best = min(fits, key=lambda f: (f.cost, f.hypothesis.name))
+    solved = search.solved(best)
+    if solved and at_fault <= {"damper"}:
         return True
-    covered: set[str] = {"damper"} if best.hypothesis.nominal else set()
+    # What is left may be little beside an accelerometer's fault, and all of the damper's.
+    covered: set[str] = {"damper"} if solved else set()
     for term in best.hypothesis.terms:
         if term.place is None:
             covered.add("damper")
@@ -224,7 +234,7 @@ def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str]) -> bool:
         else:
             first = 1 if term.effect == "floor_mass" else term.place
             covered |= {f"storey {j}" for j in range(first, term.place + 1)}
-    little = search.solved(best) or search.unexplained(best) < _FORM
+    little = solved or search.unexplained(best) < _FORM
     return bool(best.hypothesis.terms) and at_fault <= covered and little
 
 

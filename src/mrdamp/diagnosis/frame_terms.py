@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,10 +42,15 @@ def _storey(j: int, mass: float, shear: float) -> tuple[Term, ...]:
         linear(f"joint_friction_coulomb@{j}", 0.02 * shear, 0.0, 2 * shear),
         positive(f"joint_friction_width@{j}", 2e-3, 5e-5, 0.1),
     )
+    bristle = (friction[0], positive(f"joint_friction_presliding@{j}", 3e-5, 1e-6, 2e-3))
     return (
         _placed("storey_stiffness", "structure", j, stiffness, (0.05,), (-0.2,)),
         _placed("storey_damping", "structure", j, damping, (0.3,), (3.0,), (-0.4,)),
         _placed("joint_friction", "structure", j, friction, (0.02 * shear, 2e-3), (0.1 * shear, 2e-3)),
+        replace(
+            _placed("joint_friction", "structure", j, bristle, (0.02 * shear, 3e-5), (0.1 * shear, 1e-4)),
+            form="building up",
+        ),
         _placed(
             "floor_mass", "structure", j, (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),),
             (0.03 * mass,), (0.2 * mass,),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,16 +13,22 @@ from mrdamp.diagnosis.rig import Rig
 from mrdamp.diagnosis.smoothing import noise_level
 from mrdamp.diagnosis.terms import Settings
 
+#: Two runs that differ by more than this times the noise of the high band do not repeat.
+_REPEATS = 1.75
 #: Gap of noise at which a block counts 0.7: errors of form are of this size.
 _CLEAR = 0.012
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of each channel's noise (channels,), in its unit, and where it is known from."""
+    """Standard deviation of each channel's noise (channels,), in its unit, and where it is known from.
+
+    varying: the same without what differs by a constant from run to run.
+    """
 
     levels: Array
     source: str  # "repeat" or "high band"
+    varying: Array
 
 
 def channel_noise(case: Case, rig: Rig) -> Noise:
@@ -32,17 +38,30 @@ def channel_noise(case: Case, rig: Rig) -> Noise:
     between tests) counts as noise.
     """
     pairs = [(case.records[k], r) for r, k in case.repeats if k is not None]
-    levels = np.empty(len(rig.channels))
+    levels, varying = np.empty(len(rig.channels)), np.empty(len(rig.channels))
     for c, name in enumerate(rig.channels):
         if pairs:
-            squares = []
-            for first, second in pairs:
-                skip = round(SKIP / first.sample_time)
-                squares.append(np.mean((first.channel(name) - second.channel(name))[skip:] ** 2) / 2)
-            levels[c] = np.sqrt(np.mean(squares))
+            skip = round(SKIP / pairs[0][0].sample_time)
+            apart = [(first.channel(name) - second.channel(name))[skip:] for first, second in pairs]
+            levels[c] = np.sqrt(np.mean([np.mean(d**2) / 2 for d in apart]))
+            varying[c] = np.sqrt(np.mean([np.var(d) / 2 for d in apart]))
         else:
-            levels[c] = np.median([noise_level(r.channel(name)) for r in case.records])
-    return Noise(levels, "repeat" if pairs else "high band")
+            levels[c] = varying[c] = np.median([noise_level(r.channel(name)) for r in case.records])
+    return Noise(levels, "repeat" if pairs else "high band", varying)
+
+
+def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Noise, list[str]]:
+    """The noise, no more than the high band's where two runs of a test differ by more, and notes on what does not
+    repeat: what changes from run to run is a gap and no noise. case: as measured; block: samples that the rig
+    averages into one."""
+    levels, notes = noise.levels.copy(), []
+    for c, name in enumerate(rig.channels):
+        white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(block)
+        if noise.varying[c] > _REPEATS * white > 0:
+            ratio = noise.varying[c] / white
+            notes.append(f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise")
+            levels[c] = white
+    return replace(noise, levels=levels), notes
 
 
 def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:

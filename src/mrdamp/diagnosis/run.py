@@ -16,7 +16,7 @@ from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.damper_where import Parts, parts
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.next_test import next_test
-from mrdamp.diagnosis.noise import Noise, channel_noise, floors, trust
+from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, spread
 from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
@@ -70,7 +70,8 @@ def diagnose(
     notes = list(audit(case))
     total = sum(r.n for r in case.records) * len(rig.channels)
     stride = max(1, round(total / _SAMPLES))
-    noise = channel_noise(case, rig)
+    noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
+    notes += unsteady
     plain = Problem(rig, stride=stride, coarse=True)
     floor = floors(plain, noise, {})
     problem = Problem(rig, stride=stride, coarse=True, trust=trust(plain, floor))

@@ -29,7 +29,7 @@ _STRETCH = 4.0
 #: A term is fitted where its signature promises at least this relative fall of the cost.
 _PROMISE = 0.03
 #: Nothing material is left for another cause below this unexplained share.
-_SOLVED = 0.003
+_SOLVED = 0.001
 #: The noise floor is known to about this share of itself (sampling of the motion, start states).
 _FLOOR_DOUBT = 0.3
 
@@ -40,7 +40,8 @@ class Limits:
 
     singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
     to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own; base: iterations for the nominal parameters alone.
+    that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base:
+    iterations for the nominal parameters alone.
     """
 
     singles: int = 8
@@ -49,6 +50,7 @@ class Limits:
     forms: int = 2
     depth: int = 2
     polished: int = 3
+    freed: int = 2
     base: int = 15
 
 
@@ -122,6 +124,7 @@ class Search:
         basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else found.jacobian
         left = found.residual - basis @ (basis.T @ found.residual)
         best: dict[str, Promise] = {}
+        nearest: dict[str, tuple[float, int]] = {}
         for (term, k), d in zip(jobs, self._map(change, jobs), strict=True):
             own = d - basis @ (basis.T @ d)
             size, cost, by = float(own @ own), found.cost, 0.0
@@ -130,7 +133,13 @@ class Search:
                 cost += by * (2 * float(own @ left) + by * size)
             if term.name not in best or cost < best[term.name].cost:
                 best[term.name] = Promise(cost, term, k, by)
-        return sorted(best.values(), key=lambda p: (p.cost, p.term.name))
+            if all(c.log for c in term.coordinates):  # nothing of its start can be stretched
+                nearest[term.name] = min(
+                    nearest.get(term.name, (np.inf, 0)), (2 * float(own @ left) + size, k)
+                )
+        starts = {name: k for name, (_, k) in nearest.items()}
+        promises = [replace(p, start=starts.get(p.term.name, p.start)) for p in best.values()]
+        return sorted(promises, key=lambda p: (p.cost, p.term.name))
 
     def run(self, progress: Progress = lambda what, share: None) -> None:
         """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
@@ -145,6 +154,11 @@ class Search:
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
             self.extend(free, depth)
         self.free_parts()
+        self.free_best()
+        for free in (False, True):
+            best = self.best(free)
+            if best is not None and not self.solved(best):
+                self.reform(best)
 
     def free_parts(self) -> None:
         """Each cause of the best held set alone, with the law free: numbers that are a little off look like a second
@@ -160,10 +174,45 @@ class Search:
             start = np.concatenate([np.zeros(len(self.base.point)), best.point[low : low + count]])
             low += count
             if (True, frozenset([term.name])) not in self.fits:
-                tasks.append((hypothesis, start, None))
+                tasks.append((hypothesis, start, None, np.inf))
         for found in self._map(self._try, tasks):
             if found is not None:
                 self.keep(found)
+
+    def free_best(self) -> None:
+        """The best sets of each size that were held, with the law free from there: where its numbers are a little off,
+        a set that explains most is not found on top of a law that was bent to do without it."""
+        if any(self.solved(f) for f in self.ranked(False)[:1]):
+            return
+        tasks = []
+        for depth in range(1, self.limits.depth + 1):
+            for held in [f for f in self.ranked(False) if len(f.hypothesis.causes) == depth][: self.limits.freed]:
+                hypothesis = Hypothesis(self.base.hypothesis.nominal, held.hypothesis.terms)
+                start = np.concatenate([np.zeros(len(hypothesis.nominal)), held.point])
+                tasks.append((hypothesis, start))
+        for found in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
+            self.keep(found)
+
+    def reform(self, found: Fit) -> None:
+        """The other forms of each cause of a fit in its place."""
+        tasks = []
+        at = len(found.hypothesis.nominal)
+        for term in found.hypothesis.terms:
+            others = [t for t in self.problem.rig.terms if t.cause == term.cause and t.name != term.name]
+            kept = np.ones(len(found.point), dtype=bool)
+            kept[at : at + len(term.coordinates)] = False
+            at += len(term.coordinates)
+            if not others:
+                continue
+            rest = Hypothesis(found.hypothesis.nominal, tuple(t for t in found.hypothesis.terms if t is not term))
+            residual = self.problem.residuals(rest, found.point[kept])[0]
+            cost = float(residual @ residual)
+            parent = Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
+            for promise in self.screen(parent, others):
+                hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
+                tasks.append((hypothesis, start))
+        for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
+            self.keep(again)
 
     def solved(self, found: Fit) -> bool:
         """True where nothing material is left for another cause to explain."""
@@ -171,7 +220,7 @@ class Search:
 
     def extend(self, free: bool, depth: int) -> None:
         parents = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1][: self.limits.beam]
-        tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None]] = {}
+        tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
         for parent in parents:
             taken = set(parent.hypothesis.causes)
             terms = [t for t in self.problem.rig.terms if t.cause not in taken]
@@ -180,7 +229,7 @@ class Search:
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 key = frozenset(t.name for t in hypothesis.terms)
                 if (free, key) not in self.fits:
-                    tasks.setdefault(key, (hypothesis, start, self.law_columns(parent)))
+                    tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
         for found in self._map(self._try, list(tasks.values())):
             if found is not None:
                 self.keep(found)
@@ -218,26 +267,36 @@ class Search:
         count = len(found.hypothesis.nominal)
         return found.jacobian[:, :count] if count else None
 
-    def _try(self, hypothesis: Hypothesis, start: Array, known: Array | None) -> Fit | None:
+    def _try(self, hypothesis: Hypothesis, start: Array, known: Array | None, bar: float) -> Fit | None:
         try:
-            return self.fitted(hypothesis, start, most=8 if hypothesis.nominal else 15, known=known)
+            return self.fitted(hypothesis, start, most=8 if hypothesis.nominal else 15, known=known, bar=bar)
         except (np.linalg.LinAlgError, ValueError) as error:
             self.failed.append(f"{hypothesis.name}: the fit failed ({error})")
             return None
 
     def fitted(
-        self, hypothesis: Hypothesis, start: Array, *, most: int, known: Array | None = None, stage: str = ""
+        self,
+        hypothesis: Hypothesis,
+        start: Array,
+        *,
+        most: int,
+        known: Array | None = None,
+        stage: str = "",
+        bar: float = np.inf,
     ) -> Fit:
         """A fit from a start, or what an interrupted run had found for it.
 
-        known: columns of the Jacobian that stay as they are (of the nominal parameters, at the parent's fit).
+        known: columns of the Jacobian that stay as they are (of the nominal parameters, at the parent's fit). bar: the
+        parent's cost, which an effect more has to get below.
         """
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
         kept = self.store.get(name)
         if kept is not None and kept[0].shape == start.shape:
             found = fit(self.problem, hypothesis, kept[0], most=0, known=known, frozen=known is not None)
             return replace(found, converged=kept[1])
-        found = fit(self.problem, hypothesis, start, most=most, known=known, frozen=known is not None)
+        found = fit(
+            self.problem, hypothesis, start, most=most, known=known, frozen=known is not None, bar=bar
+        )
         self.store.put(name, found.point, found.converged)
         return found
 

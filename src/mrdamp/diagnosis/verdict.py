@@ -9,18 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 #: Independent samples that a form error counts for; price (nats) of a cause and of each of its numbers.
-INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 24.0, 4.0, 0.5
+INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
 #: Price of a free law alone, and beside a cause, where it rises by so much in proportion as the law's numbers move
 #: (RMS share) to the last figure: numbers that are a little off are common, ones that are far off have a reason.
-LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 6.0, 3.0, 4.0, 0.12
+LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 9.0, 1.5, 5.0, 0.08
 #: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
-RESOLUTION, FLOOR_DOUBT = 0.01, 0.05
+RESOLUTION, FLOOR_DOUBT = 0.002, 0.12
 #: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, is none.
 NONE_ABOVE, REDUCIBLE = 1.75, 0.06
 #: More than this share of the excess left by the best set of causes: the cause is not in the catalogue.
 UNKNOWN_ABOVE = 0.12
 #: Free numbers that leave more than this share of the noise floor besides it have the wrong form.
-WRONG_FORM = 0.25
+WRONG_FORM = 0.5
 
 
 #: How sharply the probability of an unknown cause rises about these two.
