@@ -1,4 +1,4 @@
-"""What rewards are measured by, in closed form: oscillators without damping under a load that sets in at once."""
+"""Rewards by hand, and what they are measured by: oscillators without damping under a load that sets in at once."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mrdamp.cables import StayCable
-from mrdamp.envs.cable_reward import free_run
-from mrdamp.envs.reward import reference_run
+from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
+from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
 
@@ -36,3 +36,35 @@ def test_a_free_cable_holds_the_work_of_its_load() -> None:
     assert motion * of == pytest.approx(1.5 * (push / w**2) ** 2, rel=1e-3)
     assert acceleration * of == pytest.approx(0.5 * push**2, rel=1e-3)
     assert energy == pytest.approx(2 * push**2 / w**2, rel=1e-3)
+
+
+def test_each_part_of_a_frames_reward() -> None:
+    """Two periods by hand: costs are negative, the energy taken in is not, and a peak counts by its rise."""
+    weights = FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
+                          energy=11.0, exponent=2.0)  # fmt: skip
+    score = Score(weights, 1)
+    score.start(0, Reference(drift=0.01, acceleration=4.0, strain_energy=8.0))
+    first, info = score.of(np.array([[0.004, 2.0, 0.6, 0.5, 1.2, 0.4]]))
+    expected = [-2 * 0.4**2, -3 * 0.5**2, -5 * 0.4, -7 * 0.5, -0.5 * 0.6, -0.25 * 0.5, 11 * 0.4 / 8]
+    np.testing.assert_allclose(info[0, :7], expected)
+    np.testing.assert_allclose(first, sum(expected))
+    second, info = score.of(np.array([[0.006, 1.0, 0.0, 0.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(second, -2 * 0.6**2 - 3 * 0.25**2 - 5 * 0.2)
+    named = dict(zip(Score.NAMES, info[0], strict=True))
+    assert named["peak_drift"] == pytest.approx(0.006)
+    assert named["acceleration_ratio"] == pytest.approx(0.5)
+    assert named["mean_current"] == pytest.approx(0.6)
+    assert named["dissipated_energy"] == pytest.approx(0.4)
+
+
+def test_each_part_of_a_cables_reward() -> None:
+    weights = CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=2.0)
+    score = CableScore(weights, 1)
+    score.start(0, np.array([1e-4, 4.0, 8.0]))
+    reward, info = score.of(np.array([[2.5e-5, 1.0, 0.6, 0.5, 1.2, 0.4]]))
+    expected = [-2 * 0.25, -3 * 0.25, -0.5 * 0.6, -0.25 * 0.5, 11 * 0.4 / 8]
+    np.testing.assert_allclose(info[0, :5], expected)
+    np.testing.assert_allclose(reward, sum(expected))
+    named = dict(zip(CableScore.NAMES, info[0], strict=True))
+    assert named["motion_ratio"] == pytest.approx(0.5)
+    assert named["rms_motion"] == pytest.approx(5e-3)

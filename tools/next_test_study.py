@@ -97,7 +97,8 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence) -> Ro
         clean = damper_channels(truth, test, rng)
         return {n: noise[n].onto(clean[n], rng) if n in noise else clean[n] for n in names}
 
-    nominal = {"law": device.law, "parameters": device.parameters}
+    limits = {"command_min": 0.0, "command_max": device.machine.command}
+    nominal = {"law": device.law, "parameters": device.parameters | limits}
     records = {f"{k}_sine.csv": recorded(test) for k, test in enumerate(sines, 1)}
     records["4_repeat.csv"] = recorded(sines[-1])
     recorder.write_case(folder / "before", "damper", nominal, records)

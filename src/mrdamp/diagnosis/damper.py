@@ -150,7 +150,7 @@ class DamperRig:
 
     @cached_property
     def envelope(self) -> Envelope:
-        """The limits that the next test stays within: what the records span."""
+        """Limits of the next test: what the records span; the command from 0 to the simulator's own limit."""
         command = np.concatenate([r.command for r in self.records])
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
         return Envelope(
@@ -160,7 +160,7 @@ class DamperRig:
             lowest=_LOWEST,
             highest=_HIGHEST,
             command_low=min(float(command.min()), 0.0),  # any rig can be switched off
-            command_high=float(command.max()),
+            command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
             sample_time=self.sizes.sample_time,
         )
 

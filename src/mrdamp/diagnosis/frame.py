@@ -192,7 +192,7 @@ class FrameRig:
             lowest=_LOWEST,
             highest=_HIGHEST,
             command_low=min(float(command.min()), 0.0),
-            command_high=float(command.max()),
+            command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
             sample_time=self.sizes.sample_time,
         )
 

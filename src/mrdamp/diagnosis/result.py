@@ -8,8 +8,6 @@ from typing import Any
 
 from mrdamp.model import Model
 
-VERDICTS = ("none", "parameters", "effect", "unknown")
-
 
 @dataclass(frozen=True)
 class Named:
@@ -174,10 +172,14 @@ class Diagnosis:
     intervals: Mapping[str, tuple[float, float]] = field(
         default_factory=dict
     )  # 95 %, of every setting that the corrected simulator's last fit had free
-    stepped: tuple[Mapping[str, Any], ...] = ()  # records that the MJCF was stepped on: gaps offline and in MuJoCo
+    stepped: tuple[
+        Mapping[str, Any], ...
+    ] = ()  # records that the MJCF was stepped on: gaps offline and in MuJoCo
     seconds: float = 0.0
     next_signal: Mapping[str, Any] | None = field(default=None, repr=False)  # columns of the next test's CSV
-    drawn: tuple[Model, ...] = field(default=(), repr=False)  # the corrected model with parameters drawn together
+    drawn: tuple[Model, ...] = field(
+        default=(), repr=False
+    )  # the corrected model with parameters drawn together
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def with_sentence(self, text: str) -> Diagnosis:

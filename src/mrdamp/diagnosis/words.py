@@ -104,7 +104,11 @@ def table(d: Diagnosis) -> str:
     stages = sorted(d.where.stages.items(), key=lambda item: -item[1])
     shown = [f"{name} {share(v, d.where.intervals.get(name))}" for name, v in stages if v > 0.005]
     lines.append("  stages: " + ", ".join(shown))
-    found = [f"{name} {share(v, d.where.place_intervals.get(name))}" for name, v in d.where.places.items() if v > 0.005]
+    found = [
+        f"{name} {share(v, d.where.place_intervals.get(name))}"
+        for name, v in d.where.places.items()
+        if v > 0.005
+    ]
     lines += ["  places: " + ", ".join(found)] if found else []
     for m in d.where.measured:
         text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
@@ -116,7 +120,9 @@ def table(d: Diagnosis) -> str:
     if d.stepped:
         apart = max(abs(row["mujoco_gap"] - row["offline_gap"]) for row in d.stepped)
         where = ", ".join(str(row["record"]) for row in d.stepped)
-        lines.append(f"  MJCF stepped in MuJoCo on {where}: the offline gap to {100 * apart:.2f} % of the RMS")
+        lines.append(
+            f"  MJCF stepped in MuJoCo on {where}: the offline gap to {100 * apart:.2f} % of the RMS"
+        )
     lines.append(f"  next test: {d.next_experiment.get('signal', '')} ({d.next_experiment.get('why', '')})")
     lines += [f"  note: {n}" for n in d.notes]
     return "\n".join(lines)
