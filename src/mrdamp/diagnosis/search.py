@@ -30,6 +30,8 @@ _STRETCH = 4.0
 _PROMISE = 0.03
 #: Nothing material is left for another cause below this unexplained share.
 _SOLVED = 0.001
+#: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
+_NEARLY = 0.02
 #: The noise floor is known to about this share of itself (sampling of the motion, start states).
 _FLOOR_DOUBT = 0.3
 
@@ -147,7 +149,9 @@ class Search:
             if self.solved(self.base) and (free or depth > 1):
                 break
             before = self.best(False)
-            if before is not None and self.solved(before):
+            if before is not None and (
+                self.solved(before) or (free and self.unexplained(before) < _NEARLY)
+            ):
                 break
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
@@ -294,6 +298,14 @@ class Search:
         if kept is not None and kept[0].shape == start.shape:
             found = fit(self.problem, hypothesis, kept[0], most=0, known=known, frozen=known is not None)
             return replace(found, converged=kept[1])
+        if known is None and hypothesis.nominal:
+            # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
+            known = self.problem.jacobian(
+                hypothesis,
+                start,
+                self.problem.residuals(hypothesis, start)[0],
+                range(len(hypothesis.nominal)),
+            )
         found = fit(
             self.problem, hypothesis, start, most=most, known=known, frozen=known is not None, bar=bar
         )
