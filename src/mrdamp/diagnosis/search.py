@@ -77,6 +77,7 @@ class Search:
     store: Store = field(default_factory=Store)
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
+    _fine_costs: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         rig = self.problem.rig
@@ -219,8 +220,26 @@ class Search:
             self.keep(again)
 
     def solved(self, found: Fit) -> bool:
-        """True where nothing material is left for another cause to explain."""
-        return found.cost - self.floor < _SOLVED * self.excess + _FLOOR_DOUBT * self.floor
+        """True where nothing material is left for another cause to explain.
+
+        A piston between a mount and a damper is stepped too coarsely in a search to tell: what comes near is looked at
+        with the full step.
+        """
+        if self._little(found.cost):
+            return True
+        mounted = any(t.stage == "mount" for t in found.hypothesis.terms)
+        if not (mounted and self.problem.coarse and self.unexplained(found) < _NEARLY):
+            return False
+        key = found.hypothesis.name + found.point.tobytes().hex()
+        if key not in self._fine_costs:
+            p = self.problem
+            fine = Problem(p.rig, p.records, stride=p.stride, trust=p.trust)
+            r = fine.residuals(found.hypothesis, found.point)[0]
+            self._fine_costs[key] = float(r @ r)
+        return self._little(self._fine_costs[key])
+
+    def _little(self, cost: float) -> bool:
+        return cost - self.floor < _SOLVED * self.excess + _FLOOR_DOUBT * self.floor
 
     def extend(self, free: bool, depth: int) -> None:
         parents = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1][: self.limits.beam]
