@@ -136,7 +136,11 @@ def diagnosed_page(folder: Path) -> Path:
         ),
         gap=Gap(0.165, 0.021, 0.015, 0.013, (0.014, 0.016), 0.013),
         waterfall=(Step("nominal", 0.165, (0.12, 0.2)), Step("+ driver_lag", 0.015, (0.014, 0.016))),
-        next_experiment={"signal": "sine of 5 Hz, command stepped every 0.4 s", "separation": 11.7},
+        next_experiment={
+            "why": "these records leave two tied",
+            "signal": "sine of 5 Hz, command stepped every 0.4 s",
+            "separation": 11.7,
+        },
         corrected=corrected,
         unseen=({"effect": "heating", "largest": 0.1},),
         notes=("2 fits stopped at a bound.",),

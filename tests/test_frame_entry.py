@@ -110,6 +110,21 @@ def test_dry_friction_in_a_storey_agrees_with_scipy() -> None:
     assert off(plain["displacement_2"], want["displacement_2"]) > 0.1
 
 
+def test_dry_friction_that_builds_up_over_a_long_drift_is_a_spring() -> None:
+    """Far below its limit a bristle gives sigma x with sigma = F / drift."""
+    limit, drift = 2e5, 1.0
+    plain = frame_of(3, (0, 1), np.array([0.0, limit, 0.0]))
+    rubbing = replace(plain, friction_presliding=np.array([0.0, drift, 0.0]))
+    stiffer = replace(plain, friction=None, stiffness=plain.stiffness + np.array([0.0, limit / drift, 0.0]))
+    got, want = (core.run_frame("bouc_wen", BOUC_WEN, f, DT, motion(TIME), 1.0) for f in (rubbing, stiffer))
+    for name in ("displacement_1", "displacement_2", "displacement_3", "force"):
+        assert off(got[name], want[name]) < 0.02, name
+    without = core.run_frame(
+        "bouc_wen", BOUC_WEN, replace(plain, friction=None), DT, motion(TIME), 1.0
+    )
+    assert off(without["displacement_2"], want["displacement_2"]) > 0.1
+
+
 def test_floor_sensors_read_through_gain_offset_and_lag() -> None:
     plain = frame_of(2, (0, 1))
     sensed = FrameInput(

@@ -26,7 +26,7 @@ def test_effects_are_those_of_the_contract() -> None:
         "trapped_gas", "gas_spring", "seal_friction", "moving_mass", "mount_compliance", "backlash",
         "sensor_gain", "sensor_offset", "sensor_leakage", "sensor_lag", "channel_shift",
     )  # fmt: skip
-    assert effect_parameters("joint_friction") == ("coulomb", "width")
+    assert effect_parameters("joint_friction") == ("coulomb", "width", "presliding")
     assert effect_parameters("sensor_gain", placed=True) == ("g",)
 
 

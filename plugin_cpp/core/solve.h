@@ -12,7 +12,7 @@ template <class F>
 double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
   double lo = 0, hi = 0;
   bool has_lo = false, has_hi = false;
-  double y = f(x), x_old = x, y_old = y, wide = 0;
+  double y = f(x), x_old = x, y_old = y;
   for (int i = 0; i < 80; i++) {
     if (!(std::fabs(y) > tolerance)) return x;
     if (y < 0) {
@@ -30,10 +30,8 @@ double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
     if (has_lo && has_hi) {
       const double width = hi - lo;
       if (!(width > 1e-15 * (std::fabs(lo) + std::fabs(hi)))) return 0.5 * (lo + hi);
-      // Where three steps have not halved the bracket it is halved, so that a kink cannot hold the secant up.
-      const bool slow = i % 3 == 2 && wide > 0 && width > 0.5 * wide;
-      if (i % 3 == 2 || wide == 0) wide = width;
-      if (slow || !(next > lo && next < hi)) next = lo + 0.5 * width;
+      // Every third step halves the bracket, so that a kink cannot hold the secant up.
+      if (i % 3 == 2 || !(next > lo && next < hi)) next = lo + 0.5 * width;
     } else if (i > 2) {
       next = x - 4 * y / slope;  // no bracket yet: the slope was too steep a guess
     }

@@ -144,7 +144,7 @@ TEST(AFrameIsChecked) {
   std::vector<double> out(11 * 10);
   const auto refused = [&](int storeys, int from, int to, int n = 10, double dt = 1e-3) {
     const mrdamp_frame f{storeys, mass, stiffness, damping, friction, from, to,
-                         nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr};
+                         nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr, nullptr};
     char err[300] = "";
     mrdamp_run_frame(0, nullptr, 1, params.data(), &f, dt, n, ground.data(), u.data(), nullptr, out.data(), err, sizeof err);
     return std::string(err);
@@ -212,7 +212,7 @@ TEST(FramesOnThreadsDoNotChangeABit) {
   std::size_t size = 0;
   for (int k = 0; k < sets; k++) {
     frames.push_back({1 + k % 3, mass, stiffness, damping, k % 2 ? friction : nullptr, 0, 1, nullptr, nullptr, nullptr, nullptr,
-                      nullptr, nullptr});
+                      nullptr, nullptr, nullptr});
     const std::vector<double> one = Parameters(And(kSpencer, {{"c0a", 1000.0 + 100 * k}}));
     params.insert(params.end(), one.begin(), one.end());
     size += static_cast<std::size_t>(2 * (1 + k % 3) + 7) * n;
