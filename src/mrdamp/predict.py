@@ -27,9 +27,13 @@ def predict(model: Model, record: Path | str) -> dict[str, Array]:
     """`time_s` and the simulated channels, (n,) each, for the inputs of a record file. Raises InputError."""
     names = INPUTS[model.rig]
     read = read_record(record, required=names)
-    factor, sample_time, inputs = played(model, read)
-    simulated = model.simulate(sample_time, inputs)
-    return {"time_s": np.asarray(read.time), **{name: y[::factor] for name, y in simulated.items()}}
+    return {"time_s": np.asarray(read.time), **free_run(model, read)}
+
+
+def free_run(model: Model, record: Record) -> dict[str, Array]:
+    """The simulated channels, (n,) each, for the inputs of a record."""
+    factor, sample_time, inputs = played(model, record)
+    return {name: y[::factor] for name, y in model.simulate(sample_time, inputs).items()}
 
 
 def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:

@@ -18,7 +18,7 @@ import joblib
 import numpy as np
 
 from mrdamp.blindtest import score, sparse
-from mrdamp.blindtest.run import Folders, sample_time
+from mrdamp.blindtest.run import Folders, predicted
 from mrdamp.blindtest.score import Row
 from mrdamp.diagnosis.case import Case, read_case
 from mrdamp.diagnosis.fit import Fit, fit
@@ -119,7 +119,7 @@ def _no_gap(search: Search) -> bool:
 
 
 def _predict(model: Model) -> score.Predict:
-    return lambda inputs: model.simulate(sample_time(inputs), inputs)
+    return lambda inputs: predicted(model, inputs)
 
 
 def _answer(verdict: str, effects: Sequence[tuple[str, int | None]]) -> dict[str, Any]:

@@ -24,6 +24,8 @@ from mrdamp.blindtest.sizing import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model import Model
+from mrdamp.predict import INPUTS, free_run
+from mrdamp.records import Record
 
 Progress = Callable[[str, float], None]
 #: How often a case is drawn anew whose numbers are too stiff for the rig.
@@ -152,7 +154,7 @@ def judge(case: str, label: dict[str, Any], answers: Path, tests: Path) -> Row:
     try:
         answer = score.read_answer(answers)
         model = Model.read(answers / "corrected.json")
-        gaps = score.gaps(tests, lambda inputs: model.simulate(sample_time(inputs), inputs))
+        gaps = score.gaps(tests, lambda inputs: predicted(model, inputs))
         return score.row(case, label, answer, gaps, run["seconds"])
     except (OSError, KeyError, ValueError) as error:
         return score.failed(case, label, "failed", run["seconds"], str(error)[:300])
@@ -164,6 +166,12 @@ def answers_digest(out: Folders) -> str:
     for path in sorted(out.answers.glob("*/diagnosis.json")):
         total.update(path.read_bytes())
     return total.hexdigest()
+
+
+def predicted(model: Model, inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """Simulated channels of a test, as `mrdamp predict` gives them."""
+    channels = {name: inputs[name] for name in INPUTS[model.rig]}
+    return free_run(model, Record("test", None, sample_time(inputs), channels))
 
 
 def sample_time(inputs: Mapping[str, Array]) -> float:
