@@ -28,7 +28,6 @@ from mrdamp.structures import FloatArray
 
 Load = Literal["uniform", "mode1"]
 TENSION = 1 / math.pi**2
-FIRST_PERIOD = 2 * math.pi
 
 
 @dataclass(frozen=True)
