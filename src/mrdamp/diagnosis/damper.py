@@ -12,7 +12,7 @@ from mrdamp import core
 from mrdamp.between import Fine, between, mended_ends
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
-from mrdamp.diagnosis.experiment import Envelope, Signal
+from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.problem import SKIP
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
@@ -159,7 +159,7 @@ class DamperRig:
             rate=v,
             lowest=_LOWEST,
             highest=_HIGHEST,
-            command_low=min(float(command.min()), 0.0),  # any rig can be switched off
+            command_low=lowest(command),
             command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
             sample_time=self.sizes.sample_time,
         )

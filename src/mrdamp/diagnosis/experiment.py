@@ -21,6 +21,16 @@ _HOLD, _TRIANGLE = (0.25, 2.5), (0.1, 0.6)
 _COMMANDS = ("constant", "steps", "levels", "ramp", "sines")
 
 
+#: A command below zero by less than this share of the largest is a filter's overshoot.
+_OVERSHOOT = 0.05
+
+
+def lowest(command: Array) -> float:
+    """The least command of a rig: any can be switched off, few reverse their current."""
+    low = float(command.min())
+    return low if low < -_OVERSHOOT * float(command.max()) else 0.0
+
+
 @dataclass(frozen=True)
 class Envelope:
     """Limits of the rig, as the records span them.

@@ -15,7 +15,7 @@ import numpy as np
 from mrdamp import core
 from mrdamp.core import Array, FrameInput
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
-from mrdamp.diagnosis.experiment import Envelope, Signal
+from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.errors import InputError
@@ -191,7 +191,7 @@ class FrameRig:
             rate=None,
             lowest=_LOWEST,
             highest=_HIGHEST,
-            command_low=min(float(command.min()), 0.0),
+            command_low=lowest(command),
             command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
             sample_time=self.sizes.sample_time,
         )
