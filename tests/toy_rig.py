@@ -26,6 +26,7 @@ def parts(x: Array) -> dict[str, Array]:
         "sign": np.sign(np.gradient(x)),
         "late": late - x,
         "outside": np.where(x > 0.7, np.sin(40 * x), 0.0),
+        "fifth": x**5,
     }
 
 
@@ -35,6 +36,7 @@ class ToyRig:
 
     records: tuple[Record, ...]
     channels: tuple[str, ...] = ("force_N",)
+    rivals: tuple[Term, ...] = ()
 
     @property
     def nominal(self) -> tuple[Coordinate, ...]:
@@ -77,6 +79,10 @@ class ToyRig:
         """A viscous damper of the same gain: the nearest thing that a file can hold."""
         gain = settings.get("gain", 2.0)
         return Model("bingham", {"c0a": gain, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
+
+
+#: A cause outside the toy's catalogue that `cubic` nearly explains.
+FIFTH = Term("fifth", "mechanics", (Coordinate("fifth", 0.0, -50.0, 50.0, 0.1),), ((0.2,),))
 
 
 def toy(truth: Settings, noise: float = 0.02, seed: int = 0, records: int = 6, n: int = 600) -> ToyRig:

@@ -13,6 +13,7 @@ from mrdamp.between import Fine, between, mended_ends
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
+from mrdamp.diagnosis.outside import command_rivals, commanded, force_rivals, forced, grouped, inside_of
 from mrdamp.diagnosis.problem import SKIP
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
@@ -85,6 +86,11 @@ class DamperRig:
         return damper_terms(self.sizes)
 
     @cached_property
+    def rivals(self) -> tuple[Term, ...]:
+        """Causes outside the catalogue."""
+        return (*command_rivals(self.sizes), *force_rivals(self.sizes))
+
+    @cached_property
     def _base(self) -> dict[str, float]:
         return dict(self.nominal_model.attributes)
 
@@ -121,18 +127,22 @@ class DamperRig:
 
     def _run(self, settings: Sequence[Settings], inputs: Fine, columns: Sequence[str] = ()) -> Array:
         law = self.nominal_model.law
-        out = core.run_many(
-            law,
-            np.array([core.vector(law, self._base | s) for s in settings]),
-            inputs.sample_time,
-            inputs.x,
-            inputs.u,
-            v=inputs.v,
-            a=inputs.a,
-            substep=inputs.sample_time,
-            narx=self.nominal_model.narx,
-            columns=columns or [_COLUMNS[c] for c in self.channels],
-        )
+        names = columns or [_COLUMNS[c] for c in self.channels]
+        out = np.empty((len(settings), len(names), len(inputs.x)))
+        for outside, rows in grouped(settings):
+            run = core.run_many(
+                law,
+                np.array([core.vector(law, self._base | inside_of(settings[k])) for k in rows]),
+                inputs.sample_time,
+                inputs.x,
+                commanded(outside, inputs.u, inputs.sample_time),
+                v=inputs.v,
+                a=inputs.a,
+                substep=inputs.sample_time,
+                narx=self.nominal_model.narx,
+                columns=names,
+            )
+            out[rows] = forced(outside, run, inputs.x, inputs.v)
         return np.ascontiguousarray(out[:, :, :: inputs.factor])
 
     def input_noise(self, settings: Settings, record: int) -> Array:

@@ -17,6 +17,7 @@ from mrdamp.core import Array, FrameInput
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
+from mrdamp.diagnosis.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
@@ -99,9 +100,14 @@ class FrameRig:
     def nominal(self) -> tuple[Coordinate, ...]:
         """The law's numbers, then the structure's where they are free."""
         s = self.sizes
-        law = nominal_coordinates(self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke)
+        law = nominal_coordinates(
+            self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
+        )
         # At small drifts a frame asks little of some numbers and all of others, which may then be far off.
-        law = tuple(replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name != "n" else c for c in law)
+        law = tuple(
+            replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name != "n" else c
+            for c in law
+        )
         return (*law, *structure_coordinates(self.structure)) if self.free_structure else law
 
     @cached_property
@@ -114,14 +120,24 @@ class FrameRig:
         out = []
         for term in (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes)):
             if term.place is not None:
-                at_fault = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}" not in self.clean
+                at_fault = (
+                    f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
+                    not in self.clean
+                )
             else:
                 at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.clean
             if term.effect == "channel_shift":
-                at_fault = not any(f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1))
+                at_fault = not any(
+                    f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1)
+                )
             if at_fault and (term.place is not None or not self.placed):
                 out.append(term)
         return tuple(out)
+
+    @cached_property
+    def rivals(self) -> tuple[Term, ...]:
+        """Causes outside the catalogue."""
+        return command_rivals(self.sizes)
 
     def measured(self, record: int) -> Array:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
@@ -209,20 +225,26 @@ class FrameRig:
 
     def _run(self, settings: Sequence[Settings], record: int, *, coarse: bool) -> list[dict[str, Array]]:
         r = self.raw[record]
-        vectors = [
-            core.vector(self.nominal_model.law, self._base | {k: v for k, v in s.items() if "@" not in k})
-            for s in settings
-        ]
-        return core.run_frame_many(
-            self.nominal_model.law,
-            np.array(vectors),
-            [self._frame(s) for s in settings],
-            r.sample_time,
-            r.channel("ground_acceleration_m_s2"),
-            r.command,
-            substep=self.coarse_step if coarse else min(self.coarse_step, FINE),
-            narx=self.nominal_model.narx,
-        )
+        out: list[dict[str, Array]] = [{}] * len(settings)
+        for outside, rows in grouped(settings):
+            own = [inside_of(settings[k]) for k in rows]
+            vectors = [
+                core.vector(self.nominal_model.law, self._base | {k: v for k, v in s.items() if "@" not in k})
+                for s in own
+            ]
+            runs = core.run_frame_many(
+                self.nominal_model.law,
+                np.array(vectors),
+                [self._frame(s) for s in own],
+                r.sample_time,
+                r.channel("ground_acceleration_m_s2"),
+                commanded(outside, np.asarray(r.command), r.sample_time),
+                substep=self.coarse_step if coarse else min(self.coarse_step, FINE),
+                narx=self.nominal_model.narx,
+            )
+            for k, run in zip(rows, runs, strict=True):
+                out[k] = run
+        return out
 
     def _frame(self, settings: Settings) -> FrameInput:
         s = self.structure

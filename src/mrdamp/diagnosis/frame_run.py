@@ -34,7 +34,7 @@ from mrdamp.diagnosis.search import Limits, Search
 from mrdamp.diagnosis.settle import settle
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis
-from mrdamp.diagnosis.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, Scored, decide
+from mrdamp.diagnosis.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, decide
 from mrdamp.diagnosis.words import sentence
 from mrdamp.records import Record
 from mrdamp.sampling import derivative
@@ -129,29 +129,19 @@ def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
                         search.fits[key] = told
                         doubts[id(told)] = doubt
     fits = [*search.ranked(False), *search.ranked(True)]
-    decision = decide(_scored(fits, doubts), search.floor)
+    # A frame's numbers move by what its structure leaves to them: no price is put on it.
+    weighed = [replace(s, move=0.0) for s in run.scored(fits, doubts)]
+    rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
+    decision = decide(weighed, search.floor, rivals)
+    if decision.outside is not None:
+        search.looks_like = search.rivals[decision.outside]
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:
         # A block at fault on its own shows what is small beside the noise of all channels together.
-        scored = _scored(fits, doubts)[0]
         left = search.unexplained(first)
-        decision = replace(decision, verdict="effect", chosen=scored, unexplained=left)
+        decision = replace(decision, verdict="effect", chosen=weighed[0], unexplained=left)
     return fits, decision
-
-
-def _scored(fits: Sequence[Fit], doubts: dict[int, float]) -> list[Scored]:
-    return [
-        Scored(
-            f.hypothesis.causes,
-            bool(f.hypothesis.nominal),
-            f.cost,
-            len(f.point) - len(f.hypothesis.nominal),
-            index,
-            doubts.get(id(f), 0.0),
-        )
-        for index, f in enumerate(fits)
-    ]
 
 
 def _search(
@@ -185,7 +175,9 @@ def _search(
         problem.rig = sought
         search.extend(False, depth)
         if not sought.placed and depth == 1 and not _enough(search, rig, at_fault):
-            search.keep(search.fitted(Hypothesis(rig.nominal), search.base.point, most=_FREE, stage=" through"))
+            search.keep(
+                search.fitted(Hypothesis(rig.nominal), search.base.point, most=_FREE, stage=" through")
+            )
             if _enough(search, rig, at_fault):
                 continue
         held = [f for f in search.ranked(False) if f.hypothesis.terms][:_FREED]
@@ -198,13 +190,16 @@ def _search(
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if not _enough(search, rig, at_fault):
         search.reform(best)
+        search.outside()
     return search, floor
 
 
 def too_coarse(problem: Problem, floor: Array) -> bool:
     """True where the nominal simulator's own step errors are no trifle beside the noise (floor (blocks,), gaps)."""
     assert isinstance(problem.rig, FrameRig)
-    half = Problem(replace(problem.rig, coarse_step=problem.rig.coarse_step / 2), problem.records, coarse=True)
+    half = Problem(
+        replace(problem.rig, coarse_step=problem.rig.coarse_step / 2), problem.records, coarse=True
+    )
     apart = problem.gaps(problem.of_settings([{}])[0] - half.of_settings([{}])[0])
     return problem.cost(apart) > _STEP_ERROR * problem.cost(floor)
 
@@ -241,7 +236,9 @@ def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: boo
 def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
     """The same causes with the nominal numbers free."""
     free = Hypothesis(rig.nominal, held.hypothesis.terms)
-    return search.fitted(free, np.concatenate([np.zeros(len(rig.nominal)), held.point]), most=4, stage=" freed")
+    return search.fitted(
+        free, np.concatenate([np.zeros(len(rig.nominal)), held.point]), most=4, stage=" freed"
+    )
 
 
 def telling(records: Sequence[Record]) -> tuple[int, ...]:

@@ -172,6 +172,9 @@ class Diagnosis:
     intervals: Mapping[str, tuple[float, float]] = field(
         default_factory=dict
     )  # 95 %, of every setting that the corrected simulator's last fit had free
+    outside: Mapping[str, Any] | None = (
+        None  # what an unknown cause looks like: a cause outside the catalogue
+    )
     stepped: tuple[
         Mapping[str, Any], ...
     ] = ()  # records that the MJCF was stepped on: gaps offline and in MuJoCo
@@ -197,6 +200,7 @@ class Diagnosis:
             "effects": [e.to_dict() for e in self.effects],
             "candidates": [c.to_dict() for c in self.candidates],
             "probabilities": dict(self.probabilities),
+            "outside_catalogue": dict(self.outside) if self.outside is not None else None,
             "indistinguishable": [list(t) for t in self.indistinguishable],
             "unseen": [dict(u) for u in self.unseen],
             "where": self.where.to_dict(),

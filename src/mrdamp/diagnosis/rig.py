@@ -31,6 +31,11 @@ class Rig(Protocol):
     @property
     def terms(self) -> tuple[Term, ...]: ...
 
+    @property
+    def rivals(self) -> tuple[Term, ...]:
+        """Causes outside the catalogue that its effects are held against."""
+        ...
+
     def measured(self, record: int) -> Array:
         """(channels, n) of a record."""
         ...

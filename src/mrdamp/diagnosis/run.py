@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mrdamp.diagnosis.damper_where import Parts, parts
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.next_test import next_test
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable, trust
+from mrdamp.diagnosis.outside import PLAIN
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, spread
 from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
@@ -89,18 +90,26 @@ def diagnose(
 def judge(search: Search) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision over them."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    scored = [
+    decision = decide(scored(fits), search.floor, scored(search.rivals))
+    if decision.outside is not None:
+        search.looks_like = search.rivals[decision.outside]
+    return fits, decision
+
+
+def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> list[Scored]:
+    """What the verdict goes by. doubts: by id of a fit (see `Scored`)."""
+    return [
         Scored(
             f.hypothesis.causes,
             bool(f.hypothesis.nominal),
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
-            move=f.move,
+            (doubts or {}).get(id(f), 0.0),
+            f.move,
         )
         for index, f in enumerate(fits)
     ]
-    return fits, decide(scored, search.floor)
 
 
 def assemble(
@@ -203,9 +212,25 @@ def assemble(
         drawn=tuple(rig.model(s) for s in around.settings(_DRAWN)) if intervals else (),
         probabilities=causes,
         seconds=time.monotonic() - begun,
+        outside=_outside(search),
         pictures=pictures,
     )
     return found.with_sentence(sentence(found))
+
+
+def _outside(search: Search) -> dict[str, Any] | None:
+    """The cause outside the catalogue that the gap looks like, where the verdict went by one."""
+    found = search.looks_like
+    if found is None:
+        return None
+    (term,) = found.hypothesis.terms
+    return {
+        "cause": term.cause,
+        "form": term.form,
+        "stage": term.stage,
+        "what": PLAIN[term.cause],
+        "heldout_gap": pooled(heldout(search.problem, found)),
+    }
 
 
 def _ceiling(settled: Settled, floor: float) -> float:

@@ -43,7 +43,7 @@ class Limits:
     singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
     to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
     that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base:
-    iterations for the nominal parameters alone.
+    iterations for the nominal parameters alone; rivals: causes outside the catalogue fitted.
     """
 
     singles: int = 8
@@ -54,6 +54,7 @@ class Limits:
     polished: int = 3
     freed: int = 2
     base: int = 15
+    rivals: int = 3
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,10 @@ class Promise:
 
 @dataclass
 class Search:
-    """Fits of hypotheses on one problem. floor: the cost that noise alone leaves."""
+    """Fits of hypotheses on one problem. floor: the cost that noise alone leaves.
+
+    rivals: fits of causes outside the catalogue; looks_like: the one of them that the verdict went by.
+    """
 
     problem: Problem
     floor: float
@@ -77,6 +81,8 @@ class Search:
     store: Store = field(default_factory=Store)
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
+    rivals: list[Fit] = field(default_factory=list)
+    looks_like: Fit | None = None
     _fine_costs: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -150,9 +156,7 @@ class Search:
             if self.solved(self.base) and (free or depth > 1):
                 break
             before = self.best(False)
-            if before is not None and (
-                self.solved(before) or (free and self.unexplained(before) < _NEARLY)
-            ):
+            if before is not None and (self.solved(before) or (free and self.unexplained(before) < _NEARLY)):
                 break
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
@@ -164,6 +168,8 @@ class Search:
             best = self.best(free)
             if best is not None and not self.solved(best):
                 self.reform(best)
+        if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
+            self.outside()
 
     def free_parts(self) -> None:
         """Each cause of the best held set alone, with the law free: numbers that are a little off look like a second
@@ -191,7 +197,9 @@ class Search:
             return
         tasks = []
         for depth in range(1, self.limits.depth + 1):
-            for held in [f for f in self.ranked(False) if len(f.hypothesis.causes) == depth][: self.limits.freed]:
+            for held in [f for f in self.ranked(False) if len(f.hypothesis.causes) == depth][
+                : self.limits.freed
+            ]:
                 hypothesis = Hypothesis(self.base.hypothesis.nominal, held.hypothesis.terms)
                 start = np.concatenate([np.zeros(len(hypothesis.nominal)), held.point])
                 tasks.append((hypothesis, start))
@@ -209,7 +217,9 @@ class Search:
             at += len(term.coordinates)
             if not others:
                 continue
-            rest = Hypothesis(found.hypothesis.nominal, tuple(t for t in found.hypothesis.terms if t is not term))
+            rest = Hypothesis(
+                found.hypothesis.nominal, tuple(t for t in found.hypothesis.terms if t is not term)
+            )
             residual = self.problem.residuals(rest, found.point[kept])[0]
             cost = float(residual @ residual)
             parent = Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
@@ -218,6 +228,23 @@ class Search:
                 tasks.append((hypothesis, start))
         for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
             self.keep(again)
+
+    def outside(self) -> None:
+        """Causes outside the catalogue, the most promising alone, with the nominal parameters held and free."""
+        held = self.fits[False, frozenset()]
+        ranked = [
+            p for p in self.screen(held, self.problem.rig.rivals) if p.cost < (1 - _PROMISE) * held.cost
+        ]
+        first = {p.term.cause: p for p in reversed(ranked)}  # the best form of each
+        chosen = [p for p in ranked if first[p.term.cause] is p][: self.limits.rivals]
+        tasks = [(*self.start_from(held, p.term, p.start, p.by), None, np.inf) for p in chosen]
+        self.rivals = [f for f in self._map(self._try, tasks) if f is not None]
+        self.rivals.sort(key=lambda f: (f.cost, f.hypothesis.name))
+        tasks = []
+        for found in self.rivals[: self.limits.freed]:
+            free = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
+            tasks.append((free, np.concatenate([np.zeros(len(free.nominal)), found.point]), None, np.inf))
+        self.rivals += [f for f in self._map(self._try, tasks) if f is not None]
 
     def solved(self, found: Fit) -> bool:
         """True where nothing material is left for another cause to explain.

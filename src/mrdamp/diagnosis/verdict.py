@@ -23,6 +23,8 @@ UNKNOWN_ABOVE = 0.12
 WRONG_FORM = 0.5
 
 
+#: Price (nats) of a cause outside the catalogue besides that of a cause: they are rarer than the catalogue's.
+OUTSIDE_PRICE = 1.5
 #: How sharply the probability of an unknown cause rises about these two.
 STEEPNESS = 2.0
 
@@ -49,7 +51,8 @@ class Scored:
 class Decision:
     """verdict; chosen: the fit behind it; probabilities: of each fit given, in their order; unexplained: the share
     of the excess that the chosen fit leaves; floor: the cost that is taken for noise; unknown: probability that the
-    cause is none of the catalogue's, in which case the others' count for the rest."""
+    cause is none of the catalogue's, in which case the others' count for the rest; outside: index of the rival that
+    explains the gap better than the catalogue does, if one does."""
 
     verdict: str
     chosen: Scored
@@ -58,10 +61,15 @@ class Decision:
     floor: float
     excess: float
     unknown: float = 0.0
+    outside: int | None = None
 
 
-def decide(fits: Sequence[Scored], floor: float) -> Decision:
-    """The verdict over fits, of which the nominal simulator (no causes, not free) is one. floor: cost of the noise."""
+def decide(fits: Sequence[Scored], floor: float, rivals: Sequence[Scored] = ()) -> Decision:
+    """The verdict over fits, of which the nominal simulator (no causes, not free) is one. floor: cost of the noise.
+
+    rivals: fits of causes outside the catalogue. Where one of them has more evidence than all of the catalogue's sets,
+    the answer is `unknown`; the chosen fit stays the catalogue's best, which is what a simulator can be given.
+    """
     nominal = next(f for f in fits if not f.causes and not f.free)
     least = min(f.cost for f in fits)
     # What no fit gets below counts as noise, up to a point: motion between samples and start states are in it.
@@ -80,9 +88,17 @@ def decide(fits: Sequence[Scored], floor: float) -> Decision:
     ratio = left / UNKNOWN_ABOVE
     if not chosen.causes:
         ratio = max(ratio, left * excess / (WRONG_FORM * floor))
-    verdict = "unknown" if ratio > 1 else "effect" if chosen.causes else "parameters"
     unknown = ratio**STEEPNESS / (1 + ratio**STEEPNESS)
-    return Decision(verdict, chosen, probabilities, left, floor, excess, unknown)
+    verdict = "unknown" if ratio > 1 else "effect" if chosen.causes else "parameters"
+    other = [_evidence(r, floor, excess, resolution) - OUTSIDE_PRICE for r in rivals]
+    outside = None
+    if other:
+        mass = float(np.sum(np.exp(np.array(other) - scores.max())))
+        rival = mass / (mass + float(weights.sum()))
+        unknown = rival + (1 - rival) * unknown
+        if rival > 0.5:
+            verdict, outside = "unknown", rivals[int(np.argmax(other))].index
+    return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside)
 
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:

@@ -29,7 +29,8 @@ def stage_shares(
 
     With causes named, their Shapley shares in the fall of the cost; free numbers of the law count as fluid. Without
     a cause (`unknown`), what the effects of each stage explain at best, sharpened: the stage whose effects come
-    nearest is where the cause most likely sits; what was measured between stages (`measured`) goes before.
+    nearest is where the cause most likely sits; what was measured between stages (`measured`) goes before. Where a
+    cause outside the catalogue explains the gap, the stage is its own.
     """
     return _shares(search, chosen, verdict, [m.share for m in measured], measured, lambda f: f.cost)
 
@@ -99,6 +100,9 @@ def _shares(
     if verdict in ("none", "parameters") or (verdict == "effect" and not chosen.hypothesis.terms):
         return {s: float(s == LAW_STAGE) for s in stages}
     nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
+    if verdict == "unknown" and search.looks_like is not None:
+        (term,) = search.looks_like.hypothesis.terms
+        return {s: float(s == term.stage) for s in stages}
     if verdict == "unknown":
         return _within(_nearest(search, stages, nominal, base, cost), parts, measured)
     shares = dict.fromkeys(stages, 0.0)

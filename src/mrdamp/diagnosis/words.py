@@ -58,6 +58,12 @@ def sentence(d: Diagnosis) -> str:
     if d.verdict == "parameters":
         return f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise})."
     if d.verdict == "unknown":
+        if d.outside is not None:
+            return (
+                f"There is a gap of {percent(g.nominal)} that nothing in the catalogue explains as well as"
+                f" {d.outside['what']}: with that, {percent(d.outside['heldout_gap'])} would be left, with the"
+                f" catalogue's best correction {percent(g.corrected)}."
+            )
         stage = max(d.where.stages, key=lambda s: d.where.stages[s])
         return (
             f"There is a gap of {percent(g.nominal)} that nothing in the catalogue explains; it looks most like the"

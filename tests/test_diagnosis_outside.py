@@ -1,0 +1,173 @@
+"""Causes outside the catalogue as rivals: what each does, and when the answer is `unknown` because of one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrdamp.diagnosis.case import read_case
+from mrdamp.diagnosis.damper_terms import Sizes
+from mrdamp.diagnosis.outside import (
+    PLAIN,
+    command_rivals,
+    commanded,
+    force_rivals,
+    forced,
+    grouped,
+    inside_of,
+)
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.run import diagnose, judge
+from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.verdict import Decision, Scored, decide
+from mrdamp.diagnosis.where import stage_shares
+from mrdamp.record_csv import render
+from test_diagnosis_cases import make_case
+from toy_rig import FIFTH, toy
+
+Array = NDArray[np.float64]
+SIZES = Sizes(
+    force=500.0, stroke=0.01, velocity=0.05, acceleration=1.0, command=2.0, heat=50.0, sample_time=0.002
+)
+
+
+def judged(truth: dict[str, float], *, rivals: bool) -> tuple[Search, Decision]:
+    rig = replace(toy(truth, noise=0.004), rivals=(FIFTH,) if rivals else ())
+    problem = Problem(rig)
+    noise = 0.004 / np.array([b.size for b in problem.blocks])
+    search = Search(problem, problem.cost(noise))
+    search.run()
+    return search, judge(search)[1]
+
+
+def test_a_rival_that_explains_more_makes_the_answer_unknown() -> None:
+    alone = judged({"fifth": 0.5}, rivals=False)[1]
+    assert alone.verdict == "effect"  # the nearest effect would be named
+    assert alone.chosen.causes == ("cubic",)
+    search, decision = judged({"fifth": 0.5}, rivals=True)
+    assert decision.verdict == "unknown"
+    assert decision.unknown > 0.9
+    assert search.looks_like is not None
+    assert search.looks_like.hypothesis.causes == ("fifth",)
+    assert search.looks_like.settings["fifth"] == pytest.approx(0.5, rel=0.05)
+    # The simulator can be given no rival: the chosen fit is the catalogue's.
+    assert "fifth" not in decision.chosen.causes
+    shares = stage_shares(search, search.base, "unknown")
+    assert shares["mechanics"] == 1.0
+
+
+@pytest.mark.parametrize("truth", [{"cubic": 0.4}, {"sign": 0.3, "offset": 0.4}, {"gain": 2.6}, {}])
+def test_a_rival_takes_nothing_from_what_the_catalogue_explains(truth: dict[str, float]) -> None:
+    with_rival, without = judged(truth, rivals=True)[1], judged(truth, rivals=False)[1]
+    assert (with_rival.verdict, with_rival.chosen.causes) == (without.verdict, without.chosen.causes)
+
+
+def test_a_rival_no_better_than_an_effect_does_not_win() -> None:
+    nominal, effect = Scored((), False, 1.0, 0), Scored(("gas_spring",), False, 0.05, 2)
+    rival = Scored(("end_stop",), False, 0.05, 2)
+    fair = decide([nominal, effect], 1e-4, [rival])
+    assert fair.verdict == "effect"
+    assert 0.1 < fair.unknown < 0.5  # and yet it is owned that it may be
+    better = decide([nominal, effect], 1e-4, [replace(rival, cost=0.005)])
+    assert (better.verdict, better.chosen.causes) == ("unknown", ("gas_spring",))
+
+
+def test_every_rival_has_words_and_starts_within_its_ranges() -> None:
+    for term in (*command_rivals(SIZES), *force_rivals(SIZES)):
+        assert term.cause in PLAIN
+        for start in term.starts:
+            for c, value in zip(term.coordinates, start, strict=True):
+                assert c.low <= value <= c.high
+
+
+def test_a_supply_sinks_exponentially_under_a_lasting_command() -> None:
+    t = 0.001 * np.arange(4000)
+    settings = {
+        "outside_sag_share": 0.3, "outside_sag_time": 0.5, "outside_sag_power": 2.0, "outside_sag_command": 2.0
+    }  # fmt: skip
+    full = commanded(settings, np.full(4000, 2.0), 0.001)
+    np.testing.assert_allclose(full, 2.0 * (1 - 0.3 * (1 - np.exp(-(t + 0.001) / 0.5))), rtol=1e-9)
+    half = commanded(settings, np.full(4000, 1.0), 0.001)
+    assert half[-1] == pytest.approx(1 - 0.3 / 4 * (1 - np.exp(-4 / 0.5)), rel=1e-6)
+
+
+def test_a_threshold_takes_its_size_off_either_sign() -> None:
+    out = commanded({"outside_threshold": 0.2}, np.array([-1.0, -0.1, 0.0, 0.15, 0.5]), 0.001)
+    np.testing.assert_allclose(out, [-0.8, 0.0, 0.0, 0.0, 0.3])
+
+
+@pytest.mark.parametrize(("side", "want"), [(1.0, (0, 0, 0, 3)), (-1.0, (-3, 0, 0, 0)), (0.0, (-3, 0, 0, 3))])
+def test_a_stop_pushes_back_on_its_sides_only(side: float, want: tuple[float, ...]) -> None:
+    x = np.array([-0.008, -0.004, 0.004, 0.008])
+    settings = {"outside_stop_k": 1000.0, "outside_stop_x": 0.005, "outside_stop_side": side}
+    np.testing.assert_allclose(forced(settings, np.full(4, 7.0), x, 0 * x), 7.0 + np.array(want), atol=1e-12)
+
+
+@pytest.mark.parametrize(("side", "want"), [(1.0, (-400, 100)), (-1.0, (-100, 400)), (0.0, (-100, 100))])
+def test_a_limit_holds_the_force_on_its_sides_only(side: float, want: tuple[float, float]) -> None:
+    settings = {"outside_limit_force": 100.0, "outside_limit_knee": 30.0, "outside_limit_side": side}
+    zero = np.zeros(2)
+    np.testing.assert_allclose(forced(settings, np.array([-400.0, 400.0]), zero, zero), want, rtol=1e-6)
+    small = np.array([-30.0, 30.0])
+    np.testing.assert_allclose(forced(settings, small, zero, zero), small, rtol=1e-6)
+
+
+def test_wear_and_side_load_act_where_they_are() -> None:
+    x, v = np.array([0.0, 0.004]), np.array([1.0, -1.0])
+    wear = {"outside_wear_loss": 0.25, "outside_wear_x": 0.004, "outside_wear_width": 0.001}
+    np.testing.assert_allclose(forced(wear, np.array([8.0, 8.0]), x, v), [8.0, 6.0], rtol=1e-5)
+    load = {"outside_side_force": 500.0, "outside_side_x": 0.001, "outside_side_v": 0.001}
+    np.testing.assert_allclose(forced(load, np.zeros(2), x, v), [0.5, -1.5])
+
+
+def test_sets_with_the_same_rival_run_together_and_the_chain_sees_none_of_it() -> None:
+    sets = [{"c0a": 1.0}, {"outside_threshold": 0.1, "c0a": 2.0}, {"outside_threshold": 0.1}, {"fya": 1.0}]
+    assert grouped(sets) == [({}, [0, 3]), ({"outside_threshold": 0.1}, [1, 2])]
+    assert inside_of(sets[1]) == {"c0a": 2.0}
+
+
+def bingham(v: Array, command: Array) -> Array:
+    """The law of `make_case`, without the chain."""
+    return np.asarray((800 + 200 * command) * v + (40 + 300 * command) * np.tanh(v / 0.02))
+
+
+def write_case(folder: Path, stop: float) -> Path:
+    """Sines with steps of the command; stop: stiffness (N/m^1.5) of a Hertzian stop at 7 mm, on both sides."""
+    case = make_case(
+        folder,
+        records=["01.csv", "02.csv", "03.csv", "03_repeat.csv"],
+        sample_rate_hz=500.0,
+    )
+    rng = np.random.default_rng(5)
+    t = 0.002 * np.arange(1500)
+    for name, hertz, size in (
+        ("01.csv", 1.0, 0.010), ("02.csv", 2.0, 0.008), ("03.csv", 0.6, 0.009), ("03_repeat.csv", 0.6, 0.009)
+    ):  # fmt: skip
+        phase = 2 * np.pi * hertz * t
+        x, v = size * np.sin(phase), size * 2 * np.pi * hertz * np.cos(phase)
+        command = np.where(np.floor(t * 1.7) % 2 == 0, 0.3, 1.2)
+        force = bingham(v, command) + stop * np.sign(x) * np.maximum(np.abs(x) - 0.007, 0.0) ** 1.5
+        columns = {
+            "time_s": t,
+            "displacement_m": x,
+            "command": command,
+            "force_N": force + 1.5 * rng.standard_normal(len(t)),
+        }
+        (folder / name).write_text(render(columns))
+    return case
+
+
+def test_an_end_stop_is_owned_to_be_none_of_the_catalogue(tmp_path: Path) -> None:
+    found = diagnose(read_case(write_case(tmp_path / "stop", 1.2e6)))
+    assert found.verdict == "unknown"
+    assert found.outside is not None
+    assert (found.outside["cause"], found.outside["stage"]) == ("end_stop", "mechanics")
+    assert found.where.stages["mechanics"] == 1.0
+    assert PLAIN["end_stop"] in found.sentence
+    assert found.probabilities["unknown"] > 0.8
+    assert found.to_dict()["outside_catalogue"] == found.outside
+    assert not any(name.startswith("outside") for e in found.corrected.effects for name in e.parameters)
