@@ -26,7 +26,8 @@ class Fit:
     """A hypothesis fitted to the records of a problem.
 
     point (coordinates,), cost: sum of squares of the residuals (a sum over records of gaps squared; the priors'
-    share is not in it), residual (samples,) and jacobian (samples, coordinates) at the point.
+    share is not in it), residual (samples,) at the point, jacobian (samples, coordinates) there or where the last
+    step set out from. at (coordinates,): where that is; None for the point itself.
     """
 
     hypothesis: Hypothesis
@@ -36,6 +37,7 @@ class Fit:
     jacobian: Array = field(repr=False)
     iterations: int = 0
     converged: bool = True
+    at: Array | None = field(default=None, repr=False)
 
     @property
     def settings(self) -> Settings:
@@ -80,7 +82,7 @@ def fit(
     r = problem.residuals(hypothesis, q)[0]
     total = float(r @ r) + float(np.sum((prior * q) ** 2))
     damping, converged, fresh, iterations = 1e-2, most == 0, known is None, 0
-    j = _jacobian(problem, hypothesis, q, r, known)
+    at, j = q, _jacobian(problem, hypothesis, q, r, known)
     while iterations < most:
         iterations += 1
         steps = np.array([_step(j, r, prior, q, low, high, damping * d) for d in _DAMPINGS])
@@ -102,9 +104,19 @@ def fit(
                 damping *= 1e3
                 continue
             known, fresh = None, True  # the known columns may be what holds it up
-        j = _jacobian(problem, hypothesis, q, r, known if frozen or not fresh else None)
+        at, j = q, _jacobian(problem, hypothesis, q, r, known if frozen or not fresh else None)
         fresh = known is None
-    return Fit(hypothesis, q, float(r @ r), r, j, iterations, converged)
+    return Fit(hypothesis, q, float(r @ r), r, j, iterations, converged, at)
+
+
+def taken_up(
+    problem: Problem, hypothesis: Hypothesis, point: Array, at: Array, known: Array | None, *, converged: bool
+) -> Fit:
+    """The fit that ended at a point, to the last bit. at: of its Jacobian; known: the columns that it had frozen."""
+    residual = problem.residuals(hypothesis, point)[0]
+    before = problem.residuals(hypothesis, at)[0]
+    jacobian = _jacobian(problem, hypothesis, at, before, known)
+    return Fit(hypothesis, point, float(residual @ residual), residual, jacobian, 0, converged, at)
 
 
 def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:

@@ -190,6 +190,8 @@ def _search(
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if not _enough(search, rig, at_fault):
         search.reform(best)
+    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    if "damper" in at_fault and not search.solved(best):
         search.outside()
     return search, floor
 

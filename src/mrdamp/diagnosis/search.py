@@ -17,7 +17,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.fit import Fit, fit
+from mrdamp.diagnosis.fit import Fit, fit, taken_up
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis, Term
@@ -340,10 +340,6 @@ class Search:
         parent's cost, which an effect more has to get below.
         """
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
-        kept = self.store.get(name)
-        if kept is not None and kept[0].shape == start.shape:
-            found = fit(self.problem, hypothesis, kept[0], most=0, known=known, frozen=known is not None)
-            return replace(found, converged=kept[1])
         if known is None and hypothesis.nominal:
             # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
             known = self.problem.jacobian(
@@ -352,10 +348,13 @@ class Search:
                 self.problem.residuals(hypothesis, start)[0],
                 range(len(hypothesis.nominal)),
             )
+        kept = self.store.get(name)
+        if kept is not None and kept.point.shape == start.shape:
+            return taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
         found = fit(
             self.problem, hypothesis, start, most=most, known=known, frozen=known is not None, bar=bar
         )
-        self.store.put(name, found.point, found.converged)
+        self.store.put(name, found.point, found.converged, found.at)
         return found
 
     def keep(self, found: Fit) -> None:

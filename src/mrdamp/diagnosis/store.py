@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,15 @@ from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 
 #: Of what is stored; another number makes old files void.
-_VERSION = 1
+_VERSION = 2
+
+
+class Kept(NamedTuple):
+    """Of a fit: its point (coordinates,), whether it had converged, and the point of its Jacobian (coordinates,)."""
+
+    point: Array
+    converged: bool
+    at: Array
 
 
 @dataclass
@@ -43,15 +51,18 @@ class Store:
             pass  # none yet, or one that a stopped machine left damaged
         return cls(path, key)
 
-    def get(self, name: str) -> tuple[Array, bool] | None:
-        """The point of a fit and whether it had converged."""
+    def get(self, name: str) -> Kept | None:
+        """What is kept of a fit."""
         found = self.points.get(name)
-        return None if found is None else (np.array(found["point"]), bool(found["converged"]))
+        if found is None:
+            return None
+        return Kept(np.array(found["point"]), bool(found["converged"]), np.array(found["at"]))
 
-    def put(self, name: str, point: Array, converged: bool) -> None:
-        """Keeps a fit's point."""
+    def put(self, name: str, point: Array, converged: bool, at: Array | None = None) -> None:
+        """Keeps a fit's point and that of its Jacobian (None: the same)."""
+        before = point if at is None else at
         with self._lock:
-            self.points[name] = {"point": point.tolist(), "converged": converged}
+            self.points[name] = {"point": point.tolist(), "converged": converged, "at": before.tolist()}
             if self.path is not None:
                 write_atomic(self.path, json.dumps({"key": self.key, "points": self.points}))
 
