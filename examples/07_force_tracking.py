@@ -25,7 +25,7 @@ def main(seconds: float = 8.0) -> list[Track]:
     level = 0.5 + 0.4 * np.sin(2 * np.pi * 0.8 * STEP * np.arange(len(none)))
     wanted = off + level * (on - off)
     runs = []
-    for inverse in (Switching(found.command.max), LawInverse(believed, correction=0.02)):
+    for inverse in (Switching(found.command.max), LawInverse(believed)):
         run = track(real, motion, wanted, inverse, noise=sizes.noise)
         runs.append(run)
         print(

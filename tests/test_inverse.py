@@ -12,7 +12,7 @@ from excitation import Array
 from mrdamp import sets
 from mrdamp.errors import InputError
 from mrdamp.inverse import Inverse, LawInverse
-from mrdamp.inverse.base import command_range, previewed
+from mrdamp.inverse.base import Foretold, command_range
 from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.law import search
 from mrdamp.model import Effect, Model
@@ -43,19 +43,19 @@ def steadily(inverse: Inverse, v: float, wanted: list[float]) -> list[float]:
 @pytest.mark.parametrize("v", [0.003, 0.05, -0.2])
 def test_a_law_without_memory_is_inverted_in_closed_form(v: float) -> None:
     wanted = [bingham(v, u) for u in (0.0, 0.3, 1.1, 1.9, 2.0)]
-    got = steadily(LawInverse(damper(), PERIOD, preview=False), v, [wanted[0], *wanted])
+    got = steadily(LawInverse(damper(), PERIOD, feedback=False, preview=False), v, [wanted[0], *wanted])
     assert got[1:] == pytest.approx([0.0, 0.3, 1.1, 1.9, 2.0], abs=0.01)
 
 
 def test_what_is_out_of_reach_gets_the_nearer_end() -> None:
-    got = steadily(LawInverse(damper(), PERIOD, preview=False), 0.1, [0.0, -500.0, 10.0, 1e5])
+    got = steadily(LawInverse(damper(), PERIOD, feedback=False, preview=False), 0.1, [0.0, -500.0, 10.0, 1e5])
     assert got == [0.0, 0.0, 0.0, 2.0]
 
 
 def test_a_lagging_driver_is_led() -> None:
     tau, v, horizon = 0.008, 0.1, 0.004
     model = damper(Effect("driver_lag", {"tau": tau}))
-    inverse = LawInverse(model, PERIOD, horizon, preview=False)
+    inverse = LawInverse(model, PERIOD, horizon, feedback=False, preview=False)
     # Within reach, then a step that asks for more than the range: the range is what it gets.
     levels = (0.2, 0.3, 0.35, 0.3, 1.9, 1.9)
     current, expected = 0.2, []  # the chain starts with the current that is first commanded
@@ -73,7 +73,8 @@ def test_what_is_on_its_way_through_a_delay_is_counted() -> None:
     model = damper(Effect("driver_lag", {"tau": tau}), Effect("command_delay", {"d": delay}))
     rng = np.random.default_rng(2)
     levels = 0.8 + 0.05 * np.cumsum(rng.uniform(-1, 1, 40))
-    got = steadily(LawInverse(model, PERIOD, horizon, preview=False), v, [bingham(v, u) for u in levels])
+    inverse = LawInverse(model, PERIOD, horizon, feedback=False, preview=False)
+    got = steadily(inverse, v, [bingham(v, u) for u in levels])
     # The coil, a millisecond at a time: what was commanded three before now, then what the horizon leaves.
     late, current = deque([got[0]] * round(delay / PERIOD)), got[0]
     share = -math.expm1(-PERIOD / tau)
@@ -141,21 +142,19 @@ def test_hysteretic_laws_track_three_times_as_well_as_switching(id: str) -> None
     assert switching > 3 * inverse
 
 
-def test_the_measured_force_corrects_a_wrong_model() -> None:
-    """The real yield force is 100 N above the model's: with the correction the right force comes."""
+@pytest.mark.parametrize(("feedback", "left"), [(False, 100.0), (True, 0.0)])
+def test_the_measured_force_corrects_a_wrong_model(feedback: bool, left: float) -> None:
+    """The real yield force is 100 N above the model's: with the measured force the right one comes."""
     v, wanted = 0.1, 500.0
-    errors = []
-    for correction in (None, 0.02):
-        inverse = LawInverse(damper(), PERIOD, correction=correction)
-        inverse.reset()
-        force = 0.0
-        for k in range(200):
-            y = {"stroke": v * k * PERIOD, "stroke_velocity": v, "force": force}
-            command = inverse.command(k * PERIOD, wanted, y)
-            force = bingham(v, command) + 100.0
-        errors.append(abs(force - wanted))
-    assert errors[0] == pytest.approx(100.0, abs=5.0)
-    assert errors[1] < 5.0
+    inverse = LawInverse(damper(), PERIOD, feedback=feedback)
+    inverse.reset()
+    force = 0.0
+    for k in range(200):
+        y = {"stroke": v * k * PERIOD, "stroke_velocity": v, "force": force}
+        command = inverse.command(k * PERIOD, wanted, y)
+        force = bingham(v, command) + 100.0
+    assert abs(force - wanted) == pytest.approx(left, abs=5.0)
+    assert inverse.bias == pytest.approx(100.0 if feedback else 0.0, abs=5.0)
 
 
 def test_reset_forgets() -> None:
@@ -165,20 +164,48 @@ def test_reset_forgets() -> None:
     assert steadily(inverse, 0.1, wanted) == first
 
 
-@pytest.mark.parametrize(
-    ("wanted", "before", "expected"),
-    [
-        (100.0, None, 100.0),
-        (100.0, 95.0, 115.0),
-        (100.0, 0.0, 200.0),
-        (-50.0, 200.0, -100.0),
-        (20.0, 60.0, 0.0),
-    ],
-)
-def test_a_preview_neither_turns_the_force_round_nor_more_than_doubles_it(
-    wanted: float, before: float | None, expected: float
-) -> None:
-    assert previewed(wanted, before, 3.0) == pytest.approx(expected)
+def test_a_steady_change_is_foretold_in_full() -> None:
+    foretold = Foretold(7.0, PERIOD)
+    got = [foretold(100.0 + 3.0 * k, 21.0) for k in range(12)]
+    assert got[6] == 118.0  # nothing has come yet
+    assert got[7:] == pytest.approx([142.0 + 3.0 * k for k in range(5)])
+    foretold.reset()
+    assert foretold(50.0, 21.0) == 50.0
+
+
+@pytest.mark.parametrize("turns", [0.1, 0.3, 0.7])
+def test_the_share_of_a_ringing_is_the_least_squares_one(turns: float) -> None:
+    """A sine whose slope is led by h: sin(w (t + h)) - sin(w t) over w h cos(w t) is sin(w h) / (w h) in the mean."""
+    periods = 400
+    w = 2 * math.pi * turns / periods
+    foretold = Foretold(periods, 1e-6)
+    for k in range(20_000):
+        foretold(100.0 + math.sin(w * k), w * periods * math.cos(w * k))
+    angle = 2 * math.pi * turns
+    assert foretold.share == pytest.approx(max(math.sin(angle) / angle, 0.0), abs=0.01)
+
+
+def test_what_is_left_of_an_error_is_its_correlation() -> None:
+    """An error that forgets by a factor f each period leaves f^n after n."""
+    forgets, periods = 0.9, 5
+    rng = np.random.default_rng(3)
+    foretold, error = Foretold(periods, 1e-5), 0.0
+    for _ in range(50_000):
+        error = forgets * error + float(rng.standard_normal())
+        foretold(error, -error)
+    assert foretold(1.0, -1.0) == pytest.approx(forgets**periods, abs=0.03)
+
+
+def test_a_preview_neither_turns_the_force_round_nor_more_than_doubles_it() -> None:
+    foretold = Foretold(1.0, PERIOD)
+    for k in range(50):
+        foretold(1000.0 + k, 1.0)
+    assert foretold.share == 1.0
+    assert foretold(1050.0, -5000.0) == pytest.approx(0.0)
+    foretold.reset()
+    for k in range(50):
+        foretold(-1000.0 - k, -1.0)
+    assert foretold(-1050.0, -5000.0) == pytest.approx(-2100.0)
 
 
 def test_search_finds_a_bent_root_and_keeps_the_last_command_without_authority() -> None:
@@ -198,5 +225,3 @@ def test_bad_input_is_told() -> None:
         LawInverse(damper(Effect("command_delay", {"d": 0.01})), PERIOD, 0.005)
     with pytest.raises(InputError, match="period"):
         LawInverse(damper(), 0.0)
-    with pytest.raises(InputError, match="correction"):
-        LawInverse(damper(), PERIOD, correction=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -111,6 +112,18 @@ def test_the_law_tracks_in_mujoco_and_noise_does_not_undo_it() -> None:
     assert run.relative_error < 0.06
     noisy = track(MODEL, MOTION, wanted, LawInverse(MODEL), noise=(2e-6, 2e-4, 5.0), seed=1)
     assert run.relative_error < noisy.relative_error < 0.1
+
+
+def test_a_ringing_of_the_wanted_force_is_not_led() -> None:
+    """160 Hz and an eighth of the force, far above what a driver of 20 ms follows: nothing the command should chase."""
+    slow = replace(MODEL, effects=(Effect("driver_lag", {"tau": 0.02}),))
+    t = grid(6000)
+    _, v, _ = MOTION.sample(t)
+    smooth = force_of(v, 0.6 + 0.3 * np.sin(6 * t))
+    ringing = smooth + 0.125 * rms(smooth) * np.sin(2 * np.pi * 160 * t)
+    quiet, run = (track(slow, MOTION, w, LawInverse(slow)) for w in (smooth, ringing))
+    error = rms((run.force - smooth)[1000:]) / rms(smooth[1000:])
+    assert error < quiet.relative_error + 0.05 < 0.13
 
 
 def test_the_network_finds_the_command_of_a_damper_in_closed_form() -> None:

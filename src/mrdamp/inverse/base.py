@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+
+_MEMORY = 1.0  # s, over which a share is learnt
 
 
 @runtime_checkable
@@ -62,13 +65,37 @@ def check_period(name: str, period: float) -> float:
     return float(period)
 
 
-def previewed(wanted: float, before: float | None, periods: float) -> float:
-    """The wanted force so many control periods on, as it changed over the last one (`before`; None: not yet).
+class Foretold:
+    """What a value will be some control periods on: itself and a share of the change that is supposed.
 
-    By at most its own size: it may double and come to nothing, and does not change its sign, so a jump does not
-    call for a force that nobody wanted.
+    The share is learnt on the way. It is the least-squares one, from 0 to 1, of the changes supposed in the last
+    second or so that did come: a smooth force is led in full, one that rings is not led at all. A change counts by at
+    most the value's own size, so a force may double and come to nothing, and does not change its sign.
+
+    periods: how far on; they are rounded to whole ones. period: s.
     """
-    if before is None:
-        return wanted
-    change = periods * (wanted - before)
-    return wanted + min(max(change, -abs(wanted)), abs(wanted))
+
+    def __init__(self, periods: float, period: float) -> None:
+        self._past: deque[tuple[float, float]] = deque(maxlen=max(1, round(periods)))
+        self._keep = math.exp(-period / _MEMORY)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is known: the share is 0."""
+        self._past.clear()
+        self._came = self._supposed = 0.0
+
+    @property
+    def share(self) -> float:
+        """Of the changes supposed, how much came."""
+        return min(max(self._came / self._supposed, 0.0), 1.0) if self._supposed > 0 else 0.0
+
+    def __call__(self, value: float, change: float) -> float:
+        """The value to come, from the present one and the change that is supposed; once a control period."""
+        change = min(max(change, -abs(value)), abs(value))
+        if len(self._past) == self._past.maxlen:
+            before, supposed = self._past[0]
+            self._came = self._keep * self._came + supposed * (value - before)
+            self._supposed = self._keep * self._supposed + supposed * supposed
+        self._past.append((value, change))
+        return value + self.share * change

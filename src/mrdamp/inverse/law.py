@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from mrdamp.errors import InputError
-from mrdamp.inverse.base import check_period, command_range, previewed
+from mrdamp.inverse.base import Foretold, check_period, command_range
 from mrdamp.inverse.shadow import Motion, Shadow
 from mrdamp.model import Model
 
@@ -24,7 +24,7 @@ class LawInverse:
     """Inverse of a model of any law and any effects, by search in its present state.
 
     Attributes: name; period, s; horizon, s; low, high, the range of the command; force, the model's own force at the
-    last sample, N; bias, measured less modelled force as the correction has it, N.
+    last sample, N; bias, measured less modelled force as it is foretold for the horizon's end, N.
     """
 
     def __init__(
@@ -33,15 +33,15 @@ class LawInverse:
         period: float = 1e-3,
         horizon: float | None = None,
         commands: tuple[float, float] | None = None,
-        correction: float | None = None,
+        feedback: bool = True,
         preview: bool = True,
         name: str = "law inverse",
     ) -> None:
         """model: as identified, rig `damper`. period: of control, s. horizon: how far ahead the force is to be the
         wanted one, s; None: the command's delay and half the driver's lag, at least one period. A shorter one leads
-        the driver harder. commands: range; None: 0 and up to the model's command_max. correction: time constant (s)
-        over which the measured force's difference from the model's is taken off; None: the measured force is not
-        used. preview: the wanted force goes on over the horizon as it changed last (`previewed`). Raises InputError.
+        the driver harder. commands: range; None: 0 and up to the model's command_max. feedback: the measured force's
+        difference from the model's is counted, as much of it as lasted over the horizon up to now. preview: the wanted
+        force goes on over the horizon as it changed last, likewise (`Foretold`). Raises InputError.
         """
         self.name = name
         self.period = check_period(name, period)
@@ -54,15 +54,17 @@ class LawInverse:
             raise InputError(
                 f"inverse {name}: horizon is {horizon} s; allowed: longer than the command's delay of {delay:g} s"
             )
-        if correction is not None and not 0 < correction < math.inf:
-            raise InputError(f"inverse {name}: correction is {correction} s; allowed: > 0 s, or none")
-        self._preview = preview
-        self._gain = 0.0 if correction is None else -math.expm1(-period / correction)
+        steps = self.horizon / period
+        self._preview = Foretold(steps, period) if preview else None
+        self._feedback = Foretold(steps, period) if feedback else None
         self._shadow = Shadow(model, period)
         self.reset()
 
     def reset(self) -> None:
         self._shadow.reset()
+        for foretold in (self._preview, self._feedback):
+            if foretold:
+                foretold.reset()
         self.force = self.bias = 0.0
         self._velocity: float | None = None
         self._wanted: float | None = None
@@ -73,11 +75,15 @@ class LawInverse:
         before, self._velocity = self._velocity, v
         a = 0.0 if before is None else (v - before) / self.period
         self.force, read = self._shadow.follow((x, v, a))
-        if self._gain:
-            self.bias += self._gain * (y["force"] - read - self.bias)
+        if self._feedback:
+            error = y["force"] - read
+            self.bias = self._feedback(error, -error)
         s = self.horizon
         ahead: Motion = x + v * s + 0.5 * a * s * s, v + a * s, a
-        aim = previewed(wanted_force, self._wanted, s / self.period) if self._preview else wanted_force
+        aim = wanted_force
+        if self._preview:
+            last = wanted_force if self._wanted is None else self._wanted
+            aim = self._preview(wanted_force, (wanted_force - last) * s / self.period)
         self._wanted = wanted_force
         self._last = search(
             lambda u: self._shadow.ahead(ahead, s, u) + self.bias,
