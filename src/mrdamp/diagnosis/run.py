@@ -212,14 +212,15 @@ def assemble(
         drawn=tuple(rig.model(s) for s in around.settings(_DRAWN)) if intervals else (),
         probabilities=causes,
         seconds=time.monotonic() - begun,
-        outside=_outside(search),
+        outside=_outside(search, chosen),
         pictures=pictures,
     )
     return found.with_sentence(sentence(found))
 
 
-def _outside(search: Search) -> dict[str, Any] | None:
-    """The cause outside the catalogue that the gap looks like, where the verdict went by one."""
+def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
+    """The cause outside the catalogue that the gap looks like, where the verdict went by one; gaps on the records that
+    it and the catalogue's nearest causes (`chosen`) were fitted to."""
     found = search.looks_like
     if found is None:
         return None
@@ -229,7 +230,8 @@ def _outside(search: Search) -> dict[str, Any] | None:
         "form": term.form,
         "stage": term.stage,
         "what": PLAIN[term.cause],
-        "heldout_gap": pooled(heldout(search.problem, found)),
+        "gap": pooled(search.problem.gaps(found.residual)),
+        "nearest_gap": pooled(search.problem.gaps(chosen.residual)),
     }
 
 

@@ -60,9 +60,9 @@ def sentence(d: Diagnosis) -> str:
     if d.verdict == "unknown":
         if d.outside is not None:
             return (
-                f"There is a gap of {percent(g.nominal)} that nothing in the catalogue explains as well as"
-                f" {d.outside['what']}: with that, {percent(d.outside['heldout_gap'])} would be left, with the"
-                f" catalogue's best correction {percent(g.corrected)}."
+                f"There is a gap of {percent(g.nominal)} that looks like {d.outside['what']}, which is none of the"
+                f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of the"
+                f" catalogue {percent(d.outside['nearest_gap'])}."
             )
         stage = max(d.where.stages, key=lambda s: d.where.stages[s])
         return (
