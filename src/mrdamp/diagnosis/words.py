@@ -61,8 +61,8 @@ def sentence(d: Diagnosis) -> str:
         if d.outside is not None:
             return (
                 f"There is a gap of {percent(g.nominal)} that looks like {d.outside['what']}, which is none of the"
-                f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of the"
-                f" catalogue {percent(d.outside['nearest_gap'])}."
+                f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of"
+                f" the catalogue {percent(d.outside['nearest_gap'])}."
             )
         stage = max(d.where.stages, key=lambda s: d.where.stages[s])
         return (
