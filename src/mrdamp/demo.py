@@ -12,11 +12,13 @@ import numpy as np
 
 from mrdamp import identify as identification
 from mrdamp import laws, pictures
-from mrdamp.control import clipped_optimal, passive_off, passive_on
+from mrdamp.control import clipped_optimal, force_tracking, passive_off, passive_on
 from mrdamp.control.base import Controller
+from mrdamp.control.registry import balanced
 from mrdamp.criteria import Criteria, evaluate
 from mrdamp.files import write_atomic
 from mrdamp.identify import Fit, RecordError, identify, simulate
+from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
 from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
@@ -32,6 +34,8 @@ EXTRAS = ("offset", "driver_lag", "saturation")
 #: The frame is a small-scale one: the ground motion is run at five times its speed (Dyke et al. 1996).
 TIME_COMPRESSION = 5.0
 UNCONTROLLED = "no damper"
+#: Drifts against accelerations in what force tracking regulates, and the price of its force (N^-2).
+BALANCE, FORCE_PRICE = 100.0, 1e-6
 
 Progress = Callable[[str, float], None]
 
@@ -77,7 +81,7 @@ def demo(
     )
     write_mjcf(replace(fit.model, name=f"{records.name} damper"), out / "rig")
     write_mjcf(frame_model, out / "frame")
-    runs = _runs(frame_model, ground.compressed(TIME_COMPRESSION), tell)
+    runs = _runs(fit.model, frame_model, ground.compressed(TIME_COMPRESSION), tell)
     structure = dyke1996()
     criteria = {
         name: evaluate(structure, r.time, r.drift, r.acceleration, r.force, None, r.command, None)
@@ -94,14 +98,18 @@ def command_unit(records: RecordSet) -> str:
     return "V" if records.name == "nees" else "A"
 
 
-def _runs(model: Model, ground: GroundMotion, tell: Progress) -> dict[str, FrameRun]:
+def _runs(damper: Model, model: Model, ground: GroundMotion, tell: Progress) -> dict[str, FrameRun]:
     command_max = model.parameters.get("command_max", 1.0)
     assert model.structure is not None
+    inverse = LawInverse(damper, commands=(0.0, command_max))
     controllers: dict[str, Controller | None] = {
         UNCONTROLLED: None,
         "passive-off": passive_off(),
         "passive-on": passive_on(command_max),
         "clipped-optimal": clipped_optimal(model.structure, command_max),
+        "force-tracking": force_tracking(
+            model.structure, inverse, balanced(model.structure, BALANCE), FORCE_PRICE
+        ),
     }
     runs = {}
     for count, (name, controller) in enumerate(controllers.items()):
@@ -282,13 +290,13 @@ def _frame_pictures(
         "Storey drifts.",
         "Storey drifts over time under each controller.",
     )
-    driven = {name: r for name, r in runs.items() if name == "clipped-optimal"}
+    driven = {name: r for name, r in runs.items() if name in ("clipped-optimal", "force-tracking")}
     page.figure(
         "",
         pictures.command_history(
             time, {n: r.command for n, r in driven.items()}, {n: r.force for n, r in driven.items()}, unit
         ),
-        "What clipped-optimal commands, and the force that comes of it.",
+        "What clipped-optimal and force tracking command, and the force that comes of it.",
         "Command and force over time.",
     )
 
