@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dampers import attributes, rms, sample
+from excitation import multisine, wave
 from mrdamp import core
+from twins import simulate
 
 BINGHAM = {"c0a": 800.0, "c0b": 300.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.004}
 DT = 5e-4  # s
@@ -59,6 +62,41 @@ def test_extension_and_compression_differ_by_the_force() -> None:
     a, width = 0.2, 60.0
     plain, bent = run("force"), run("force", asymmetry_a=a, asymmetry_force=width)
     np.testing.assert_allclose(bent, plain * (1 + a * np.tanh(plain / width)), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("m", "shape"), [(0.4, 0.6), (0.0, 1.0), (0.3, 5.0), (0.3, 2.0)])
+def test_viscosity_falls_by_its_exponent(m: float, shape: float) -> None:
+    v_s = 0.03
+    force = run("force", shear_thinning_m=m, shear_thinning_v_s=v_s, shear_thinning_shape=shape)
+    v = 0.01 * 2 * np.pi * 1.5 * np.cos(2 * np.pi * 1.5 * T)[5:-5]
+    lost = (force - run("force"))[5:-5]
+
+    def expected(a: float) -> np.ndarray:
+        return 950.0 * v * ((1 + np.abs(v / v_s) ** a) ** ((m - 1) / a) - 1)
+
+    np.testing.assert_allclose(lost, expected(shape), atol=0.02)
+    assert np.abs(expected(1.1 * shape) - lost).max() > 0.2  # another exponent would be seen
+
+
+@pytest.mark.parametrize("law", ["modified_bouc_wen", "hyperbolic_tangent"])
+def test_the_dashpot_in_series_thins_too(law: str) -> None:
+    """Against SciPy; with half the share, or with c0 alone, the force is another one."""
+    parameters = {
+        "modified_bouc_wen": attributes("dyke1996_3kN") | {"driver_lag_tau": 0.0},
+        "hyperbolic_tangent": attributes("zapateiro_foam_tanh") | {"c1a": 400.0, "c1b": 0.0},
+    }[law]
+    thin = {"shear_thinning_m": 0.1, "shear_thinning_v_s": 0.01, "shear_thinning_shape": 1.2}
+    motion, u, t = multisine(0.003, 0.5, 7.0, seed=4), wave(0.4, 2.0, 1.1), np.arange(0.0, 1.0, 1e-3)
+
+    def force(share: float) -> np.ndarray:
+        record = sample(motion, u, 1e-3, t[-1])
+        return record.run(law, {**parameters, **thin, "shear_thinning_series": share}, ("force",))["force"]
+
+    expected = simulate(law, {**parameters, **thin, "shear_thinning_series": 1.0}, motion, t, u)["force"]
+    error = {share: rms(force(share) - expected) / rms(expected) for share in (0.0, 0.5, 1.0)}
+    assert error[1.0] < 0.005
+    assert error[0.5] > 0.02
+    assert error[0.0] > 0.04
 
 
 def test_seal_slips_at_once_over_a_small_velocity() -> None:

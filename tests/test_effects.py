@@ -78,6 +78,8 @@ def effect(name: str, base: Base) -> dict[str, float]:
         "asymmetry": {"a": 0.2},
         "asymmetry wide": {"a": -0.3, "width": 0.03},
         "shear_thinning": {"m": 0.2, "v_s": 0.01},
+        "shear_thinning Cross": {"m": 0.2, "v_s": 0.01, "shape": 0.8},
+        "shear_thinning of both dashpots": {"m": 0.0, "v_s": 0.015, "shape": 3.0, "series": 1.0},
         "trapped_gas": {"d": 0.6, "s_g": 0.5 * s},
         "trapped_gas compression": {"d": 0.6, "s_g": 0.5 * s, "direction": -1.0},
         "trapped_gas both": {"d": 0.5, "s_g": 0.5 * s, "direction": 0.0},
@@ -103,7 +105,8 @@ ALONE = (
     "driver_lag", "driver_lag two poles", "command_delay", "command_delay steps", "saturation",
     "saturation Froehlich",
     "saturation square", "remanence", "heating", "heating warm start", "asymmetry", "asymmetry wide",
-    "shear_thinning", "trapped_gas", "trapped_gas compression", "trapped_gas both", "gas_spring",
+    "shear_thinning", "shear_thinning Cross", "shear_thinning of both dashpots", "trapped_gas",
+    "trapped_gas compression", "trapped_gas both", "gas_spring",
     "seal_friction", "seal_friction Stribeck", "moving_mass", "mount_compliance", "backlash", "sensor_gain",
     "sensor_offset", "sensor_leakage", "sensor_lag", "sensor_lag two poles", "channel_shift",
     "channel_shift early",
@@ -183,7 +186,8 @@ def test_neutral_values_change_nothing(base: str) -> None:
     neutral = {name: number for name, number in NEUTRAL.items() if np.isfinite(number)}
     off = {
         "remanence_d": 0.7, "heating_capacity": 3.0, "heating_loss": 2.0, "asymmetry_width": 0.1,
-        "shear_thinning_v_s": 0.03, "trapped_gas_s_g": 0.02, "trapped_gas_direction": -1.0,
+        "shear_thinning_v_s": 0.03, "shear_thinning_shape": 1.0, "shear_thinning_series": 1.0,
+        "trapped_gas_s_g": 0.02, "trapped_gas_direction": -1.0,
         "gas_spring_k2": 5.0, "seal_friction_breakaway": 3.0, "seal_friction_v_s": 0.1,
         "seal_friction_presliding": 1e-3, "saturation_shape": 2.0, "backlash_k": 1e4,
     }  # fmt: skip

@@ -24,11 +24,16 @@ def value(p: Mapping[str, float], name: str, b: float) -> float:
 
 @dataclass(frozen=True)
 class Softening:
-    """What effects do to the coefficients: heat to viscosity and yield, shear thinning to c0."""
+    """What effects do to the coefficients: heat to viscosity and yield, shear thinning to c0 and a share of c1."""
 
     viscous: float = 1.0
     yielding: float = 1.0
     thinning: Callable[[float], float] = lambda v: 1.0
+    series: float = 0.0
+
+    def inner(self, v: float) -> float:
+        """Factor on the viscosity of the dashpot in series."""
+        return self.viscous * (1.0 - self.series + self.series * self.thinning(v))
 
 
 class Law(Protocol):
@@ -108,7 +113,7 @@ class ModifiedBoucWen:
 
     def _inner(self, s: State, x: float, v: float, b: float, soft: Softening) -> tuple[float, float]:
         c0 = max(value(self.p, "c0", b), 0.0) * soft.viscous * soft.thinning(v)
-        c1 = max(value(self.p, "c1", b), 0.0) * soft.viscous
+        c1 = max(value(self.p, "c1", b), 0.0) * soft.inner(v)
         alpha = max(value(self.p, "alpha_", b), 0.0) * soft.yielding
         z, y = s
         return c1, (alpha * z + c0 * v + self.p["k0"] * (x - y)) / (c0 + c1)
@@ -134,7 +139,7 @@ class HyperbolicTangent:
 
     def forces(self, s: State, x: float, v: float, b: float, soft: Softening) -> tuple[float, float]:
         k1 = max(value(self.p, "k1", b), 0.0)
-        c1 = max(value(self.p, "c1", b), 0.0) * soft.viscous
+        c1 = max(value(self.p, "c1", b), 0.0) * soft.inner(v)
         return k1 * (x - s[0]) + c1 * (v - s[1]), 0.0
 
     def rates(self, s: State, x: float, v: float, b: float, soft: Softening) -> State:

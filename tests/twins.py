@@ -27,7 +27,7 @@ NEUTRAL: Mapping[str, float] = {
     "saturation_i_s": 0.0, "saturation_shape": 0.0, "remanence_b": 0.0, "remanence_d": 0.1,
     "heating_kappa": 0.0, "heating_kappa_yield": 0.0, "heating_capacity": 100.0, "heating_loss": 0.0,
     "heating_start": 0.0, "asymmetry_a": 0.0, "asymmetry_width": 0.005,
-    "shear_thinning_m": 1.0, "shear_thinning_v_s": 0.1,
+    "shear_thinning_m": 1.0, "shear_thinning_v_s": 0.1, "shear_thinning_shape": 2.0, "shear_thinning_series": 0.0,
     "trapped_gas_d": 0.0, "trapped_gas_s_g": 0.001, "trapped_gas_direction": 1.0,
     "gas_spring_k": 0.0, "gas_spring_k2": 0.0, "gas_spring_f0": 0.0,
     "seal_friction_coulomb": 0.0, "seal_friction_breakaway": 1.0, "seal_friction_v_s": 0.005,
@@ -124,11 +124,12 @@ class Chain:
     # --- fluid and mechanics --------------------------------------------------------------
     def _softening(self, y: Array) -> Softening:
         rise = float(y[self.index["heat"]]) if "heat" in self.index else 0.0
-        m, v_s = self.p["shear_thinning_m"], self.p["shear_thinning_v_s"]
+        m, v_s, a = (self.p[f"shear_thinning_{name}"] for name in ("m", "v_s", "shape"))
         return Softening(
             math.exp(-self.p["heating_kappa"] * rise),
             math.exp(-self.p["heating_kappa_yield"] * rise),
-            lambda v: (1.0 + (v / v_s) ** 2) ** ((m - 1.0) / 2.0),
+            lambda v: float((1.0 + abs(v / v_s) ** a) ** ((m - 1.0) / a)),
+            self.p["shear_thinning_series"],
         )
 
     def _bias(self, x: float, v: float) -> float:

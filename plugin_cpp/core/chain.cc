@@ -137,7 +137,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
   constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
   const Params& p = d.p;
   const double x0 = s->c.piston, v0 = s->c.piston_velocity, h = kGamma * m.dt;
-  const double stiffness = MountStiffness(p), mass = p.moving_mass_m;
+  const double mass = p.moving_mass_m;
   const double field_mid = field0 + kGamma * (field1 - field0);
   NarxHistory past;
 
@@ -147,7 +147,9 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
                          double to, double guess) {
     const ChainState start = s->c;
     if (s->past) past = *s->past;
+    double tried = guess;  // where the state in s stands
     const auto attempt = [&](double v) {
+      tried = v;
       s->c = start;
       if (s->past) *s->past = past;
       const double x = base + h * v;
@@ -162,16 +164,16 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     };
     double slope, fluid;
     const double scale = std::fabs(PistonForce(d, *s, from, x_from, guess, &slope, &fluid));
-    const double v = SolveIncreasing(residual, guess, slope + stiffness * h + mass / h, 1e-7 * scale + 1e-7);
-    s->c.piston = attempt(v);
+    const double v = SolveIncreasing(residual, guess, slope + MountSlope(p, rod - x_from) * h + mass / h, 1e-7 * scale + 1e-7);
+    s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
     return v;
   };
   const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();
-  const double v1 = stage(x0, h, x0, v0, rod_mid, field0, field_mid, v0);
+  const double v1 = stage(x0, h, x0, v0, rod_mid, field0, field_mid, v0 + kGamma * (m.vb - m.va));
   const double x1 = s->c.piston, base = x0 + (m.dt - h) * v1;
   const double base_velocity = v0 + (m.dt - h) * (v1 - v0) / h;
-  stage(x1, m.dt - h, base, base_velocity, rod_end, field_mid, field1, v1);
+  stage(x1, m.dt - h, base, base_velocity, rod_end, field_mid, field1, v1 + (m.dt - h) * (v1 - v0) / h);
 }
 
 }  // namespace

@@ -30,8 +30,9 @@ double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
     if (has_lo && has_hi) {
       const double width = hi - lo;
       if (!(width > 1e-15 * (std::fabs(lo) + std::fabs(hi)))) return 0.5 * (lo + hi);
-      // Every third step halves the bracket, so that a kink cannot hold the secant up.
-      if (i % 3 == 2 || !(next > lo && next < hi)) next = lo + 0.5 * width;
+      // Every third step halves the bracket, so that a kink cannot hold the secant up; the first only where it does.
+      const bool halve = i == 2 ? !(std::fabs(y) < 0.1 * std::fabs(y_old)) : i % 3 == 2;
+      if (halve || !(next > lo && next < hi)) next = lo + 0.5 * width;
     } else if (i > 2) {
       next = x - 4 * y / slope;  // no bracket yet: the slope was too steep a guess
     }

@@ -39,29 +39,31 @@ inline double Follow(double a, double slope, double c, double e, double r, doubl
   return std::max(p, 0.0);
 }
 
-// Power-law thinning of the post-yield viscosity (Carreau's form without a high-shear plateau).
+// Power-law thinning of the post-yield viscosity: (1 + |v / v_s|^a)^((m - 1) / a) (Carreau 1972 at a = 2; Yasuda,
+// Armstrong, Cohen 1981, doi:10.1007/BF01513059; Cross 1965 at a = 1 - m), without a high-shear plateau.
 inline double Thinning(const Params& p, double v) {
   if (p.shear_thinning_m == 1) return 1;
-  const double s = v / p.shear_thinning_v_s;
-  return std::pow(1 + s * s, 0.5 * (p.shear_thinning_m - 1));
+  const double s = std::fabs(v) / p.shear_thinning_v_s, a = p.shear_thinning_shape;
+  return std::pow(1 + (a == 2 ? s * s : std::pow(s, a)), (p.shear_thinning_m - 1) / a);
 }
 
 inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v) {
   Coefficients k{};
   const double b = f.b;
-  k.c0 = Follow(p.c0a, p.c0b, p.c0c, p.c0e, p.c0r, b) * f.viscosity * Thinning(p, v);
+  const double thin = Thinning(p, v), thin_series = 1 + p.shear_thinning_series * (thin - 1);
+  k.c0 = Follow(p.c0a, p.c0b, p.c0c, p.c0e, p.c0r, b) * f.viscosity * thin;
   switch (law) {
     case Law::kBingham:
       k.yield = Follow(p.fya, p.fyb, p.fyc, p.fye, p.fyr, b) * f.yield;
       break;
     case Law::kHyperbolicTangent:
-      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity;
+      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
       k.yield = Follow(p.f0a, p.f0b, p.f0c, p.f0e, p.f0r, b) * f.yield;
       k.k0 = std::max(p.k0a + p.k0b * b, 0.0);
       k.k1 = Follow(p.k1a, p.k1b, p.k1c, p.k1e, p.k1r, b);
       break;
     default:
-      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity;
+      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
       k.yield = Follow(p.alpha_a, p.alpha_b, p.alpha_c, p.alpha_e, p.alpha_r, b) * f.yield;
       k.k0 = p.k0;
       k.k1 = p.k1;

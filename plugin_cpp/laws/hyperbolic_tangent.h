@@ -13,6 +13,13 @@
 namespace mrdamp {
 
 struct HyperbolicTangent {
+  // tanh of q >= 0 to a few parts in 1e15, in half the time of the library's.
+  static double Tanh(double q) {
+    if (q > 0.05) return 1 - 2 / (std::exp(2 * q) + 1);
+    const double s = q * q;
+    return q * (1 - s * (1.0 / 3 - s * (2.0 / 15 - s * (17.0 / 315 - s * (62.0 / 2835)))));
+  }
+
   // Root of a p + f tanh(p / w) = b with a > 0, f >= 0; w -> 0 is the sign function. tanh is concave where the
   // root lies, so Newton's steps from below rise to it without overshoot; one from a guess above falls below it.
   static double Root(double a, double f, double w, double b, double guess = 0) {
@@ -22,10 +29,10 @@ struct HyperbolicTangent {
     const double low = std::max(b / (a + f / w), (b - f) / a);
     double p = std::max(low, sign * guess);
     for (int i = 0; i < 50; i++) {
-      const double t = std::tanh(p / w);
+      const double t = Tanh(p / w);
       const double step = (b - a * p - f * t) / (a + f * (1 - t * t) / w);
       p = std::max(low, p + step);
-      if (!(step > 1e-10 * (p + w)) && (i > 0 || step > -1e-10 * (p + w))) break;
+      if (!(step * step > 1e-13 * w * (p + w))) break;  // what is left is below step^2 / w
     }
     return sign * p;
   }

@@ -84,6 +84,25 @@ TEST(ThinningIsThePowerLaw) {
   CHECK(mrdamp::Thinning(p, 0) == 1);
   NEAR(mrdamp::Thinning(p, 0.01), std::pow(2, -0.3), 1e-12);
   NEAR(mrdamp::Thinning(p, -20) / mrdamp::Thinning(p, 10), std::pow(2, -0.6), 1e-5);
+  p.shear_thinning_shape = 0.6;  // Cross
+  for (const double v : {0.001, -0.01, 0.3}) NEAR(mrdamp::Thinning(p, v), 1 / (1 + std::pow(std::fabs(v) / 0.01, 0.6)), 1e-12);
+  p.shear_thinning_m = 0, p.shear_thinning_shape = 20;  // a force that rises to c0 v_s and no further
+  NEAR(mrdamp::Thinning(p, 0.005), 1, 1e-6);
+  NEAR(mrdamp::Thinning(p, 0.04) * 0.04, 0.01, 1e-9);
+}
+
+TEST(ThinningTakesTheSeriesDashpotWhereAsked) {
+  Params p;
+  p.c0a = 1000, p.c1a = 8000, p.shear_thinning_v_s = 0.01, p.shear_thinning_m = 0.4;
+  const double thin = std::pow(2, -0.3);
+  for (const Law law : {Law::kModifiedBoucWen, Law::kHyperbolicTangent}) {
+    for (const double share : {0.0, 0.5, 1.0}) {
+      p.shear_thinning_series = share;
+      const Coefficients k = mrdamp::Evaluate(p, law, Fluid(), -0.01);
+      NEAR(k.c0, 1000 * thin, 1e-9);
+      NEAR(k.c1, 8000 * (1 - share + share * thin), 1e-9);
+    }
+  }
 }
 
 TEST(BinghamIsTheSignFunctionInTheLimit) {

@@ -125,10 +125,22 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "shear_thinning",
             "fluid",
             (
-                linear("shear_thinning_m", 0.1, 0.02, 1.0, 1.0),
+                linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
                 positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
             ),
             ((0.6, 0.5 * s.velocity), (0.4, 1.5 * s.velocity)),
+        ),
+        Term(
+            "shear_thinning",
+            "fluid",
+            (
+                linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
+                positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
+                positive("shear_thinning_shape", 2.0, 0.5, 8.0, 0.3),
+            ),
+            ((0.6, 0.5 * s.velocity, 2.0), (0.4, 1.5 * s.velocity, 1.2)),
+            form="both dashpots",
+            fixed={"shear_thinning_series": 1.0},
         ),
         *(
             Term(
@@ -216,7 +228,9 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "mount",
             (
                 positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
-                positive("mount_compliance_k3", (30 / s.stroke) ** 2, 0.1 / s.stroke**2, 1e8 / s.stroke**2, 1.0),
+                positive(
+                    "mount_compliance_k3", (30 / s.stroke) ** 2, 0.1 / s.stroke**2, 1e8 / s.stroke**2, 1.0
+                ),
             ),
             ((20 * k, (20 / s.stroke) ** 2), (130 * k, (130 / s.stroke) ** 2)),
             form="hardening",
