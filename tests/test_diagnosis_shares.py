@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -18,10 +20,12 @@ from mrdamp.diagnosis.fit import Fit, fit
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import draws, of_records, seconds, spread
 from mrdamp.diagnosis.result import Measured
+from mrdamp.diagnosis.rig import models_of
 from mrdamp.diagnosis.run import judge
 from mrdamp.diagnosis.search import Limits, Search
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.diagnosis.where import stage_intervals, stage_shares
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record
 from toy_rig import ToyRig, toy
@@ -225,10 +229,23 @@ def test_draws_of_parameters_belong_together() -> None:
     problem = Problem(rig)
     hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "cubic"))
     around = spread(problem, fit(problem, hypothesis, hypothesis.start(), tolerance=1e-8))
-    table = np.array([[s["gain"], s["cubic"]] for s in around.settings(200)])
+    table = np.array([[s["gain"], s["cubic"]] for s in islice(around.settings(), 200)])
     assert np.corrcoef(table.T)[0, 1] < -0.7
     low, high = around.intervals()["gain"]
     assert np.mean((table[:, 0] >= low) & (table[:, 0] <= high)) > 0.9
+
+
+def test_draws_that_a_law_does_not_take_are_left_out() -> None:
+    class Narrow(ToyRig):
+        def model(self, settings: Mapping[str, float]) -> Model:
+            if settings["gain"] > 3:
+                raise InputError("too much")
+            return super().model(settings)
+
+    rig = Narrow(toy({}).records)
+    found = models_of(rig, ({"gain": g} for g in (1.0, 4.0, 2.0, 5.0, 2.5, 2.8)), 3)
+    assert [m.parameters["c0a"] for m in found] == [1.0, 2.0, 2.5]
+    assert models_of(rig, [{"gain": 4.0}], 3) == ()
 
 
 def test_an_interval_ends_where_the_range_does() -> None:

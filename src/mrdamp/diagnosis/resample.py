@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,9 +81,9 @@ class Spread:
             out[c.name] = (values[0], values[1])
         return out
 
-    def settings(self, count: int) -> list[Settings]:
-        """Settings of the first draws, whose parameters belong together."""
-        return [self.fit.hypothesis.settings(q) for q in self.together[:count]]
+    def settings(self) -> Iterator[Settings]:
+        """Settings of the draws, whose parameters belong together."""
+        return (self.fit.hypothesis.settings(q) for q in self.together)
 
 
 def spread(problem: Problem, found: Fit) -> Spread:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.experiment import Envelope, Signal
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record
 
@@ -67,3 +69,14 @@ class Rig(Protocol):
     def model(self, settings: Mapping[str, float]) -> Model:
         """The simulator with these settings, as a file holds it."""
         ...
+
+
+def models_of(rig: Rig, settings: Iterable[Settings], most: int) -> tuple[Model, ...]:
+    """The first `most` simulators that the law takes: a hysteresis is bounded only where its numbers allow it."""
+    out: list[Model] = []
+    for one in settings:
+        if len(out) == most:
+            break
+        with contextlib.suppress(InputError):
+            out.append(rig.model(one))
+    return tuple(out)

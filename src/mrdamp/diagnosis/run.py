@@ -21,7 +21,7 @@ from mrdamp.diagnosis.outside import PLAIN
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, spread
 from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
-from mrdamp.diagnosis.rig import Rig
+from mrdamp.diagnosis.rig import Rig, models_of
 from mrdamp.diagnosis.search import Limits, Search
 from mrdamp.diagnosis.settle import Settled, heldout, settle
 from mrdamp.diagnosis.store import Store
@@ -209,7 +209,7 @@ def assemble(
         notes=tuple(notes),
         corrections=settled.corrections,
         intervals=intervals,
-        drawn=tuple(rig.model(s) for s in around.settings(_DRAWN)) if intervals else (),
+        drawn=models_of(rig, around.settings(), _DRAWN) if intervals else (),
         probabilities=causes,
         seconds=time.monotonic() - begun,
         outside=_outside(search, chosen),
