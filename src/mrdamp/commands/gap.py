@@ -61,7 +61,7 @@ def run_gap(a: argparse.Namespace) -> int:
     rows = score_rows(found)
     if rows:
         print("score on the real frame, tuned on the simulator that is")
-        heads = ("", "nominal", "randomised blindly", "corrected", "drawn from its ranges")
+        heads = ("", "nominal", "randomised blindly", "corrected", "drawn from its ranges", "the real frame")
         for scored in (heads, *rows):
             print(
                 "  ".join(

@@ -14,11 +14,14 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.core import Array
 from mrdamp.criteria import Criteria, evaluate
+from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.stepping import FrameRun, run_frame
 from mrdamp.structures import ShearFrame, dyke1996
+
+Plant = Model | RealFrame
 
 _BLIND = 0.15  # half width of the ranges of who has no diagnosis
 
@@ -65,9 +68,12 @@ class Desk:
             largest,
         )
 
-    def criteria(self, model: Model, controller: Controller | None, load: GroundMotion) -> Criteria:
-        """Of a run in MuJoCo."""
-        return self.of(run_frame(model, load, controller))
+    def criteria(self, plant: Plant, controller: Controller | None, load: GroundMotion) -> Criteria:
+        """Of a run in MuJoCo, or on a real frame (with a controller)."""
+        if isinstance(plant, Model):
+            return self.of(run_frame(plant, load, controller))
+        assert controller is not None
+        return self.of(plant.run(load, controller)[0])
 
     def score(self, criteria: Sequence[Criteria], loads: Sequence[GroundMotion] | None = None) -> float:
         values = []
@@ -77,13 +83,14 @@ class Desk:
             values.append((drift + c.peak_acceleration.max() / free.peak_acceleration.max()) / 2)
         return float(np.mean(values))
 
-    def tune(self, models: Sequence[Model], site: registry.Site) -> Controller:
-        """The controller made for a site that is best on average over simulators and tuning motions."""
+    def tune(self, plants: Sequence[Plant], site: registry.Site) -> Controller:
+        """The controller made for a site that is best on average over simulators, or real frames, and tuning
+        motions."""
         if not is_tuned(self.controller):
             return registry.make(self.controller, site)
         specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]
-        tasks = [(self, m, spec, site) for spec in specs for m in models]
-        found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(models)))
+        tasks = [(self, p, spec, site) for spec in specs for p in plants]
+        found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(plants)))
         return registry.make(specs[int(np.argmin(found.mean(axis=1)))], site)
 
     def blind(self) -> list[Model]:
@@ -112,9 +119,9 @@ def is_tuned(controller: str) -> bool:
     return ":" not in controller
 
 
-def _tuning_score(desk: Desk, model: Model, spec: str, site: registry.Site) -> float:
+def _tuning_score(desk: Desk, plant: Plant, spec: str, site: registry.Site) -> float:
     controller = registry.make(spec, site)
-    return desk.score([desk.criteria(model, controller, load) for load in desk.training], desk.training)
+    return desk.score([desk.criteria(plant, controller, load) for load in desk.training], desk.training)
 
 
 def folded(model: Model) -> Model:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mrdamp import __version__
@@ -16,6 +17,7 @@ _SCORES = (
     ("blind", "tuned on a blindly randomised one"),
     ("retuned", "tuned on the corrected one"),
     ("randomised", "tuned on draws from its ranges"),
+    ("direct", "tuned on the real frame itself"),
 )
 COLUMNS = ("real frame", "diagnosis", "nominal error", "corrected error", "closed", "95 % interval")
 
@@ -56,7 +58,8 @@ def page(study: Study) -> Page:
     out.figure(
         "What the simulator promises",
         errors(study),
-        "Mean relative error of the simulator in peak and RMS drift and acceleration, on motions in no record.",
+        "Mean relative error of the simulator in peak and RMS drift and acceleration, on motions in no record. The rig "
+        f"without an effect and the nominal simulator differ by {100 * study.alike:.1f} %.",
         "Bars: "
         + ", ".join(f"{r.cause} {100 * r.nominal:.0f} % to {100 * r.corrected:.0f} %" for r in study.rows),
     )
@@ -90,8 +93,14 @@ def errors(study: Study) -> Figure:
     ax.set_yticks(y, [elide(r.cause, 120) for r in study.rows])
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
+    ax.axvline(100 * study.alike, color="black", linestyle=":", linewidth=1)
     ax.set_xlabel("error in the controller's figures, %")
-    legend(fig, [Patch(color=REFERENCE), Patch(color=COLOURS[0])], ["nominal", "corrected"])
+    marks = [
+        Patch(color=REFERENCE),
+        Patch(color=COLOURS[0]),
+        Line2D([], [], color="black", linestyle=":", linewidth=1),
+    ]
+    legend(fig, marks, ["nominal", "corrected", "rig without an effect"])
     return fig
 
 
@@ -99,12 +108,12 @@ def errors(study: Study) -> Figure:
 def scores(study: Study) -> Figure:
     """Bars a real frame: the score by the simulator that the controller was tuned on."""
     rows = [r for r in study.rows if r.retuned is not None]
-    fig = figure(0.9 + 0.62 * len(rows))
+    fig = figure(0.9 + 0.72 * len(rows))
     ax = axes_grid(fig, 1, 1)[0][0]
-    colours = (REFERENCE, COLOURS[5], COLOURS[0], COLOURS[2])
-    y, width = np.arange(len(rows)), 0.2
+    colours = (REFERENCE, COLOURS[5], COLOURS[0], COLOURS[2], COLOURS[1])
+    y, width = np.arange(len(rows)), 0.16
     for k, ((name, _), colour) in enumerate(zip(_SCORES, colours, strict=True)):
-        ax.barh(y + (k - 1.5) * width, [getattr(r, name) for r in rows], height=width, color=colour)
+        ax.barh(y + (k - 2) * width, [getattr(r, name) for r in rows], height=width, color=colour)
     ax.set_yticks(y, [elide(r.cause, 120) for r in rows])
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)

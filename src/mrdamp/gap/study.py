@@ -20,14 +20,14 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.gap.closed_loop import write_case
 from mrdamp.gap.desk import Desk, is_tuned, nominal_frame
-from mrdamp.gap.real import EFFECTS, RealFrame
+from mrdamp.gap.real import EFFECTS, NONE, RealFrame
 from mrdamp.model import Model
 
 Progress = Callable[[str, float], None]
 
 #: What a controller is judged by: the largest over storeys or floors.
 CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-_VERSION = 2
+_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class Row:
     """One real frame.
 
     verdict, named: of the diagnosis. nominal, corrected: the simulators' mean relative error in the criteria, for the
-    controller tuned on the nominal one; real: that controller's score on the real frame. retuned, randomised, blind:
-    scores on the real frame after tuning on the corrected simulator, on draws from its ranges, and on draws of the
-    nominal one; None for a controller that is not tuned. A score is the mean of peak drift and peak acceleration over
-    those without a damper in the nominal simulator.
+    controller tuned on the nominal one; real: that controller's score on the real frame. retuned, randomised, blind,
+    direct: scores on the real frame after tuning on the corrected simulator, on draws from its ranges, on draws of the
+    nominal one, and on the real frame itself; None for a controller that is not tuned. A score is the mean of peak
+    drift and peak acceleration over those without a damper in the nominal simulator.
     """
 
     cause: str
@@ -79,6 +79,7 @@ class Row:
     retuned: float | None = None
     randomised: float | None = None
     blind: float | None = None
+    direct: float | None = None
 
     @property
     def closed(self) -> float:
@@ -88,10 +89,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Study:
-    """All real frames of one controller; promised: its score in the nominal simulator."""
+    """All real frames of one controller; promised: its score in the nominal simulator; alike: that simulator's error
+    against the rig without an effect, what the two programs differ by."""
 
     controller: str
     promised: float
+    alike: float
     rows: tuple[Row, ...] = field(default=())
 
 
@@ -103,7 +106,10 @@ def study(
     desk = Desk(nominal_frame(), options.controller, options.loads, options.draws, options.seed, jobs)
     progress("tuning on the nominal simulator", 0.0)
     first = desk.tune([desk.nominal], desk.site(desk.nominal))
-    promised = desk.score([desk.criteria(desk.nominal, first, load) for load in desk.loads])
+    simulated = [desk.criteria(desk.nominal, first, load) for load in desk.loads]
+    same = RealFrame(desk.nominal, NONE)
+    matched = [desk.criteria(same, first, load) for load in desk.loads]
+    alike = float(np.mean([_error(simulated, matched, name) for name in CRITERIA]))
     blind = None
     if options.tuned:
         progress("tuning on a blindly randomised simulator", 0.05)
@@ -120,7 +126,7 @@ def study(
                 out / f"{cause}.json", json.dumps({"key": key, "row": asdict(kept)}, indent=1) + "\n"
             )
         rows.append(kept)
-    return Study(options.controller, promised, tuple(rows))
+    return Study(options.controller, desk.score(simulated), alike, tuple(rows))
 
 
 def _within(progress: Progress, at: float, width: float) -> Progress:
@@ -132,7 +138,7 @@ def _row(
 ) -> Row:
     real = RealFrame(desk.nominal, cause)
     progress(f"{cause}: the real frame", 0.0)
-    measured = [desk.of(real.run(load, first)[0]) for load in desk.loads]
+    measured = [desk.criteria(real, first, load) for load in desk.loads]
     write_case(real, first, desk.training, out / cause / "case", desk.seed)
     progress(f"{cause}: diagnosis", 0.15)
     found = diagnose(read_case(out / cause / "case"), jobs=desk.jobs)
@@ -162,10 +168,18 @@ def _row(
     drawn = [_with_range(m, desk.nominal) for m in found.drawn[: desk.draws]]
     randomised = desk.tune(drawn or [corrected], site)
 
-    def on_real(controller: Controller) -> float:
-        return desk.score([desk.of(real.run(load, controller)[0]) for load in desk.loads])
+    direct = desk.tune([real], site)
 
-    return replace(row, retuned=on_real(retuned), randomised=on_real(randomised), blind=on_real(blind))
+    def on_real(controller: Controller) -> float:
+        return desk.score([desk.criteria(real, controller, load) for load in desk.loads])
+
+    return replace(
+        row,
+        retuned=on_real(retuned),
+        randomised=on_real(randomised),
+        blind=on_real(blind),
+        direct=on_real(direct),
+    )
 
 
 def _with_range(model: Model, nominal: Model) -> Model:
