@@ -15,8 +15,9 @@ from mrdamp.diagnosis.ceiling import ceiling, memory, of_fit, stroke_since_rever
 from mrdamp.diagnosis.fit import fit, leave_out
 from mrdamp.diagnosis.noise import channel_noise
 from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.run import judge
+from mrdamp.diagnosis.run import judge, with_nearest
 from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.settle import heldout
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Settings
@@ -284,3 +285,17 @@ def test_settings_that_the_chain_refuses_are_far_off_and_leave_the_others_alone(
     alone = Problem(rig).of_settings([{"gain": 2.0}, {"gain": 2.5}])
     np.testing.assert_array_equal(found[[0, 2]], alone)
     assert np.sum(found[1] ** 2) > 1e3 * np.sum(found[2] ** 2)
+
+
+def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
+    """An effect takes a part of the cost, too little to be named: nothing at all has the most evidence."""
+    search = searched({"outside": 1.1, "cubic": 0.25})
+    fits, decision = judge(search)
+    assert decision.verdict == "unknown"
+    near = with_nearest(search, fits, decision)
+    assert (near.verdict, near.unknown) == ("unknown", decision.unknown)
+    assert not decision.chosen.causes
+    assert near.chosen.causes
+    cost = {f.hypothesis.name: search.problem.cost(heldout(search.problem, f)) for f in fits}
+    assert cost[fits[near.chosen.index].hypothesis.name] == min(cost.values())
+    assert cost[fits[near.chosen.index].hypothesis.name] < cost[fits[decision.chosen.index].hypothesis.name]

@@ -99,6 +99,7 @@ def diagnose_frame(
         # What was kept is of other nominal numbers.
         search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7))
         fits, decision = judge(search, rig)
+    decision = run.with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
     settled = settle(search, chosen, mend=decision.verdict != "none")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,8 @@ Progress = Callable[[str, float], None]
 #: Samples of residuals that a search keeps, a channel of a record counted each.
 _SAMPLES = 20_000
 _RESAMPLES, _SEED = 2000, 3
+#: Fits of an unknown cause that are tried on records left out.
+_NEAREST = 6
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -80,6 +83,7 @@ def diagnose(
     search = Search(problem, problem.cost(floor), limits or Limits(), jobs, store or Store())
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)
+    decision = with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
     settled = settle(search, chosen, mend=decision.verdict != "none")
@@ -94,6 +98,21 @@ def judge(search: Search) -> tuple[list[Fit], Decision]:
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     return fits, decision
+
+
+def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
+    """The decision; where the cause is unknown, with the fit that leaves least on records left out as the chosen one.
+
+    What has the most evidence of a cause may be nothing at all where no cause explains much; a simulator is still to be
+    handed over that is as near as the catalogue allows.
+    """
+    if decision.verdict != "unknown":
+        return decision
+    near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
+    best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
+    found = fits[best]
+    left = max(found.cost - decision.floor, 0.0) / decision.excess
+    return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
 
 
 def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> list[Scored]:
