@@ -81,6 +81,7 @@ class CableEnv(PlantEnv):
     | `reward` | `CableReward`, mapping | `CableReward()` | weights of the parts, exponent |
     | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
     | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
+    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
     | `observer` | `Observer`, mapping | from those | takes their place |
     | `full_state` | bool | False | see above |
     | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 0.2}` |

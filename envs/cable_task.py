@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,8 @@ def default_places(cable: StayCable) -> tuple[float, ...]:
 class CableTask(Task):
     """n cables under ambient or wind loads; arguments as in `CableEnv`."""
 
+    structures: ClassVar[type[CableRows]] = CableRows
+
     def __init__(
         self,
         n: int = 1,
@@ -103,6 +105,7 @@ class CableTask(Task):
         history: int = 1,
         action_in_observation: bool = True,
         memory: Sequence[float] = (),
+        peaks: Mapping[str, float] | None = None,
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
@@ -118,13 +121,14 @@ class CableTask(Task):
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
         maximum = command_range([self.model], command_max)
-        self.cable_rows = CableRows(self.cable, self.model, places, period, timestep, maximum, n, threads)
+        self.cable_rows = self.structures(self.cable, self.model, places, period, timestep, maximum, n, threads)
         if isinstance(observer, Mapping):
             observer = Observer.from_dict(observer)
         if observer is None:
             observer = cable_observer(
-                self.cable, places, float(maximum[0]), signals, history, action_in_observation, memory, full_state
-            )
+                self.cable, places, float(maximum[0]), signals, history, action_in_observation, memory, full_state,
+                peaks,
+            )  # fmt: skip
         self.weights = reward if isinstance(reward, CableReward) else CableReward.from_dict(reward or {})
         self.loads = WindLoads() if loads is None else loads
         self.cable_score = CableScore(self.weights, n)
@@ -147,7 +151,7 @@ class CableTask(Task):
             raise InputError(f"reset: option load is {load!r}; allowed: a CableLoad")
         load = load.scaled(float(options.get("amplitude", 1.0)))
         pushes = self.cable_rows.start(row, load)
-        free = free_run(self.cable, pushes, self.cable_rows.plants.timestep)
+        free = self.reference(pushes)
         self.cable_score.start(row, free)
         return {
             "load": load.name,
@@ -155,6 +159,10 @@ class CableTask(Task):
             "duration": load.duration,
             "reference_motion": math.sqrt(free[0]),
         }
+
+    def reference(self, pushes: Array) -> Array:
+        """(3,) what the reward is measured by, of loads (samples, modes) N at the engine's steps; see `free_run`."""
+        return free_run(self.cable, pushes, self.cable_rows.plants.timestep)
 
 
 def cable_observer(
@@ -166,6 +174,7 @@ def cable_observer(
     action_in_observation: bool = True,
     memory: Sequence[float] = (),
     full_state: bool = False,
+    peaks: Mapping[str, float] | None = None,
 ) -> Observer:
     """What a cable's sensors give: accelerations where they are measured, and the damper's stroke and force.
 
@@ -197,5 +206,6 @@ def cable_observer(
         raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
     scales = tuple(scale[name] for name in signals)
     return Observer(
-        tuple(signals), scales, history, action_in_observation, (command_max,), memory=tuple(memory)
-    )
+        tuple(signals), scales, history, action_in_observation, (command_max,), memory=tuple(memory),
+        peaks=peaks or {},
+    )  # fmt: skip

@@ -87,6 +87,7 @@ class FrameEnv(PlantEnv):
     | `reward` | `FrameReward`, mapping | `FrameReward()` | weights of the parts, exponent, reference |
     | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
     | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
+    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
     | `observer` | `Observer`, mapping | from those | takes their place |
     | `full_state` | bool | False | see above |
     | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.02, "force": 5.0}` |

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from mrdamp.envs.frame_rows import FrameRows, command_range
 from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
 from mrdamp.envs.plant import placed
-from mrdamp.envs.reward import FrameReward, Score, reference_run
+from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -30,6 +30,8 @@ _STRONG = 5.0  # m/s2: floor acceleration that the scales of the observation bel
 
 class FrameTask(Task):
     """n frames under ground motions; arguments as in `FrameEnv`."""
+
+    structures: ClassVar[type[FrameRows]] = FrameRows
 
     def __init__(
         self,
@@ -45,6 +47,7 @@ class FrameTask(Task):
         history: int = 1,
         action_in_observation: bool = True,
         memory: Sequence[float] = (),
+        peaks: Mapping[str, float] | None = None,
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
@@ -57,12 +60,12 @@ class FrameTask(Task):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
         maximum = command_range(self.models, command_max)
-        self.frame_rows = FrameRows(self.models, period, timestep, maximum, n, threads)
+        self.frame_rows = self.structures(self.models, period, timestep, maximum, n, threads)
         if isinstance(observer, Mapping):
             observer = Observer.from_dict(observer)
         if observer is None:
             observer = frame_observer(
-                self.models, maximum, signals, history, action_in_observation, memory, full_state
+                self.models, maximum, signals, history, action_in_observation, memory, full_state, peaks
             )
         weights = reward if isinstance(reward, FrameReward) else FrameReward.from_dict(reward or {})
         if weights.reference == "passive-on" and len(self.models) > 1:
@@ -87,9 +90,7 @@ class FrameTask(Task):
         ground = self.frame_rows.start(row, motion)
         dt = self.frame_rows.plants.timestep
         every = max(1, round(1e-3 / dt))
-        reference = reference_run(
-            self.models[0], ground[::every].copy(), every * dt, self.weights.reference, self.command_max[0]
-        )
+        reference = self.reference(ground[::every].copy(), every * dt)
         self.frame_score.start(row, reference)
         return {
             "motion": motion.name,
@@ -98,6 +99,10 @@ class FrameTask(Task):
             "reference_drift": reference.drift,
             "reference_acceleration": reference.acceleration,
         }
+
+    def reference(self, ground: Array, dt: float) -> Reference:
+        """What the reward is measured by, of ground acceleration (samples,) m/s2 every dt."""
+        return reference_run(self.models[0], ground, dt, self.weights.reference, self.command_max[0])
 
     def _motion(self, rng: np.random.Generator, options: Mapping[str, Any]) -> GroundMotion:
         unknown = sorted(set(options) - {"motion", "amplitude"})
@@ -119,6 +124,7 @@ def frame_observer(
     action_in_observation: bool = True,
     memory: Sequence[float] = (),
     full_state: bool = False,
+    peaks: Mapping[str, float] | None = None,
 ) -> Observer:
     """What the frame's sensors give: floor accelerations, stroke and force of every damper.
 
@@ -152,8 +158,9 @@ def frame_observer(
         else:
             raise InputError(f"observer: no measurement {name!r} in a frame of {structure.storeys} storeys")
     return Observer(
-        tuple(signals), tuple(found), history, action_in_observation, tuple(command_max), memory=tuple(memory)
-    )
+        tuple(signals), tuple(found), history, action_in_observation, tuple(command_max), memory=tuple(memory),
+        peaks=peaks or {},
+    )  # fmt: skip
 
 
 def _largest_force(model: Model, stroke: float, w: float, command: float) -> float:

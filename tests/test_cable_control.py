@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,9 @@ from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
 from mrdamp.control.cable import cable_clipped_optimal, cable_outputs, cable_plant, make
 from mrdamp.control.clipped_optimal import OptimalForce
+from mrdamp.control.following import ForceController
 from mrdamp.control.lqg import kalman_gain
+from mrdamp.control.lyapunov import BangBang
 from mrdamp.control.taut_cable import TENSION, TautCable, semi_active
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.errors import InputError
@@ -28,7 +31,9 @@ def test_matrices_are_the_integrals_of_the_shapes() -> None:
     cable = TautCable(0.05, modes=3)
     x = np.linspace(0, 1, 20001)
     shapes = np.array([np.minimum(x / 0.05, (1 - x) / 0.95), *(np.sin(k * np.pi * x) for k in (1, 2, 3))])
-    slopes = np.array([np.where(x < 0.05, 20.0, -1 / 0.95), *(k * np.pi * np.cos(k * np.pi * x) for k in (1, 2, 3))])
+    slopes = np.array(
+        [np.where(x < 0.05, 20.0, -1 / 0.95), *(k * np.pi * np.cos(k * np.pi * x) for k in (1, 2, 3))]
+    )
     for found, rows, unit in ((cable.mass, shapes, 1.0), (cable.stiffness, slopes, TENSION)):
         wanted = unit * np.trapezoid(rows[:, None] * rows[None, :], x, axis=2)
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-4 * np.abs(wanted).max())
@@ -148,7 +153,11 @@ def test_the_filter_of_a_stay_cable_finds_its_state() -> None:
     wanted = 0.0
     for t, s in zip(times, run.y.T, strict=True):
         a = rate(float(t), s)[len(w) :]
-        y = {"acceleration_1": float(here @ a), "acceleration_2": float(there @ a), "stroke": float(here @ s[: len(w)])}
+        y = {
+            "acceleration_1": float(here @ a),
+            "acceleration_2": float(there @ a),
+            "stroke": float(here @ s[: len(w)]),
+        }
         wanted = aim(float(t), {**y, "force": force(float(t))})
     scale = np.abs(run.y[:, -400:]).max()
     assert np.abs(aim.estimator.estimate - run.y[:, -1]).max() < 0.03 * scale
@@ -158,7 +167,9 @@ def test_the_filter_of_a_stay_cable_finds_its_state() -> None:
 
 def test_outputs_of_a_stay_cable() -> None:
     cable = StayCable(modes=4)
-    rows, through = cable_outputs(cable, (0.1,), ["displacement_1", "velocity_1", "stroke", "mode_2", "acceleration_1"])
+    rows, through = cable_outputs(
+        cable, (0.1,), ["displacement_1", "velocity_1", "stroke", "mode_2", "acceleration_1"]
+    )
     n = len(cable.natural)
     rng = np.random.default_rng(1)
     s, f = rng.standard_normal(2 * n), 3.0
@@ -171,7 +182,9 @@ def test_outputs_of_a_stay_cable() -> None:
     # The squares of the modes are the mean square motion over the length.
     place = np.linspace(0, 1, 4001)
     modes, _ = cable_outputs(cable, (), [f"mode_{k}" for k in range(1, n + 1)])
-    assert np.sum((modes @ s) ** 2) == pytest.approx(np.trapezoid((cable.at(place) @ s[:n]) ** 2, place), rel=1e-4)
+    assert np.sum((modes @ s) ** 2) == pytest.approx(
+        np.trapezoid((cable.at(place) @ s[:n]) ** 2, place), rel=1e-4
+    )
     with pytest.raises(InputError, match="measurement 'acceleration_2' is unknown"):
         cable_outputs(cable, (0.1,), ["acceleration_2"])
 
@@ -203,5 +216,69 @@ def test_clipped_optimal_moves_the_cable_less_than_any_constant_command() -> Non
     again = bench.run("clipped-optimal", load, 1.0)
     assert again["dissipated_energy"] > 0
     assert 0 < again["mean_command"] < 4
-    with pytest.raises(InputError, match="controller 'skyhook' is unknown"):
-        make("skyhook", bench.site)
+    with pytest.raises(InputError, match="controller 'best-guess' is unknown"):
+        make("best-guess", bench.site)
+
+
+def test_force_tracking_on_a_cable_moves_it_less_than_no_command_at_less_than_clipped_optimal() -> None:
+    bench, load = CableBench(timestep=1e-3), ambient(3)
+    runs = {s: bench.run(s, load, 1.0) for s in ("passive-off", "clipped-optimal", "force-tracking")}
+    assert runs["force-tracking"]["motion"] < 0.95 * runs["passive-off"]["motion"]
+    assert runs["force-tracking"]["mean_command"] < runs["clipped-optimal"]["mean_command"]
+    with pytest.raises(InputError, match="give the damper's model"):
+        make("force-tracking", replace(bench.site, damper=None))
+
+
+class Known:
+    """An estimator that knows the state."""
+
+    def __init__(self, state: Array) -> None:
+        self.state = state
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def __call__(self, y: Mapping[str, float]) -> Array:
+        return self.state
+
+
+@pytest.mark.parametrize("kind", ["lyapunov", "max-dissipation"])
+def test_bang_bang_on_a_cable_is_on_where_the_force_takes_the_function_down(kind: str) -> None:
+    cable = StayCable(modes=4, ratio=0.01)
+    made = make(kind, replace(CableBench(cable).site, cable=cable))
+    assert isinstance(made, BangBang)
+    w, shape, n = cable.natural, cable.at(cable.damper_at), len(cable.natural)
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(40):
+        s, f = (
+            rng.standard_normal(2 * n) * np.concatenate([1e-2 / w, np.full(n, 1e-2)]),
+            float(rng.standard_normal()),
+        )
+        if kind == "max-dissipation":  # the energy of each mode, typed in
+            gradient = np.concatenate([w**2 * s[:n], s[n:]])
+        else:  # int of |q|^2 of a free oscillator, from its Lyapunov equation solved by hand, mode by mode
+            z = cable.ratio
+            qq, qv, vv = (1 + 4 * z * z) / (4 * z * w), 1 / (2 * w**2), 1 / (4 * z * w**3)
+            gradient = 2 * np.concatenate([qq * s[:n] + qv * s[n:], qv * s[:n] + vv * s[n:]])
+        made.estimator = Known(s)  # type: ignore[assignment]
+        on = made.command(0.0, {"force": f}) > 0
+        assert on == (float(gradient[n:] @ (-shape * f)) < 0)
+        seen.add(on)
+    assert seen == {True, False}
+
+
+def test_skyhook_on_a_cable_is_a_dashpot_of_the_dampers_velocity() -> None:
+    bench = CableBench()
+    made = make("skyhook:damping=250,leak=1e3", bench.site)
+    assert isinstance(made, ForceController)
+    h, w = bench.period, 9.0
+    for k in range(400):
+        t = k * h
+        made.command(t, {"acceleration_1": math.cos(w * t), "force": 1.0})
+    assert made.wanted == pytest.approx(250 * math.sin(w * 399 * h) / w, abs=0.02 * 250 / w)
+    site = replace(bench.site, period=5e-3)
+    default = make("skyhook", site)
+    assert isinstance(default, ForceController)
+    c = site.cable
+    assert default.aim.gain == pytest.approx(0.1 * c.mass * c.length * c.first / 0.02)  # type: ignore[attr-defined]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import math
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from command_call import caller
 from mrdamp.commands.compare import add_to
 from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
@@ -42,13 +42,7 @@ EARTHQUAKES = Path(__file__).resolve().parents[2] / "shared" / "data" / "earthqu
 BENCH = FrameBench(preset.frame_model())
 MOTIONS = tuple(kanai_tajimi(seed, duration=6.0, rise=1.0, plateau=2.0, decay=1.0) for seed in (1, 2))
 
-
-def run(*arguments: str | Path) -> int:
-    parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers())
-    parsed = parser.parse_args([str(a) for a in arguments])
-    code: int = parsed.run(parsed)
-    return code
+run = caller(add_to)
 
 
 def test_intervals_are_those_of_the_normal_theory() -> None:

@@ -11,10 +11,10 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
-from scipy.signal import lfilter
+from scipy.signal import dlsim, lfilter
 
 import mrdamp.envs
-from mrdamp.control.observe import Stack
+from mrdamp.control.observe import LinearFilter, Stack
 from mrdamp.envs import (
     AmbientLoads,
     CableEnv,
@@ -39,7 +39,12 @@ ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
         "reward": FrameReward.peaks(),
     },
     "cable": {
-        "loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "history": 2, "memory": [3.0], "threads": 2,
+        "loads": AmbientLoads(duration=0.3),
+        "noise": {"force": 0.1},
+        "history": 2,
+        "memory": [3.0],
+        "peaks": {"force": 5.0},
+        "threads": 2,
     },
 }
 SINGLE: Mapping[str, Callable[..., Any]] = {"frame": FrameEnv, "cable": CableEnv}
@@ -212,11 +217,57 @@ def test_leaky_averages_are_a_filter_of_the_signals() -> None:
         np.testing.assert_allclose(seen[:, 3 + 2 * k : 5 + 2 * k], wanted, atol=1e-6)
         np.testing.assert_array_equal(seen[1:, 10 + 2 * k : 12 + 2 * k], seen[:-1, 3 + 2 * k : 5 + 2 * k])
     assert Observer.from_dict(observer.to_dict()) == observer
-    older = {key: value for key, value in OBSERVER.to_dict().items() if key != "memory"}
+    late = ("memory", "peaks", "filter")
+    older = {key: value for key, value in OBSERVER.to_dict().items() if key not in late}
     assert Observer.from_dict(older) == OBSERVER  # a policy that was written before there was one
 
 
-@pytest.mark.parametrize("observer", [OBSERVER, REMEMBERING])
+def test_leaky_peaks_hold_the_size_of_a_signal_and_let_it_go() -> None:
+    observer = replace(REMEMBERING, peaks={"b": 3.0})
+    assert observer.names[6:9] == ("b~9", "b^3", "a[-1]")
+    assert observer.without_peaks == (*range(7), *range(8, 15))
+    keep, held = math.exp(-1 / 3), 0.0
+    for b in (0.5, -2.0, 1.0, 0.0, 0.0, 1.0):
+        seen = observer({"a": 1.0, "b": b}, 0.0)
+        held = max(abs(b), keep * held)
+        assert observer.peak(seen[None], "b")[0] == pytest.approx(held, rel=1e-6)
+    assert Observer.from_dict(observer.to_dict()) == observer
+
+
+def test_a_filter_of_the_observer_is_that_of_scipy() -> None:
+    step, before, now = (
+        np.array([[0.9, 0.1], [-0.2, 0.7]]),
+        np.array([[0.3, 0.0], [1.0, 2.0]]),
+        np.array([[0.0, 1.0], [0.5, 0.0]]),
+    )
+    held = LinearFilter(*(tuple(map(tuple, m.tolist())) for m in (step, before, now)))
+    observer = replace(OBSERVER, history=1, peaks={"a": 4.0}, filter=held)
+    assert observer.names[3:] == ("a^4", "state_1", "state_2")
+    assert observer.without_peaks == (0, 1, 2, 4, 5)
+    signal = np.random.default_rng(4).normal(size=(30, 2))
+    seen = np.array([observer({"a": a, "b": b}, 1.0) for a, b in signal])
+    scaled = signal / OBSERVER.scales
+    pushed = np.concatenate([scaled[:-1], scaled[1:]], axis=1)  # from one sample to the next
+    _, _, x = dlsim(
+        (step, np.hstack([before, now]), np.eye(2), np.zeros((2, 4)), 1.0), np.vstack([pushed, pushed[:1]])
+    )
+    np.testing.assert_allclose(seen[:, 4:], x, atol=1e-5)
+    assert Observer.from_dict(observer.to_dict()) == observer
+    for wrong in ({"step": ((1.0,),)}, {"now": ((1.0, 2.0), (3.0,))}, {"before": "many"}):
+        with pytest.raises(InputError, match="observer: filter"):
+            LinearFilter(**{**held.to_dict(), **wrong})
+    with pytest.raises(InputError, match="filter is not of 1 signals"):
+        Observer(("a",), (1.0,), filter=held)
+
+
+FULL = replace(
+    REMEMBERING,
+    peaks={"b": 3.0, "a": 8.0},
+    filter=LinearFilter(((0.5, 0.2), (0.1, 0.3)), ((1.0, 0.0), (0.5, 3.0)), ((0.0, 2.0), (1.0, 1.0))),
+)
+
+
+@pytest.mark.parametrize("observer", [OBSERVER, REMEMBERING, FULL])
 def test_stacked_rows_are_observers(observer: Observer) -> None:
     rng = np.random.default_rng(0)
     stack, each = Stack(observer, 2), [Observer.from_dict(observer.to_dict()) for _ in range(2)]
@@ -245,6 +296,8 @@ def test_stacked_rows_are_observers(observer: Observer) -> None:
         {"command_max": (-1.0,)},
         {"limit": 0.0},
         {"memory": (0.0,)},
+        {"peaks": {"c": 2.0}},
+        {"peaks": {"a": 0.0}},
     ],
 )
 def test_observers_that_cannot_be(arguments: dict[str, Any]) -> None:

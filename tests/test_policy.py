@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Network, Policy
 from mrdamp.envs.plant import default_damper
@@ -22,7 +25,10 @@ LEVELS = ForceLevels((0.0, 1.0, 2.0), (100.0, 300.0, 400.0))
 def policy(levels: ForceLevels | None = None, squash: bool = False) -> Policy:
     observer = Observer(("stroke", "force"), (0.01, 100.0), 2, True, (2.0,))
     rng = np.random.default_rng(3)
-    layers = ((rng.standard_normal((4, 3)), rng.standard_normal(4)), (rng.standard_normal((1, 4)), np.array([0.1])))
+    layers = (
+        (rng.standard_normal((4, 3)), rng.standard_normal(4)),
+        (rng.standard_normal((1, 4)), np.array([0.1])),
+    )
     transform = 0.3 * rng.standard_normal((3, observer.size))
     return Policy("p", 2e-3, observer, transform, Network(layers, "tanh", squash), 2.0, levels, {"seed": 3})
 
@@ -87,6 +93,59 @@ def test_many_rows_at_once_are_the_single_ones() -> None:
     force = 100.0 * rng.standard_normal(7)
     each = [float(p.commands(seen[k : k + 1], force[k : k + 1])[0]) for k in range(7)]
     assert p.commands(seen, force) == pytest.approx(each, rel=1e-12)
+
+
+def test_a_released_damper_has_no_command_where_it_holds_more_than_is_wanted() -> None:
+    released = replace(LEVELS, release=True)
+    wanted, force = (
+        np.array([200.0, 200.0, -200.0, -200.0, 200.0]),
+        np.array([30.0, 230.0, -30.0, -230.0, -30.0]),
+    )
+    assert released.command(wanted, force) == pytest.approx([0.5, 0.0, 0.5, 0.0, 0.0])
+    assert LEVELS.command(wanted, force) == pytest.approx([0.5, 0.5, 0.5, 0.5, 0.0])
+    assert ForceLevels.from_dict(released.to_dict()) == released
+    switched = LEVELS.switching()
+    assert switched.force_max > 2 * LEVELS.force_max
+    assert switched.command(wanted, force) == pytest.approx([2.0, 0.0, 2.0, 0.0, 0.0], rel=2e-3)
+
+
+def cautious() -> Policy:
+    """A policy that wants nothing, with a least command."""
+    observer = Observer(("stroke", "force"), (0.01, 100.0), 2, False, (2.0,), peaks={"force": 10.0})
+    nothing = Network(((np.zeros((1, observer.size)), np.zeros(1)),))
+    return Policy(
+        "p", 2e-3, observer, np.eye(observer.size), nothing, 2.0, LEVELS, least=LeastCommand(0.8, 200.0)
+    )
+
+
+def test_the_least_command_fades_as_the_force_grows_and_comes_back_as_it_is_forgotten(tmp_path: Path) -> None:
+    p = cautious()
+    p.write(tmp_path / "p.json")
+    again = Policy.read(tmp_path / "p.json")
+    peak = 0.0
+    for k, force in enumerate([0.0, 50.0, -100.0, 20.0, 500.0, 0.0, *[0.0] * 40]):
+        peak = max(abs(force), math.exp(-1 / 10) * peak)
+        wanted = 0.8 * max(0.0, 1 - peak / 200)
+        for policy in (p, again):
+            assert policy.command(2e-3 * k, {"stroke": 0.0, "force": force}) == pytest.approx(
+                wanted, abs=1e-6
+            )
+    assert peak < 20
+    older = {key: value for key, value in p.to_dict().items() if key != "least"}
+    assert Policy.from_dict(older).least is None
+
+
+def test_a_least_command_that_cannot_be() -> None:
+    for level, fade in ((0.0, 1.0), (1.0, -1.0), (math.inf, 1.0)):
+        with pytest.raises(InputError, match="least command: "):
+            LeastCommand(level, fade)
+    data = cautious().to_dict()
+    data["observer"]["peaks"] = {"stroke": 10.0}
+    with pytest.raises(InputError, match="no peak of the force"):
+        Policy.from_dict(data)
+    for least in ({"level": 1.0}, {"level": "high", "fade": 1.0}):
+        with pytest.raises(InputError, match="least command"):
+            Policy.from_dict({**cautious().to_dict(), "least": least})
 
 
 @pytest.mark.parametrize(

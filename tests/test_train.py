@@ -13,12 +13,16 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.control.following import ForceController
 from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.policy import Policy
+from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train import loads
+from mrdamp.train.evaluate import Act, episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train
+from mrdamp.train.reporting import Left, watched
 from mrdamp.train.run import explored, whitening
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import ALGORITHMS, Options, settings
@@ -46,7 +50,9 @@ def small(seed: int = 0, *overrides: str) -> Options:
 # --- settings ---------------------------------------------------------------------------
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0"])
-def test_every_algorithm_has_hyperparameters_that_its_environment_takes(algorithm: str, environment: str) -> None:
+def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
+    algorithm: str, environment: str
+) -> None:
     chosen = settings(Options(environment, algorithm))
     assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
 
@@ -99,7 +105,9 @@ def test_whitening_makes_the_second_moment_one_and_leaves_rest_at_zero() -> None
     w = whitening(mixed.astype(np.float32), floor=1e-6)
     assert (mixed @ w.T).T @ (mixed @ w.T) / 5000 == pytest.approx(np.eye(3), abs=1e-3)
     held = whitening(mixed.astype(np.float32), floor=0.1)
-    assert np.linalg.svd(held)[1].max() == pytest.approx(1 / (0.1 * np.sqrt((mixed**2).mean(axis=0)).max()), rel=0.01)
+    assert np.linalg.svd(held)[1].max() == pytest.approx(
+        1 / (0.1 * np.sqrt((mixed**2).mean(axis=0)).max()), rel=0.01
+    )
 
 
 def test_exploration_moves_the_damper_under_every_command(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,6 +176,10 @@ def test_the_search_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path: Path)
     second = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
     second.load(tmp_path / "c.npz")
     assert (run(second, 4) == whole).all()
+    assert np.abs(second.average - whole).max() > 0
+    once = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
+    once.tell((once.ask() ** 4).sum(axis=1))
+    np.testing.assert_allclose(once.average, 0.15 * once.mean)
 
 
 def test_candidates_at_once_act_as_their_networks() -> None:
@@ -226,6 +238,8 @@ def test_a_training_writes_a_policy_and_goes_on_from_its_checkpoint(tmp_path: Pa
     whole = train(small(), tmp_path / "a")
     policy = Policy.read(tmp_path / "a" / "policy.json")
     assert policy.levels is not None
+    assert policy.least is not None
+    assert policy.transform[:, list(policy.observer.without_peaks)].shape == policy.transform.shape[:1] * 2
     assert policy.about["options"]["seed"] == 0
     assert whole.best["score"] == min(row["score"] for row in whole.curve)
     assert train(small(), tmp_path / "a").curve == whole.curve  # done already
@@ -246,6 +260,75 @@ def test_a_training_writes_a_policy_and_goes_on_from_its_checkpoint(tmp_path: Pa
     again = train(small(), half)
     assert again.curve == whole.curve
     assert (half / "policy.json").read_text() == (tmp_path / "a" / "policy.json").read_text()
+
+
+def test_a_least_command_is_searched_from_where_it_begins_and_never_above_the_largest(tmp_path: Path) -> None:
+    run = EvolutionRun(small(), settings(small()), tmp_path)
+    start = settings(small()).learner["least"]
+    assert run.least() == LeastCommand(**start)
+    moved = run.cma.average.copy()
+    moved[-2:] = 0.1  # a first step of the search
+    found = run._least(moved)
+    assert found is not None
+    assert (found.level, found.fade) == pytest.approx((start["level"] * 1.35, start["fade"] * 1.35), rel=0.01)
+    moved[-2] = 10.0
+    highest = run._least(moved)
+    assert highest is not None
+    assert highest.level == run.command_max
+    for wrong, said in (
+        ("least={level: 1}", "level and fade"),
+        ("env_kwargs.peaks={}", "needs env_kwargs.peaks"),
+    ):
+        with pytest.raises(InputError, match=said):
+            EvolutionRun(small(0, wrong), settings(small(0, wrong)), tmp_path)
+    none = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path)
+    assert none.least() is None
+    assert len(none.cma.mean) == len(run.cma.mean) - 2
+
+
+def acting(policy: Policy, task: Task) -> Act:
+    """A policy on the rows of a task."""
+    return lambda seen: policy.commands(seen, forces(task, seen))
+
+
+def test_candidates_are_scored_as_the_policies_they_become(tmp_path: Path) -> None:
+    run = EvolutionRun(small(0, "current=0"), settings(small(0, "current=0")), tmp_path)
+    candidates = run.cma.ask()
+    scores = run._scores(candidates)
+    drawn = np.random.SeedSequence(run.draws.entropy, spawn_key=(*run.draws.spawn_key, 0))
+    judged = run.world.draw(np.random.default_rng(drawn), run.loads_count)
+    task = run.world.searching(len(judged))
+    for candidate, score in zip(candidates, scores, strict=True):
+        run.cma.average = candidate
+        found, _ = episodes(task, run.world, judged, acting(run.policy(), task))
+        assert run.world.score({k: float(v.mean()) for k, v in found.items()}) == pytest.approx(
+            score, rel=1e-6
+        )
+
+
+def test_progress_moves_within_a_training(tmp_path: Path) -> None:
+    said: list[tuple[str, float]] = []
+    sweep(small(), tmp_path / "one", [0, 1], progress=lambda what, share: said.append((what, share)))
+    for seed in (0, 1):
+        shares = [share for what, share in said if f"seed {seed}," in what]
+        assert len(shares) >= 3
+        assert shares == sorted(shares)
+        assert shares[0] == 0 < shares[1] < 1
+
+
+def test_progress_of_other_processes_is_read_from_their_folders(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("a", "b", "c")]
+    said: list[tuple[str, float]] = []
+    Left(folders[0])("before there is a folder", 0.5)
+    for folder in folders[:2]:
+        folder.mkdir()
+    (folders[0] / "training.json").write_text("{}")
+    left = Left(folders[1])
+    left("train", 0.5)
+    left("train", 0.9)  # within the same second
+    with watched(folders, lambda what, share: said.append((what, share))):
+        pass
+    assert said == [("train: 1.5 of 3 trainings", 0.5)]
 
 
 def test_sweep_takes_every_setting_and_seed(tmp_path: Path) -> None:

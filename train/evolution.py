@@ -20,18 +20,21 @@ from mrdamp.errors import InputError
 Array = NDArray[np.float64]
 
 _LINEAR = 0.1  # share of a tanh's input that is as good as straight
+_FRESH = 0.15  # share of the newest mean in the average
 
 
 class Cma:
-    """Minimises over n numbers. Attributes: mean (n,), sigma, generation; population, candidates a generation."""
+    """Minimises over n numbers. Attributes: mean (n,), sigma, generation; population, candidates a generation; average
+    (n,), of the mean over the last generations, which noise in the scores moves less."""
 
-    _KEPT = ("mean", "sigma", "generation", "covariance", "path_c", "path_sigma")
+    _KEPT = ("mean", "average", "sigma", "generation", "covariance", "path_c", "path_sigma")
 
     def __init__(self, mean: Array, sigma: float, population: int, rng: np.random.Generator) -> None:
         if population < 4 or not 0 < sigma < math.inf:
             raise InputError(f"evolution: population {population}, sigma {sigma}; allowed: 4 or more, > 0")
         n, parents = len(mean), population // 2
         self.mean, self.sigma, self.generation = mean.copy(), sigma, 0
+        self.average = mean.copy()
         self.population, self._rng = population, rng
         weights = math.log((population + 1) / 2) - np.log(np.arange(1, parents + 1))
         self._weights = weights / weights.sum()
@@ -57,6 +60,7 @@ class Cma:
         best = self._steps[np.argsort(scores)[: len(self._weights)]]
         step = self._weights @ best
         self.mean = self.mean + self.sigma * step
+        self.average = self.average + _FRESH * (self.mean - self.average)
         whitened = self._axes @ ((self._axes.T @ step) / self._spread)
         c, mass = self._c_sigma, self._mass
         self.path_sigma = (1 - c) * self.path_sigma + math.sqrt(c * (2 - c) * mass) * whitened

@@ -88,13 +88,15 @@ class _Callback(BaseCallback):
 
     def __init__(self, run: GradientRun, progress: Progress) -> None:
         super().__init__()
-        self._running, self._progress = run, progress
+        self._running, self._progress, self._told = run, progress, -run.chosen.n_timesteps
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
         run = self._running
-        self._progress(f"train: seed {run.options.seed}", min(1.0, run.timesteps / run.chosen.n_timesteps))
+        if run.timesteps >= self._told + run.chosen.n_timesteps / 100:
+            self._told = run.timesteps
+            run.tell(self._progress)
         if run.due():
             run.evaluate()

@@ -1,19 +1,51 @@
-"""Where a search begins: the weights whose action is nearest to the wanted force of a classical controller."""
+"""What is taken from a classical controller: its Kalman filter, and the weights nearest to its wanted force."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.following import ForceController
-from mrdamp.control.observe import Observer
+from mrdamp.control.observe import LinearFilter, Observer
 from mrdamp.errors import InputError
-from mrdamp.train.worlds import Stage
+from mrdamp.train.worlds import Stage, World
 
 Array = NDArray[np.float64]
+
+_WIDE = 1e3  # of the observer's units
+
+
+def estimated(world: World, spec: str) -> Observer:
+    """The world's observer with the states of a controller's Kalman filter, each in its share of the wanted force over
+    the largest: what matters most to the controller is largest.
+
+    Raises InputError for a controller without one, and for an observer without its measurements.
+    """
+    task = world.task(1)
+    controller, own = world.stage(task, spec).controller, task.observer
+    if not isinstance(controller, ForceController) or not isinstance(controller.aim, OptimalForce):
+        raise InputError(f"estimator {controller.name}: it has no Kalman filter; allowed: clipped-optimal and the like")
+    held = controller.aim.estimator
+    needed = (*held.measurements, "force")
+    missing = [name for name in needed if name not in own.signals]
+    if missing:
+        raise InputError(f"estimator {controller.name}: {missing[0]} is not observed")
+    scale = controller.aim.k / world.levels(task).force_max
+    columns = [needed.index(name) if name in needed else -1 for name in own.signals]
+
+    def of(gain: Array) -> Array:
+        padded = np.column_stack([gain, np.zeros(len(gain))])
+        return scale[:, None] * padded[:, columns] * own.scales
+
+    step, before, now = held.matrices
+    rows = scale[:, None] * step / scale, of(before), of(now)
+    # What is cut off would be in the states for long: near a damper that sticks, accelerations are large.
+    return replace(own, limit=_WIDE, filter=LinearFilter(*(tuple(map(tuple, matrix.tolist())) for matrix in rows)))
 
 
 def imitated(

@@ -13,7 +13,7 @@ from mrdamp.motions import GroundMotion, embedded_motion
 
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
 VALIDATION_SEED = 902
-AMPLITUDES = (0.1, 0.6, 1.0, 1.5)
+AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 _PEAK = 2.5  # m/s2, of a validation motion at amplitude 1, that of the measured ones on average
 
 
@@ -69,10 +69,10 @@ def validation_motions(count: int = 12, amplitudes: Sequence[float] = AMPLITUDES
 
 
 def some_motions(rng: np.random.Generator, count: int, duration: float = 20.0) -> list[GroundMotion]:
-    """count synthetic motions of `duration` s full-size, amplitudes evenly over AMPLITUDES' range, for searches that
-    run every candidate under all of them."""
+    """count synthetic motions of `duration` s full-size, AMPLITUDES in turn, for searches that run every candidate
+    under all of them."""
     drawn = [_kind(duration, 0.4 * duration, (1.0, 1.0)).draw(rng) for _ in range(count)]
-    factors = np.linspace(AMPLITUDES[0], AMPLITUDES[-1], count) * _PEAK
+    factors = np.resize(AMPLITUDES, count) * _PEAK
     return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 
 

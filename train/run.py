@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Network, Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import Judge, forces
+from mrdamp.train.imitation import estimated
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 
@@ -51,11 +53,14 @@ class Run(ABC):
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
         self.world: World = world(options.environment, chosen.env_kwargs, options.model)
+        if chosen.estimator:
+            self.world = self.world.observing(estimated(self.world, chosen.estimator))
         self.task: Task = self.world.task(n)
         if len(self.task.command_max) != 1:
             raise InputError("training is for one damper; the environment has several")
         self.command_max = float(self.task.command_max[0])
-        self.levels = self.world.levels(self.task) if chosen.action == "force" else None
+        levels = self.world.levels(self.task) if chosen.action == "force" else None
+        self.levels = levels.switching() if levels is not None and chosen.switch else levels
         self.draws, explore, self.seed, self.lessons = np.random.SeedSequence(options.seed).spawn(4)
         self.matrix = self._matrix(np.random.default_rng(explore))
         self.judge = Judge(self.world, self.world.validation())
@@ -86,6 +91,10 @@ class Run(ABC):
     def network(self) -> Network:
         """What has been learned so far."""
 
+    def least(self) -> LeastCommand | None:
+        """What has been learned of a least command."""
+        return None
+
     @abstractmethod
     def save(self) -> None:
         """A checkpoint, to go on from."""
@@ -93,6 +102,12 @@ class Run(ABC):
     def seconds(self) -> float:
         """Of process time so far, those before a resume included."""
         return self._before + time.process_time() - self._start
+
+    def tell(self, progress: Progress) -> None:
+        """Says how far it is."""
+        done, whole = (1e-6 * n for n in (self.timesteps, self.chosen.n_timesteps))
+        text = f"train: seed {self.options.seed}, {done:.3g} of {whole:.3g} million periods"
+        progress(text, min(1.0, self.timesteps / self.chosen.n_timesteps))
 
     def due(self) -> bool:
         """Whether an evaluation is: they stand evenly over the training."""
@@ -122,15 +137,18 @@ class Run(ABC):
         fresh = Observer.from_dict(self.task.observer.to_dict())
         name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
         return Policy(
-            name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about
-        )
+            name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
+            self.least(),
+        )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
         if self.matrix_file.is_file():
             return np.asarray(np.load(self.matrix_file))
-        matrix = np.eye(self.task.observer.size, dtype=np.float32)
+        columns = list(self.task.observer.without_peaks)
+        matrix = np.eye(self.task.observer.size, dtype=np.float32)[columns]
         if self.chosen.normalize:
-            matrix = whitening(explored(self.world.task(_EXPLORED[0]), self.levels, self.command_max, rng))
+            seen = explored(self.world.task(_EXPLORED[0]), self.levels, self.command_max, rng)
+            matrix[:, columns] = whitening(seen[:, columns])
         return matrix
 
 

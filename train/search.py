@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.policy import Network
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
@@ -20,12 +22,14 @@ Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
 #: score's share for the mean current over its largest; a classical controller whose wanted force the search begins at,
-#: as `clipped-optimal:balance=30`, or nothing to begin at no action.
-DEFAULTS: Mapping[str, float | str] = {
-    "loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "teacher": "",
+#: as `clipped-optimal:balance=30`, or nothing to begin at no action; level (A or V) and fade (N) that a least command
+#: begins at, or nothing to have none.
+DEFAULTS: Mapping[str, Any] = {
+    "loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "teacher": "", "least": None,
 }  # fmt: skip
 
 _LESSONS = 6  # loads that a teacher is watched under
+_SPREAD = 0.3  # of level and fade, in the logarithm, in the first generation
 
 
 class EvolutionRun(Run):
@@ -38,14 +42,19 @@ class EvolutionRun(Run):
         own = {**DEFAULTS, **chosen.learner}
         self.population, self.loads_count = int(own["population"]), int(own["loads"])
         self._current = float(own["current"])
-        super().__init__(options, chosen, out, self.population * self.loads_count)
-        self.task = self.world.judging(self.population * self.loads_count)
+        self._sigma, self._least_start = float(own["sigma"]), self._least_of(own["least"])
+        super().__init__(options, chosen, out, 1)
+        self.task = self.world.searching(self.population * self.loads_count)
+        if self._least_start and "force" not in self.task.observer.peaks:
+            raise InputError("es: hyperparameters: least needs env_kwargs.peaks of the force")
         self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
         if own["teacher"]:
             start = self.shape.following(start, self._taught(str(own["teacher"])))
-        self.cma = Cma(start, float(own["sigma"]), self.population, rng)
+        if self._least_start:
+            start = np.concatenate([start, np.zeros(2)])
+        self.cma = Cma(start, self._sigma, self.population, rng)
         self._periods = 0
         if self._checkpoint.is_file():
             self.cma.load(self._checkpoint)
@@ -61,7 +70,7 @@ class EvolutionRun(Run):
 
     def learn(self, progress: Progress) -> None:
         while self.timesteps < self.chosen.n_timesteps:
-            progress(f"train: seed {self.options.seed}", self.timesteps / self.chosen.n_timesteps)
+            self.tell(progress)
             if self.due():
                 self.evaluate()
             self.cma.tell(self._scores(self.cma.ask()))
@@ -69,7 +78,10 @@ class EvolutionRun(Run):
             self.evaluate()
 
     def network(self) -> Network:
-        return self.shape.network(self.cma.mean)
+        return self.shape.network(self.cma.average[: self.shape.size])
+
+    def least(self) -> LeastCommand | None:
+        return self._least(self.cma.average)
 
     def save(self) -> None:
         fresh = self.out / "checkpoint.new.npz"
@@ -84,9 +96,24 @@ class EvolutionRun(Run):
         stage = self.world.stage(self.task, spec)
         return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
 
+    @staticmethod
+    def _least_of(given: Any) -> LeastCommand | None:
+        if given is not None and (not isinstance(given, Mapping) or set(given) != {"level", "fade"}):
+            raise InputError(f"es: hyperparameters: least is {given!r}; allowed: level and fade, or nothing")
+        return LeastCommand.from_dict(given) if given is not None else None
+
+    def _least(self, numbers: Array) -> LeastCommand | None:
+        """Of a candidate (numbers,): its last two numbers, in the logarithm."""
+        start = self._least_start
+        if start is None:
+            return None
+        level, fade = np.exp(_SPREAD / self._sigma * numbers[-2:]).tolist()
+        return LeastCommand(min(start.level * level, self.command_max), start.fade * fade)
+
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""
-        layers, many = self.shape.layers(candidates), self.loads_count
+        layers, many = self.shape.layers(candidates[:, : self.shape.size]), self.loads_count
+        least = [self._least(candidate) for candidate in candidates]
         key = (*self.draws.spawn_key, self.cma.generation)
         drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
         loads = self.world.draw(np.random.default_rng(drawn), many)
@@ -95,8 +122,14 @@ class EvolutionRun(Run):
             inputs = seen.astype(np.float64) @ self.matrix.T
             action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
             if self.levels is None:
-                return np.asarray(0.5 * (action + 1.0) * self.command_max)
-            return self.levels.command(action * self.levels.force_max, forces(self.task, seen))
+                command = np.asarray(0.5 * (action + 1.0) * self.command_max)
+            else:
+                command = self.levels.command(action * self.levels.force_max, forces(self.task, seen))
+            if self._least_start is None:
+                return command
+            peaks = self.task.observer.peak(seen, "force").reshape(self.population, many)
+            floor = [low(p) for low, p in zip(least, peaks, strict=True) if low is not None]
+            return np.maximum(command, np.concatenate(floor))
 
         found, periods = episodes(self.task, self.world, loads * self.population, act)
         self._periods += periods

@@ -48,14 +48,18 @@ class Settings:
     """What the YAML holds.
 
     n_envs: rows of the vector environment. n_timesteps: control periods in all. action: `command`, or `force`: the
-    wanted force, which the damper's command follows by `ForceLevels`. normalize: whiten the observations. privileged:
-    the critic sees the motion over its size without control (on-policy learners). env_kwargs: of the environment.
-    policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the algorithm's other arguments.
+    wanted force, which the damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical
+    controller, as `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. normalize: whiten the
+    observations. privileged: the critic sees the motion over its size without control (on-policy learners).
+    env_kwargs: of the environment. policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the
+    algorithm's other arguments.
     """
 
     n_envs: int = 8
     n_timesteps: int = 1_000_000
     action: Literal["command", "force"] = "command"
+    switch: bool = False
+    estimator: str = ""
     normalize: bool = True
     privileged: bool = False
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)

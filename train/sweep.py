@@ -14,6 +14,7 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.parallel import mapped
 from mrdamp.train.learn import train
+from mrdamp.train.reporting import Left, watched
 from mrdamp.train.run import Progress, Result
 from mrdamp.train.settings import Options, folder_name, settings
 
@@ -61,12 +62,11 @@ def sweep(
         settings(chosen)
         folder = out / folder_name(overrides) if choices else out
         tasks += [(replace(chosen, seed=seed), folder / f"seed_{seed}") for seed in seeds]
-    alone = progress if jobs == 1 else None
-    results = []
-    for result in mapped(train, [(*task, alone) for task in tasks], jobs):
-        results.append(result)
-        if progress:
-            progress("train: all", len(results) / len(tasks))
+    if jobs == 1:
+        results = list(mapped(train, [(*task, progress) for task in tasks]))
+    else:
+        with watched([folder for _, folder in tasks], progress):
+            results = list(mapped(train, [(*task, Left(task[1])) for task in tasks], jobs))
     n = len(seeds)
     found = [Setting(overrides, tuple(results[k * n : (k + 1) * n])) for k, overrides in enumerate(grid)]
     rows = [

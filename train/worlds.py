@@ -16,6 +16,7 @@ from mrdamp.control import cable as cable_controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_task import CablePlant, CableTask, default_places
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.plant import FramePlant
@@ -28,10 +29,12 @@ from mrdamp.train.loads import (
     validation_loads,
     validation_motions,
 )
+from mrdamp.train.twin import has_twin
+from mrdamp.train.twin_tasks import CableTwinTask, FrameTwinTask
 
 Array = NDArray[np.float64]
 
-_SHORT = 6.0  # s, of the cable's loads that a search draws
+_DRAWN = 12.0  # s, of the cable's loads that a search draws
 
 
 @dataclass(frozen=True)
@@ -52,12 +55,20 @@ class World(ABC):
     measures: ClassVar[tuple[str, ...]]
 
     @abstractmethod
+    def observing(self, observer: Observer) -> World:
+        """The same with another observer."""
+
+    @abstractmethod
     def task(self, n: int) -> Task:
         """n rows under training loads."""
 
     @abstractmethod
     def judging(self, n: int) -> Task:
         """n rows whose `info` holds the measures as they are reported, whatever the reward is."""
+
+    @abstractmethod
+    def searching(self, n: int) -> Task:
+        """As `judging`, on twins (`mrdamp.train.twin`) where the damper and the sensors have one."""
 
     @abstractmethod
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
@@ -96,11 +107,19 @@ class FrameWorld(World):
     option: ClassVar[str] = "motion"
     measures: ClassVar[tuple[str, ...]] = ("drift_ratio", "acceleration_ratio", "mean_current")
 
+    def observing(self, observer: Observer) -> FrameWorld:
+        return replace(self, arguments={**self.arguments, "observer": observer})
+
     def task(self, n: int) -> FrameTask:
         return FrameTask(n, motions=training_motions(), **self.arguments)
 
     def judging(self, n: int) -> FrameTask:
         return FrameTask(n, **{**self.arguments, "reward": None})
+
+    def searching(self, n: int) -> FrameTask:
+        one = self.judging(1)
+        twin = len(one.models) == 1 and has_twin(one.models[0], one.observer.signals)
+        return FrameTwinTask(n, **{**self.arguments, "reward": None}) if twin else self.judging(n)
 
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         return some_motions(rng, count)
@@ -140,15 +159,23 @@ class CableWorld(World):
     option: ClassVar[str] = "load"
     measures: ClassVar[tuple[str, ...]] = ("motion_ratio", "mean_current")
 
+    def observing(self, observer: Observer) -> CableWorld:
+        return replace(self, arguments={**self.arguments, "observer": observer})
+
     def task(self, n: int) -> CableTask:
         return CableTask(n, loads=CableLoads(), **self.arguments)
 
     def judging(self, n: int) -> CableTask:
         return CableTask(n, **{**self.arguments, "reward": None})
 
+    def searching(self, n: int) -> CableTask:
+        one = self.judging(1)
+        twin = has_twin(one.model, one.observer.signals)
+        return CableTwinTask(n, **{**self.arguments, "reward": None}) if twin else self.judging(n)
+
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         length = self.task(1).cable.length
-        return CableLoads(_SHORT).some(rng, length, count)
+        return CableLoads(_DRAWN).some(rng, length, count)
 
     def validation(self) -> Sequence[Any]:
         return validation_loads(self.task(1).cable.length)
@@ -165,7 +192,9 @@ class CableWorld(World):
             command_max=float(task.command_max[0]),
         )  # fmt: skip
         places, largest = default_places(task.cable), self.levels(task).force_max
-        site = cable_controllers.CableSite(task.cable, plant.command_max, places, largest, plant.period)
+        site = cable_controllers.CableSite(
+            task.cable, plant.command_max, places, largest, plant.period, task.model
+        )
         return Stage(plant, cable_controllers.make(spec, site))
 
     def sizes(self, task: Task) -> Array:

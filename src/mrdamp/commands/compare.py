@@ -97,9 +97,9 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
         return 0
     at = [k for k, m in enumerate(result.measures, start=1) if m.key in bench.headline]
     heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
-    print(about)
     print(_aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]))
     print("mean (worst) over motions or loads and amplitudes; ratios are over the structure without a damper")
+    print(about)
     if not settings and not a.controllers:
         print("tuned controllers are left out: there are no settings for this model; add --tune")
     if a.out:

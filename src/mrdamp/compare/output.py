@@ -8,7 +8,7 @@ from pathlib import Path
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.page import add_frame_runs, comparison_page
+from mrdamp.compare.page import add_frame_runs, add_settings, comparison_page
 from mrdamp.compare.tables import differences_csv, means_csv, report, runs_csv, to_json
 from mrdamp.criteria import Criteria
 from mrdamp.files import write_atomic
@@ -32,12 +32,13 @@ def write_comparison(
     write_atomic(folder / "differences.csv", differences_csv(result))
     write_atomic(folder / "runs.csv", runs_csv(result))
     write_atomic(folder / "result.json", to_json(result, bench.command_unit, about))
-    page = comparison_page(result, bench, about, command)
+    page = comparison_page(result, bench, command)
     if isinstance(bench, FrameBench):
         amplitude = min(result.amplitudes, key=lambda a: abs(a - 1))
         case = f"{loads[0].name} at amplitude {amplitude:g}"
         assert isinstance(loads[0], GroundMotion)
         add_frame_runs(page, bench.command_unit, _histories(bench, result, loads[0], amplitude), case)
+    add_settings(page, result, about)
     path = folder / "index.html"
     page.write(path)
     return path

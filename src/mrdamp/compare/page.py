@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
 from mrdamp.compare.tables import NOTE, claim_rows, columns, interval_rows, mean_rows
 from mrdamp.core import Array
@@ -20,12 +22,12 @@ from mrdamp.stepping import FrameRun
 _FEW = 6  # controllers that lines tell apart
 
 
-def comparison_page(result: Comparison, bench: Bench, about: str, command: str) -> Page:
+def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
     """The page of any bench; command: the one that makes it."""
     learned = [c.name for c in result.contenders if c.learned]
     titles = {m.key: m.title.format(unit=bench.command_unit) for m in result.measures}
     page = Page("Controllers compared", _summary(result, bench), footer=f"Made by `{command}`.")
-    page.text("", about)
+    page.text("", f"{bench.about()}.")
     page.figure(
         "Means",
         ranking({_words(key, titles[key]): _bars(result, key) for key in bench.headline}),
@@ -69,6 +71,17 @@ def comparison_page(result: Comparison, bench: Bench, about: str, command: str) 
             "The main ratios over the amplitude.",
         )
     return page
+
+
+def add_settings(page: Page, result: Comparison, about: str) -> None:
+    """What was run, and with which settings: the page's end. about: in words."""
+    page.text("What was run", about)
+    rows = [(c.name, f"{len(c.specs)} files: {_files(c)}" if c.learned else c.specs[0]) for c in result.contenders]
+    page.table("", ("controller", "setting"), rows)
+
+
+def _files(contender: Contender) -> str:
+    return ", ".join(Path(spec.partition(":")[2]).name for spec in contender.specs)
 
 
 def add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Criteria]], case: str) -> None:

@@ -44,6 +44,11 @@ class Estimator:
         self._phi, self._g0, self._g1 = first_order_hold(linear.a - self.gain @ c, drive, period)
         self.reset()
 
+    @property
+    def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(n, n), (n, p + 1), (n, p + 1) of s_hat+ = m0 s_hat + m1 y + m2 y+, y the measurements, then the force."""
+        return self._phi, self._g0, self._g1
+
     def reset(self) -> None:
         """The structure is at rest."""
         self.estimate: FloatArray = np.zeros(len(self._phi))

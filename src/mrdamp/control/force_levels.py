@@ -17,6 +17,8 @@ from mrdamp.model import Model
 Array = NDArray[np.float64]
 
 _COMMANDS = 17
+_REACH = 10.0  # of a wanted force over the damper's, for on/off
+_SOFT = 1e-4  # of the largest force and command, for on/off
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,13 @@ class ForceLevels:
     """A static inverse of an MR damper: the level of its force, N, at each of some commands, A or V.
 
     A damper only resists: where the wanted force has the other sign than the measured one, the command is zero.
-    commands (k,) rise from 0, forces (k,) do not fall. Raises InputError.
+    commands (k,) rise from 0, forces (k,) do not fall. release: the command is zero too where the measured force is
+    larger than the wanted one, as under clipped-optimal control. Raises InputError.
     """
 
     commands: tuple[float, ...]
     forces: tuple[float, ...]
+    release: bool = False
 
     def __post_init__(self) -> None:
         for name in ("commands", "forces"):
@@ -48,7 +52,13 @@ class ForceLevels:
         """Commands (...) for wanted forces (...) where the damper's forces (...) are measured; N, signs as there."""
         w, f = np.asarray(wanted, dtype=np.float64), np.asarray(force, dtype=np.float64)
         found = np.interp(np.abs(w), self.forces, self.commands)
-        return np.asarray(np.where(w * f > 0, found, 0.0))
+        resists = (w - f) * f > 0 if self.release else w * f > 0
+        return np.asarray(np.where(resists, found, 0.0))
+
+    def switching(self) -> ForceLevels:
+        """On/off: nearly the largest command for any wanted force, up to ten times the damper's, and release."""
+        high, largest = self.commands[-1], _REACH * self.force_max
+        return ForceLevels((0.0, (1 - _SOFT) * high, high), (0.0, _SOFT * largest, largest), release=True)
 
     @classmethod
     def of(cls, model: Model, command_max: float, stroke: float, w: float) -> ForceLevels:
@@ -70,12 +80,12 @@ class ForceLevels:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"commands": list(self.commands), "forces": list(self.forces)}
+        return {"commands": list(self.commands), "forces": list(self.forces), "release": self.release}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ForceLevels:
         """From `to_dict`. Raises InputError."""
         try:
-            return cls(tuple(data["commands"]), tuple(data["forces"]))
+            return cls(tuple(data["commands"]), tuple(data["forces"]), bool(data.get("release", False)))
         except (TypeError, KeyError, ValueError) as error:
             raise InputError(f"force levels: {error}") from None

@@ -16,9 +16,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from mrdamp.control.clipped_optimal import frame_estimator
+from mrdamp.control.clipped_optimal import Outputs, frame_estimator
 from mrdamp.control.estimator import Estimator
-from mrdamp.control.plant import outputs, plant
+from mrdamp.control.plant import Plant, outputs, plant
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray, ShearFrame
 
@@ -44,13 +44,18 @@ class BangBang:
 
 
 def lyapunov_matrix(frame: ShearFrame, weights: Mapping[str, float]) -> FloatArray:
+    """`plant_lyapunov_matrix` of a frame and its outputs."""
+    return plant_lyapunov_matrix(plant(frame), lambda rows: outputs(frame, rows), weights)
+
+
+def plant_lyapunov_matrix(linear: Plant, rows: Outputs, weights: Mapping[str, float]) -> FloatArray:
     """P (2N, 2N) of a^T P + P a = -c^T diag(weights) c, c the named outputs' rows. Raises InputError."""
     if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
         raise InputError(f"lyapunov: weights are {dict(weights)}; allowed: weights >= 0, one of them > 0")
-    a = plant(frame).a
+    a = linear.a
     if np.linalg.eigvals(a).real.max() >= 0:
-        raise InputError("lyapunov: the frame has a mode without damping; no such function is found")
-    c, _ = outputs(frame, tuple(weights))
+        raise InputError("lyapunov: the structure has a mode without damping; no such function is found")
+    c, _ = rows(tuple(weights))
     return np.asarray(solve_continuous_lyapunov(a.T, -c.T @ (np.array(list(weights.values()))[:, None] * c)))
 
 

@@ -18,6 +18,54 @@ Observation = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
+class LinearFilter:
+    """A discrete linear filter of an observer's s scaled signals o, of k states, from rest:
+
+        x+ = step x + before o + now o+
+
+    step (k, k), before and now (k, s), as nested sequences of numbers. Raises InputError.
+    """
+
+    step: tuple[tuple[float, ...], ...]
+    before: tuple[tuple[float, ...], ...]
+    now: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        for name in ("step", "before", "now"):
+            try:
+                rows = tuple(tuple(float(v) for v in row) for row in getattr(self, name))
+            except (TypeError, ValueError):
+                raise InputError(f"observer: filter: {name} is not rows of numbers") from None
+            object.__setattr__(self, name, rows)
+        step, before, now = self.matrices
+        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (len(step), before.shape[-1])
+        if not len(step) or not fits or not all(np.isfinite(m).all() for m in (step, before, now)):
+            raise InputError(f"observer: filter: {step.shape}, {before.shape}, {now.shape} do not fit together")
+
+    @cached_property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """step, before, now."""
+        try:
+            return np.array(self.step), np.array(self.before), np.array(self.now)
+        except ValueError:
+            raise InputError("observer: filter: rows are of different lengths") from None
+
+    @property
+    def size(self) -> int:
+        """States."""
+        return len(self.step)
+
+    def __call__(self, states: Array, before: Array, now: Array) -> Array:
+        """(..., k) from states (..., k) and signals (..., s), one by one: a row's sum hangs on no other row."""
+        parts = zip(self.matrices, (states, before, now), strict=True)
+        return np.asarray(sum((matrix * values[..., None, :]).sum(axis=-1) for matrix, values in parts))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {name: [list(row) for row in getattr(self, name)] for name in ("step", "before", "now")}
+
+
+@dataclass(frozen=True)
 class Observer:
     """Measurements -> observation; the same object serves an environment and an exported policy.
 
@@ -26,6 +74,8 @@ class Observer:
     action_in_observation: each of them also holds the command that was held when it was measured. memory: time
     constants, in control periods, of leaky averages of every signal that follow it in each of them: a longer past in
     few numbers.
+    peaks: signals by name and, in control periods, the time constant of a leaky peak of its size that follows those.
+    filter: states that follow at the end, as those of a Kalman filter.
     command_max: A or V, what that command is divided by, one number for each damper. limit: what a scaled value is
     cut off at, as a real sensor has a range.
 
@@ -39,12 +89,15 @@ class Observer:
     command_max: tuple[float, ...] = (1.0,)
     limit: float = 20.0
     memory: tuple[float, ...] = ()
+    peaks: Mapping[str, float] = field(default_factory=dict)
+    filter: LinearFilter | None = None
     _past: list[Array] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("scales", "command_max", "memory"):
             object.__setattr__(self, name, tuple(float(v) for v in np.atleast_1d(getattr(self, name))))
         object.__setattr__(self, "signals", tuple(self.signals))
+        object.__setattr__(self, "peaks", {name: float(v) for name, v in dict(self.peaks).items()})
         if not self.signals or len(set(self.signals)) != len(self.signals):
             raise InputError(f"observer: signals is {self.signals}; allowed: at least one name, each once")
         if len(self.scales) != len(self.signals):
@@ -52,6 +105,11 @@ class Observer:
         for name in ("scales", "command_max", "memory"):
             if not all(0 < v < math.inf for v in getattr(self, name)):
                 raise InputError(f"observer: {name} is {getattr(self, name)}; allowed: numbers > 0")
+        for name, periods in self.peaks.items():
+            if name not in self.signals or not 0 < periods < math.inf:
+                raise InputError(f"observer: peaks is {self.peaks}; allowed: signals, and numbers > 0")
+        if self.filter is not None and self.filter.matrices[1].shape[1] != len(self.signals):
+            raise InputError(f"observer: the filter is not of {len(self.signals)} signals")
         if (
             isinstance(self.history, bool)
             or not isinstance(self.history, int)
@@ -64,7 +122,17 @@ class Observer:
     @property
     def width(self) -> int:
         """Numbers of one control period."""
-        return len(self.signals) * (1 + len(self.memory)) + len(self.command_max) * self.action_in_observation
+        commands = len(self.command_max) * self.action_in_observation
+        return len(self.signals) * (1 + len(self.memory)) + commands + len(self.peaks) + self._states
+
+    @property
+    def _states(self) -> int:
+        return self.filter.size if self.filter else 0
+
+    @property
+    def _peaks_at(self) -> int:
+        """Column of the first peak."""
+        return self.width - self._states - len(self.peaks)
 
     @property
     def size(self) -> int:
@@ -79,32 +147,60 @@ class Observer:
             many = len(self.command_max) > 1
             one += [f"command_{k + 1}" if many else "command" for k in range(len(self.command_max))]
         one += [f"{name}~{periods:g}" for periods in self.memory for name in self.signals]
+        one += [f"{name}^{periods:g}" for name, periods in self.peaks.items()]
+        one += [f"state_{k + 1}" for k in range(self._states)]
         return tuple(f"{name}[{-k}]" if k else name for k in range(self.history) for name in one)
+
+    @property
+    def without_peaks(self) -> tuple[int, ...]:
+        """Columns of an observation that are no leaky peaks: those with a sign."""
+        first = self._peaks_at
+        kept = [j for j in range(self.width) if not 0 <= j - first < len(self.peaks)]
+        return tuple(k * self.width + j for k in range(self.history) for j in kept)
+
+    def peak(self, observations: NDArray[np.float32], signal: str) -> Array:
+        """(n,) the signal's leaky peak, in its unit, as observations (n, size) hold it."""
+        column = self._peaks_at + list(self.peaks).index(signal)
+        return np.asarray(self.scales[self.signals.index(signal)] * observations[:, column].astype(np.float64))
 
     def scaled(self, values: Array, last_command: Array, before: Array | None = None) -> Array:
         """One control period: values (..., s) and last_command (..., dampers) -> (..., width).
 
         before: (..., width) of the period before, None where there is none.
         """
-        scales, command_max, keep = self._numbers
+        scales, command_max, keep, fall, columns = self._numbers
         now = values / scales
         if self.action_in_observation:
             now = np.concatenate([now, last_command / command_max], axis=-1)
         now = np.minimum(np.maximum(now, -self.limit), self.limit)
-        if not self.memory:
-            return now
-        signals = now[..., None, : len(self.signals)]
-        if before is None:
-            averages = np.repeat(signals, len(keep), axis=-2)
-        else:
-            averages = before[..., now.shape[-1] :].reshape(*now.shape[:-1], len(keep), -1)
-            averages = signals + keep[:, None] * (averages - signals)
-        return np.concatenate([now, averages.reshape(*now.shape[:-1], -1)], axis=-1)
+        parts, at = [now], now.shape[-1]
+        if self.memory:
+            signals = now[..., None, : len(self.signals)]
+            end = at + len(keep) * len(self.signals)
+            if before is None:
+                averages = np.repeat(signals, len(keep), axis=-2)
+            else:
+                averages = before[..., at:end].reshape(*now.shape[:-1], len(keep), -1)
+                averages = signals + keep[:, None] * (averages - signals)
+            parts.append(averages.reshape(*now.shape[:-1], -1))
+        if self.peaks:
+            size = np.abs(now[..., columns])
+            first = self._peaks_at
+            held = size if before is None else before[..., first : first + len(fall)]
+            parts.append(np.maximum(size, fall * held))
+        if self.filter is not None:
+            s = len(self.signals)
+            if before is None:
+                parts.append(np.zeros((*now.shape[:-1], self.filter.size)))
+            else:
+                parts.append(self.filter(before[..., -self.filter.size :], before[..., :s], now[..., :s]))
+        return np.concatenate(parts, axis=-1) if len(parts) > 1 else now
 
     @cached_property
-    def _numbers(self) -> tuple[Array, Array, Array]:
-        keep = np.exp(-1 / np.array(self.memory)) if self.memory else np.zeros(0)
-        return np.array(self.scales), np.array(self.command_max), keep
+    def _numbers(self) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+        keep, fall = (np.exp(-1 / np.array(list(t), dtype=np.float64)) for t in (self.memory, self.peaks.values()))
+        columns = np.array([self.signals.index(name) for name in self.peaks], dtype=np.intp)
+        return np.array(self.scales), np.array(self.command_max), keep, fall, columns
 
     def reset(self) -> None:
         """Forget the past."""
@@ -131,13 +227,17 @@ class Observer:
             "command_max": list(self.command_max),
             "limit": self.limit,
             "memory": list(self.memory),
+            "peaks": dict(self.peaks),
+            "filter": self.filter.to_dict() if self.filter else None,
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Observer:
         """From `to_dict`. Raises InputError where an entry is missing or unknown."""
         try:
-            return cls(**{**data, "signals": tuple(data["signals"]), "scales": tuple(data["scales"])})
+            own = {"signals": tuple(data["signals"]), "scales": tuple(data["scales"])}
+            held = data.get("filter")
+            return cls(**{**data, **own, "filter": LinearFilter(**held) if held is not None else None})
         except (TypeError, KeyError) as error:
             raise InputError(f"observer: {error}") from None
 

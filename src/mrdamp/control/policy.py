@@ -4,6 +4,7 @@
     h = W o                            W as it was when the policy was trained
     a = layers(h)                      cut off at -1 and 1, or through tanh
     command = command_max (a + 1) / 2, or that of the wanted force a force_max (`mrdamp.control.force_levels`)
+    command >= a least one for weak motion, where the policy has one (`mrdamp.control.least_command`)
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.observe import Observer
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
@@ -70,7 +72,8 @@ class Policy:
     """A `Controller` of one damper; read with `Policy.read`.
 
     name; period: of control, s; observer; transform: W (k, observer.size); network: k in, 1 out; command_max: A or V;
-    levels: None where the action is the command itself; about: how it was made, any JSON. Raises InputError.
+    levels: None where the action is the command itself; about: how it was made, any JSON; least: for weak motion, of
+    an observer with a leaky peak of the force. Raises InputError.
     """
 
     def __init__(
@@ -83,6 +86,7 @@ class Policy:
         command_max: float,
         levels: ForceLevels | None = None,
         about: Mapping[str, Any] | None = None,
+        least: LeastCommand | None = None,
     ) -> None:
         for what, value in (("period", period), ("command_max", command_max)):
             if not 0 < value < math.inf:
@@ -91,11 +95,14 @@ class Policy:
             raise InputError(f"policy {name}: it is for several dampers; a controller gives one command")
         if levels is not None and "force" not in observer.signals:
             raise InputError(f"policy {name}: its action is a force, and its observer sees no force")
+        if least is not None and "force" not in observer.peaks:
+            raise InputError(f"policy {name}: it has a least command, and its observer no peak of the force")
         if transform.shape != (network.layers[0][0].shape[1], observer.size):
             raise InputError(f"policy {name}: observer, transform {transform.shape} and network do not fit together")
         self.name, self.period, self.observer = name, period, observer
         self.transform, self.network = transform, network
-        self.command_max, self.levels, self.about = command_max, levels, dict(about or {})
+        self.command_max, self.levels, self.least = command_max, levels, least
+        self.about = dict(about or {})
         self.reset()
 
     def reset(self) -> None:
@@ -110,8 +117,12 @@ class Policy:
         """(n,) A or V for observations (n, observer.size) and the forces (n,) N measured with them."""
         action = self.network(observations.astype(np.float64) @ self.transform.T)[:, 0]
         if self.levels is None:
-            return np.asarray(0.5 * (action + 1.0) * self.command_max)
-        return np.minimum(self.levels.command(action * self.levels.force_max, force), self.command_max)
+            found = 0.5 * (action + 1.0) * self.command_max
+        else:
+            found = self.levels.command(action * self.levels.force_max, force)
+        if self.least is not None:
+            found = np.maximum(found, self.least(self.observer.peak(observations, "force")))
+        return np.minimum(found, self.command_max)
 
     @classmethod
     def read(cls, path: Path | str) -> Policy:
@@ -139,6 +150,7 @@ class Policy:
             "command_max": self.command_max,
             "observer": self.observer.to_dict(),
             "levels": self.levels.to_dict() if self.levels else None,
+            "least": self.least.to_dict() if self.least else None,
             "activation": self.network.activation,
             "squash": self.network.squash,
             "transform": _rows(self.transform),
@@ -162,6 +174,7 @@ class Policy:
                 float(data["command_max"]),
                 ForceLevels.from_dict(data["levels"]) if data["levels"] is not None else None,
                 data["about"],
+                LeastCommand.from_dict(data["least"]) if data.get("least") is not None else None,
             )
         except KeyError as error:
             raise InputError(f"policy: no entry {error}") from None

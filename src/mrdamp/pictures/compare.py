@@ -166,7 +166,6 @@ def by_amplitude(
             ax.plot(x, np.asarray(values, dtype=np.float64), **looks[name])
         ax.set_title(title)
         ax.set_xlabel("amplitude")
-        ax.set_ylim(bottom=0)
         ticks(ax, 5, 5)
     legend(fig, [Line2D([], [], **looks[name]) for name in names], names)
     return fig
