@@ -40,5 +40,5 @@ def test_records_with_a_varying_command_are_left_out() -> None:
     varying = bingham_record("v", 0.004, 2.0, np.repeat([0.0, 1.2], 500), viscous, straight, 5)
     groups = constant_groups([*grid(straight, (0.4, 0.8)), varying])
     assert [(u, len(records)) for u, records in groups] == [(0.4, 2), (0.8, 2)]
-    with pytest.raises(InputError, match="1 constant commands"):
+    with pytest.raises(InputError, match="need 2 constant commands; the records have 1"):
         identify_by_command("bingham", [*grid(straight, (0.4,)), varying])

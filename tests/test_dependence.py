@@ -34,6 +34,21 @@ def test_a_saturating_dependence_is_found() -> None:
     assert p["fyb"] == 0.0
 
 
+def test_a_curve_that_bends_both_ways_is_met_at_four_commands() -> None:
+    """An S, slow at first and slow in the end, which neither a parabola nor a saturation follows."""
+
+    def s_shaped(u: Array) -> Array:
+        return np.asarray(30.0 + 400.0 * u**2 / (u**2 + 0.3))
+
+    records = grid(s_shaped, (0.0, 0.25, 0.5, 1.0))
+    errors = {d: identify("bingham", records, dependence=d, starts=1).train_nrmse for d in list(DEPENDENCES)[1:]}
+    assert errors["quadratic_saturating"] < 0.5 * min(errors[d] for d in ("linear", "quadratic", "saturating"))
+    p = identify("bingham", records, dependence="quadratic_saturating", starts=1).model.parameters
+    for u in (0.0, 0.25, 0.5, 1.0):
+        value = p["fya"] + p["fyb"] * u + p["fyc"] * u * u + p["fye"] * (1 - np.exp(-p["fyr"] * u))
+        assert value == pytest.approx(float(s_shaped(np.array(u))), abs=8.0), u
+
+
 def test_the_right_dependence_is_best_on_records_held_out() -> None:
     held = grid(saturated, (0.2, 0.6, 1.0), seed=100)
     fits = compare_dependences("bingham", grid(saturated), held, starts=1)
@@ -69,11 +84,13 @@ def test_no_slope_from_a_command_that_never_varies() -> None:
         identify("bingham", still, dependence="linear")
     with pytest.raises(InputError, match="2 different commands; a quadratic"):
         identify("bingham", grid(straight, (0.0, 0.8)), dependence="quadratic")
+    with pytest.raises(InputError, match=r"3 different commands; a quadratic_saturating .* needs 4"):
+        identify("bingham", grid(straight, (0.0, 0.4, 0.8)), dependence="quadratic_saturating")
     with pytest.raises(InputError, match="allowed: constant, linear"):
         identify("bingham", still, dependence="cubic")
 
 
-@pytest.mark.parametrize("dependence", ["linear", "quadratic", "saturating"])
+@pytest.mark.parametrize("dependence", list(DEPENDENCES)[1:])
 @pytest.mark.parametrize("law", PARAMETRIC)
 def test_records_that_hold_no_small_command_give_laws_that_the_chain_takes(law: str, dependence: str) -> None:
     """From 1 to 2 A, with coefficients that fall or rise by any factor of the search between them."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from command_call import caller
 from mrdamp.commands.identify import add_to
 from mrdamp.errors import InputError
 from mrdamp.identify import simulate
@@ -16,13 +16,11 @@ from mrdamp.model import Model
 from mrdamp.records import read_records
 from sine_records import grid, straight
 
+run = caller(add_to)
 
-def run(*arguments: str | Path) -> int:
-    parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers())
-    parsed = parser.parse_args([str(a) for a in arguments])
-    code: int = parsed.run(parsed)
-    return code
+
+def run_bingham(folder: Path, *arguments: str | Path) -> int:
+    return run("identify", folder, "--law", "bingham", "--starts", "1", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_identify_with_intervals(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "model.json"
-    assert run("identify", folder, "--law", "bingham", "--starts", "1", "--intervals", "-o", out) == 0
+    assert run_bingham(folder, "--intervals", "-o", out) == 0
     text = capsys.readouterr().out
     assert Model.read(out).parameters["fyb"] == pytest.approx(300.0, rel=0.03)
     offset = next(line for line in text.splitlines() if "force offset or preload" in line)
@@ -48,30 +46,16 @@ def test_identify_with_intervals(folder: Path, tmp_path: Path, capsys: pytest.Ca
 
 def test_dependences_are_compared(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "model.json"
-    assert (
-        run("identify", folder, "--law", "bingham", "--starts", "1", "--dependence", "compare", "-o", out)
-        == 0
-    )
+    assert run_bingham(folder, "--dependence", "compare", "-o", out) == 0
     text = capsys.readouterr().out
-    for name in ("linear", "quadratic", "saturating"):
+    for name in ("linear", "quadratic ", "saturating"):
         assert f"  {name}" in text
     assert "taken: " in text
 
 
 def test_by_command_draws_its_lines(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "lines.png"
-    call: list[str | Path] = [
-        "identify",
-        folder,
-        "--law",
-        "bingham",
-        "--starts",
-        "1",
-        "--by-command",
-        "--picture",
-        picture,
-    ]
-    assert run(*call, "-o", tmp_path / "m.json") == 0
+    assert run_bingham(folder, "--by-command", "--picture", picture, "-o", tmp_path / "m.json") == 0
     assert picture.stat().st_size > 5000
     line = next(row for row in capsys.readouterr().out.splitlines() if row.split()[:1] == ["fya"])
     assert float(line.split()[2]) == pytest.approx(300.0, rel=0.05)
@@ -79,7 +63,7 @@ def test_by_command_draws_its_lines(folder: Path, tmp_path: Path, capsys: pytest
 
 def test_table1(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     network, picture = tmp_path / "n.json", tmp_path / "t.svg"
-    run("identify", folder, "--law", "bingham", "--starts", "1", "-o", network)
+    run_bingham(folder, "-o", network)
     capsys.readouterr()
     assert run("table1", folder, "--starts", "1", "--network", network, "--picture", picture) == 0
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
@@ -93,18 +77,7 @@ def test_json_holds_the_figures_of_the_text(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "model.json"
-    call: list[str | Path] = [
-        "identify",
-        folder,
-        "--law",
-        "bingham",
-        "--starts",
-        "1",
-        "--intervals",
-        "-o",
-        out,
-    ]
-    assert run(*call, "--resamples", "20", "--json") == 0
+    assert run_bingham(folder, "--intervals", "-o", out, "--resamples", "20", "--json") == 0
     said = capsys.readouterr()
     report = json.loads(said.out)
     assert report["model"] == str(out)
@@ -125,8 +98,7 @@ def test_both_papers_measures_and_loops_of_a_law(
 ) -> None:
     """Against the papers' formulas, on a law that is half of the damper's."""
     out, picture = tmp_path / "m.json", tmp_path / "loops.png"
-    call: list[str | Path] = ["identify", folder, "--law", "bingham", "--starts", "1", "--extras", "-o", out]
-    assert run(*call, "--norms", "--json", "--picture", picture) == 0
+    assert run_bingham(folder, "--extras", "-o", out, "--norms", "--json", "--picture", picture) == 0
     report = json.loads(capsys.readouterr().out)
     record = next(r for r in read_records(folder).validation if r.name == "0.3A_4mm")
     (row,) = (r for r in report["norms"] if r["record"] == record.name)
@@ -147,17 +119,9 @@ def test_what_the_records_cannot_show_is_told(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Each record has one command: no driver lag is seen. A saturation is, over several of them."""
-    call: list[str | Path] = [
-        "identify",
-        folder,
-        "--law",
-        "bingham",
-        "--starts",
-        "1",
-        "-o",
-        tmp_path / "m.json",
-    ]
-    assert run(*call, "--extras", "offset", "driver_lag", "saturation") == 0
+    assert (
+        run_bingham(folder, "-o", tmp_path / "m.json", "--extras", "offset", "driver_lag", "saturation") == 0
+    )
     text = capsys.readouterr().out
     assert "left out, as no record here has a command that varies enough: driver_lag\n" in text
     with pytest.raises(InputError, match="--intervals is for laws"):
@@ -167,22 +131,11 @@ def test_what_the_records_cannot_show_is_told(
 def test_json_of_dependences_and_of_commands(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call: list[str | Path] = [
-        "identify",
-        folder,
-        "--law",
-        "bingham",
-        "--starts",
-        "1",
-        "--json",
-        "-o",
-        tmp_path / "m",
-    ]
-    assert run(*call, "--dependence", "compare") == 0
+    assert run_bingham(folder, "--json", "-o", tmp_path / "m", "--dependence", "compare") == 0
     found = json.loads(capsys.readouterr().out)
     least = min(row["held_out_nrmse"] for row in found["dependences"].values())
     assert found["held_out"]["nrmse"] == least
-    assert run(*call, "--by-command") == 0
+    assert run_bingham(folder, "--json", "-o", tmp_path / "m", "--by-command") == 0
     found = json.loads(capsys.readouterr().out)
     assert [row["command"] for row in found["by_command"]] == [0.0, 0.6, 1.2]
     (line,) = (row for row in found["lines"] if row["parameter"] == "fya")
@@ -212,6 +165,12 @@ def test_calibrate_on_the_embedded_tests(tmp_path: Path, capsys: pytest.CaptureF
 def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--starts"):
         run("identify", folder, "--starts", "0", "-o", tmp_path / "m.json")
+    with pytest.raises(InputError, match=r"allowed: bingham, .*, narx"):
+        run("identify", folder, "--law", "binghamm", "-o", tmp_path / "m.json")
+    with pytest.raises(InputError, match="cannot be written: there is no folder"):
+        run_bingham(folder, "-o", tmp_path / "none" / "m.json")
+    with pytest.raises(InputError, match="cannot be written: it is a folder"):
+        run_bingham(folder, "-o", tmp_path)
     with pytest.raises(InputError, match="no such folder or file"):
         run("table1", tmp_path / "none")
     with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from command_call import caller
 from excitation import Array
 from mrdamp.commands.inverse import add_to
 from mrdamp.errors import InputError
@@ -68,11 +68,9 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
     parameters = {"c0a": 400.0, "c0b": 150.0, "fya": 50.0, "fyb": 600.0, "v_ref": 0.01, "command_max": 2.0}
     model, picture = tmp_path / "model.json", tmp_path / "tracks.png"
     Model("bingham", {"command_min": 0.0, **parameters}).write(model)
-    parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers())
-    call = ["inverse", str(model), "--plant", str(model), "--no-network", "--seconds", "2"]
-    a = parser.parse_args([*call, "--picture", str(picture), "-o", str(tmp_path / "out")])
-    assert a.run(a) == 0
+    words: list[str | Path] = ["inverse", model, "--plant", model, "--no-network", "--seconds", "2"]
+    words += ["--picture", picture]
+    assert caller(add_to)(*words, "-o", tmp_path / "out") == 0
     assert f"picture: {picture}" in capsys.readouterr().out
     with Image.open(picture) as image:
         colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
@@ -80,7 +78,6 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
     # Switching and the law inverse, each in its colour.
     for colour in ((0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)):
         assert (np.abs(colours.astype(int) - colour).max(axis=1) < 8).sum() > 100
-    a = parser.parse_args([*call, "--picture", str(tmp_path / "t.bmp"), "-o", str(tmp_path / "none")])
     with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):
-        a.run(a)
+        caller(add_to)(*words[:-1], tmp_path / "t.bmp", "-o", tmp_path / "none")
     assert not (tmp_path / "none").exists()

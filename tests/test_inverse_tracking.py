@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import replace
 from functools import cache
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_call import caller
 from excitation import Array
 from mrdamp.commands.inverse import add_to
 from mrdamp.errors import InputError
@@ -199,12 +199,7 @@ def test_a_motion_like_the_records_moves_as_they_do() -> None:
     assert rms(v) / rms(x) == pytest.approx(2 * np.pi * 2.466, rel=0.15)
 
 
-def run(*arguments: str | Path) -> int:
-    parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers())
-    parsed = parser.parse_args([str(a) for a in arguments])
-    code: int = parsed.run(parsed)
-    return code
+run = caller(add_to)
 
 
 def test_the_command_without_a_network(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from command_call import caller
 from mrdamp.commands.identify import add_to
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -24,12 +24,7 @@ from narx_data import made, motion, recursion, small
 SMALL = ("--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1")
 
 
-def run(*arguments: str | Path | int) -> int:
-    parser = argparse.ArgumentParser()
-    add_to(parser.add_subparsers())
-    parsed = parser.parse_args([str(a) for a in arguments])
-    code: int = parsed.run(parsed)
-    return code
+run = caller(add_to)
 
 
 def as_record(n: int, seed: int, name: str, command: float | None = None) -> Record:

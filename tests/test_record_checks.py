@@ -7,7 +7,7 @@ import pytest
 
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
-from mrdamp.record_checks import check_clipping, clipped
+from mrdamp.record_checks import check_clipping, clipped, doubts
 from mrdamp.records import embedded
 from sine_records import grid
 
@@ -43,5 +43,12 @@ def test_a_constant_channel_of_one_record_is_told() -> None:
 
 def test_too_few_samples_are_told() -> None:
     short = [r.part(0.0, 0.02) for r in grid()[:4]]
-    with pytest.raises(InputError, match="44 samples in all for 6 free numbers; at least 120"):
+    with pytest.raises(InputError, match="44 samples to fit 6 free numbers to; at least 120"):
         identify("bingham", short)
+
+
+def test_a_displacement_in_mm_is_doubted() -> None:
+    record = grid()[0]
+    assert doubts([record]) == []
+    in_mm = record.with_channels({"displacement_m": 1000 * record.displacement})
+    assert doubts([record, in_mm]) == ["0A_4mm: displacement_m spans 8 m; channels are in m, N and s"]

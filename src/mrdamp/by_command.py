@@ -84,7 +84,7 @@ def identify_by_command(
     groups = constant_groups(train)
     if len(groups) < 2:
         raise InputError(
-            f"{train[0].label}: {len(groups)} constant commands in the records; lines through the parameters need 2"
+            f"{train[0].label}: lines through the parameters need 2 constant commands; the records have {len(groups)}"
         )
     fits = []
     for count, (u, records) in enumerate(groups):

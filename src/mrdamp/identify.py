@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.laws import Scales, Space, dependence_for, space
+from mrdamp.laws import DEPENDENCES, Scales, Space, dependence_for, space
 from mrdamp.least_squares import bounded_least_squares
 from mrdamp.model import Model, effects_from
 from mrdamp.record_checks import check_channels, check_clipping, check_size
@@ -237,7 +237,7 @@ def compare_dependences(
     law: str,
     train: Sequence[Record],
     held_out: Sequence[Record],
-    dependences: Sequence[str] = ("linear", "quadratic", "saturating"),
+    dependences: Sequence[str] = tuple(DEPENDENCES)[1:],
     *,
     extras: Sequence[str] = ("offset",),
     starts: int = 4,
@@ -251,7 +251,7 @@ def compare_dependences(
     """
     fits: dict[str, Fit] = {}
     levels = Scales.of(train).levels
-    shown = [d for d in dependences if levels > 2 or (d in ("constant", "linear") and levels > 1)]
+    shown = [d for d in dependences if levels >= max(2, DEPENDENCES[d])]
     for count, dependence in enumerate(shown or ["constant"]):
         if progress:
             progress(dependence, count / max(len(shown), 1))

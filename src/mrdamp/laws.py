@@ -3,7 +3,7 @@
 A fit moves coordinates that are scaled by the records (force, velocity, stroke, command), wide ones as logarithms,
 and without the redundancy of the Bouc-Wen laws: z is scaled to end at 1, so A = beta + gamma is the reciprocal of
 the yield displacement and alpha is a force. A coefficient that follows the command is searched by its values at
-two or three commands that the records hold, so that it stays positive there whatever sign its slope has.
+two to four commands in the records' range, so that it stays positive there whatever sign its slope has.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.records import Record
 
-#: How a coefficient may follow the command u: p_a; p_a + p_b u; p_a + p_b u + p_c u^2; p_a + p_e (1 - exp(-p_r u)).
+#: How a coefficient may follow the command u, and how many different commands that needs: p_a; p_a + p_b u;
+#: p_a + p_b u + p_c u^2; p_a + p_e (1 - exp(-p_r u)); and all of these terms, for a curve that bends both ways.
 #: The rate p_r is one for all coefficients: it is the field that saturates.
-DEPENDENCES = ("constant", "linear", "quadratic", "saturating")
+DEPENDENCES = {"constant": 1, "linear": 2, "quadratic": 3, "saturating": 3, "quadratic_saturating": 4}
+_KNOTS = {"quadratic": 3, "quadratic_saturating": 4}
 
 #: Effects that a plain identification may fit along with the law: sensor or preload offset, driver lag, saturation.
 EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
@@ -43,7 +45,7 @@ class Scales:
     stroke: float
     command: float
     low: float = 0.0
-    levels: int = 3
+    levels: int = 4
 
     @classmethod
     def of(cls, records: Sequence[Record]) -> Scales:
@@ -67,17 +69,17 @@ class Scales:
         high = max(self.command, self.low)
         if dependence == "constant" or not high > self.low:
             return (0.0,)
-        return (self.low, high) if dependence != "quadratic" else (self.low, 0.5 * (self.low + high), high)
+        return tuple(float(u) for u in np.linspace(self.low, high, _KNOTS.get(dependence, 2)))
 
 
 def levels(records: Sequence[Record]) -> int:
-    """Number of clearly different commands in the records, counted up to 3."""
+    """Number of clearly different commands in the records, counted up to 4."""
     values = np.unique(np.concatenate([np.unique(record.command) for record in records]))
     limit, count, last = _SAME_COMMAND * max(float(np.abs(values).max()), 1e-12), 1, float(values[0])
     for value in values:
         if value - last > limit:
             count, last = count + 1, float(value)
-    return min(count, 3)
+    return min(count, 4)
 
 
 def dependence_for(asked: str | None, scales: Scales, where: str = "the records") -> str:
@@ -89,7 +91,7 @@ def dependence_for(asked: str | None, scales: Scales, where: str = "the records"
         return "linear" if scales.levels > 1 else "constant"
     if asked not in DEPENDENCES:
         raise InputError(f"dependence '{asked}' is unknown; allowed: {', '.join(DEPENDENCES)}")
-    need = {"constant": 1, "linear": 2, "quadratic": 3, "saturating": 3}[asked]
+    need = DEPENDENCES[asked]
     if scales.levels < need:
         what = (
             "the command never varies"
@@ -162,6 +164,13 @@ class Map:
         a, b = f"{self.stem}a", f"{self.stem}b"
         if len(knots) == 1:
             return {a: values[0], b: 0.0}
+        if rate is not None and len(knots) == 4:
+            u = np.array(knots)
+            terms = np.column_stack([np.ones(4), u, u * u, -np.expm1(-rate * u)])
+            parts = np.linalg.solve(terms, np.array(values))
+            return {f"{self.stem}{part}": float(x) for part, x in zip("abce", parts, strict=True)} | {
+                f"{self.stem}r": rate
+            }
         if rate is not None:
             start, end = (1 - math.exp(-rate * u) for u in knots)
             e = (values[1] - values[0]) / (end - start)
@@ -324,8 +333,8 @@ def space(
             plain = (*plain, known[extra])
     knots = scales.knots(dependence)
     rate = None
-    if dependence == "saturating" and len(knots) > 1:
-        span = knots[1] - knots[0]
+    if dependence.endswith("saturating") and len(knots) > 1:
+        span = knots[-1] - knots[0]
         # Where the smallest command saturates the field already, no two commands differ by it.
         most = min(30 / span, 5 / knots[0]) if knots[0] > 0 else 30 / span
         rate = Coordinate(

@@ -16,6 +16,8 @@ SAMPLES_PER_COORDINATE = 20
 _RUN = 4
 #: ... for more than this share of the record, and so many times as often as the next value to it.
 _SHARE, _OVER_NEXT = 0.01, 4.0
+#: m, a stroke that hardly any damper has: the displacement is likely in mm.
+_STROKE = 3.0
 
 
 def check_channels(records: Sequence[Record], need: Sequence[str] = ("displacement_m", "force_N")) -> None:
@@ -36,8 +38,17 @@ def check_size(records: Sequence[Record], coordinates: int) -> None:
     total, need = sum(record.n for record in records), SAMPLES_PER_COORDINATE * coordinates
     if total < need:
         raise InputError(
-            f"{records[0].label}: {total} samples in all for {coordinates} free numbers; at least {need} are needed"
+            f"{records[0].label}: {total} samples to fit {coordinates} free numbers to; at least {need} are needed"
         )
+
+
+def doubts(records: Sequence[Record]) -> list[str]:
+    """What is likely a mistake of the records though a fit is possible: a line each."""
+    return [
+        f"{record.label}: displacement_m spans {span:.3g} m; channels are in m, N and s"
+        for record in records
+        if (span := float(np.ptp(record.displacement))) > _STROKE
+    ]
 
 
 def check_clipping(records: Sequence[Record]) -> None:

@@ -16,14 +16,14 @@ from mrdamp.commands import add_command
 from mrdamp.commands.calibrate import add_calibrate
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
-from mrdamp.commands.output import check_picture, progress_bar, save_picture
+from mrdamp.commands.output import check_file, check_picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
     from mrdamp.comparison import RecordNorms
     from mrdamp.identify import Fit, RecordError
     from mrdamp.intervals import ChannelFinding, Interval
-    from mrdamp.records import RecordSet
+    from mrdamp.records import Record, RecordSet
 
 _UNITS = "A", "V"
 
@@ -55,7 +55,8 @@ def add_identify(commands: Any) -> None:
     p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
     p.add_argument(
         "--dependence",
-        help="how coefficients follow the command: constant, linear (default), quadratic, saturating, or compare",
+        help="how coefficients follow the command: constant, linear (default), quadratic, saturating,"
+        " quadratic_saturating, or compare for all",
     )
     p.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
     p.add_argument(
@@ -129,6 +130,11 @@ def _add_cutoff(p: argparse.ArgumentParser) -> None:
 def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
     with words(a.json):
+        from mrdamp.laws import PARAMETRIC
+
+        if a.law not in (*PARAMETRIC, "narx"):
+            raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
+        check_file(a.out)
         records = _records(a.records, a.cutoff)
         if a.starts < 1 or a.resamples < 20 or a.workers < 1:
             raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
@@ -168,7 +174,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         for name, fit in fits.items():
             free = len(fit.space.coordinates) if fit.space else 0
             print(
-                f"  {name:12s} {free:3d} free numbers  fitted {fit.train_nrmse:.3f}  held out {fit.held_out_nrmse:.3f}"
+                f"  {name:20s} {free:3d} free numbers  fitted {fit.train_nrmse:.3f}  held out {fit.held_out_nrmse:.3f}"
             )
         chosen = min(fits, key=lambda name: fits[name].held_out_nrmse)
         print(f"  taken: {chosen}")
@@ -181,7 +187,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     _errors(fit.train, "fitted")
     _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
-    _found(fit, left)
+    _found(fit, left, records.train)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
         save_picture(loops_of(fit.model, records.validation or records.train), a.picture)
@@ -281,10 +287,14 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     return of_by_command(found)
 
 
-def _found(fit: Fit, findings: Sequence[ChannelFinding]) -> None:
+def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Record]) -> None:
     """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
+    from mrdamp.record_checks import doubts
+
     if fit.left_out:
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
+    for doubt in doubts(records):
+        print(f"  check: {doubt}")
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),

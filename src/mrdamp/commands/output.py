@@ -22,6 +22,14 @@ def check_picture(path: Path | None) -> None:
         raise InputError(f"{path}: a picture is written as .svg, .png or .pdf")
 
 
+def check_file(path: Path) -> None:
+    """Raises InputError for a file that cannot be written where it is asked for, before any work is done."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written: there is no folder {path.parent}")
+    if path.is_dir():
+        raise InputError(f"{path}: cannot be written: it is a folder")
+
+
 def save_picture(fig: Figure, path: Path) -> None:
     """Writes a figure and prints where. Raises InputError."""
     check_picture(path)

@@ -123,7 +123,7 @@ def check(train: Sequence[Series], inputs: Sequence[Input], weights: int) -> Non
     shortest = min(train, key=lambda s: s.n)
     if shortest.n < 10 * (lag + 1):
         raise InputError(
-            f"{shortest.name}: {shortest.n} samples are too few for lags up to {lag}; use {10 * (lag + 1)}"
+            f"{shortest.name}: {shortest.n} samples for lags up to {lag}; at least {10 * (lag + 1)} are needed"
         )
     if samples < 2 * weights:
         raise InputError(f"{samples} samples for {weights} weights; at least {2 * weights} are needed")
