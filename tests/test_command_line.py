@@ -16,6 +16,7 @@ from mrdamp import core, sets
 from mrdamp.citations import LAWS, citation
 from mrdamp.cli import build_parser, main
 from mrdamp.commands.completion import script
+from mrdamp.commands.output import progress_bar
 from mrdamp.errors import InputError
 
 ROOT = Path(__file__).parents[1]
@@ -112,6 +113,13 @@ def test_no_color_is_respected() -> None:
         )
         assert "working" in done.stderr
         assert bool(colour.search(done.stderr)) is coloured
+
+
+def test_progress_without_a_terminal_is_a_line_a_step_and_a_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar() as tell:
+        for what, share in (("runs", 0.0), ("runs", 0.04), ("runs", 0.11), ("runs", 0.2), ("runs", 0.21), ("page", 0.22)):
+            tell(what, share)
+    assert capsys.readouterr().err.split("\n") == ["  0 %  runs", " 11 %  runs", " 21 %  runs", " 22 %  page", ""]
 
 
 def test_a_reader_that_goes_leaves_no_traceback() -> None:

@@ -43,7 +43,7 @@ def save_picture(fig: Figure, path: Path) -> None:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """A bar on a terminal, nothing elsewhere."""
+    """A bar on a terminal; elsewhere a line for each new step, and for each tenth of the whole."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -55,12 +55,13 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         TimeElapsedColumn(),
     )
     if not console.is_terminal:
-        last = [""]
+        last = ("", 0.0)
 
         def plain(what: str, share: float) -> None:
-            if what != last[0]:
+            nonlocal last
+            if what != last[0] or share >= last[1] + 0.1:
                 print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)
-            last[0] = what
+                last = (what, share)
 
         yield plain
         return
