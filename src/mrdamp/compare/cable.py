@@ -160,7 +160,8 @@ class CableBench:
 
     def identity(self) -> str:
         loads = [load.name for load in self.tuning_loads()]
-        own = [asdict(self.cable), self.model.to_dict()["model"], self.period, self.timestep, loads, self.tuning_amplitudes]
+        steps = self.period, self.timestep
+        own = [asdict(self.cable), self.model.to_dict()["model"], *steps, loads, self.tuning_amplitudes]
         return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
 
     def about(self) -> str:
