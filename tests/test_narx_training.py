@@ -222,7 +222,7 @@ def test_bad_records_are_told_in_a_line() -> None:
         data.check([replace(TRAIN[0], i=np.ones(n))], inputs, 50)
     with pytest.raises(InputError, match="for 400 weights"):
         data.check([TRAIN[0]], inputs, 400)
-    with pytest.raises(InputError, match="20 samples are too few"):
+    with pytest.raises(InputError, match="20 samples for lags up to 3; at least 40"):
         data.check([TRAIN[0], TRAIN[1].part(0, 20)], inputs, 50)
     with pytest.raises(InputError, match="different sample times"):
         data.check([TRAIN[0], replace(TRAIN[1], sample_time=4e-3)], inputs, 50)
