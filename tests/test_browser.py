@@ -111,7 +111,8 @@ def study_page(folder: Path) -> Path:
     causes = ("driver_lag", "storey_stiffness@1", "sensor_leakage@3")
     errors = dict.fromkeys(CRITERIA, (0.104, 0.016))
     rows = tuple(
-        Row(cause, "effect", (cause,), 0.104, 0.02, 0.533, errors, (0.6, 0.9), 0.49, 0.49, 0.53, 0.48) for cause in causes
+        Row(cause, "effect", (cause,), 0.104, 0.02, 0.533, errors, (0.6, 0.9), 0.49, 0.49, 0.53, 0.48)
+        for cause in causes
     )
     gap_page(Study("clipped-optimal", 0.475, 0.008, rows)).write(folder / "index.html")
     return folder / "index.html"
