@@ -63,7 +63,7 @@ def test_methods_on_an_asymmetric_damper(tmp_path: Path) -> None:
     (tmp_path / "labels.json").write_text(json.dumps({task.name: label}))
     rows = {name: found[0] for name, found in baselines.run_all(out, 1, lambda what, share: None).items()}
     assert rows["nominal only"].after == pytest.approx(rows["nominal only"].before, rel=0.02)
-    assert rows["recalibration only"].after < rows["nominal only"].after
+    assert abs(rows["recalibration only"].shrink) < 0.1  # no number of the law is asymmetric
     assert rows["greedy, by error on the records"].right
     assert rows["greedy, by error on the records"].shrink > 0.7
     again = baselines.run_all(out, 1, lambda what, share: None)

@@ -145,7 +145,7 @@ def check(name: str, out: Path) -> None:
     if verdict == "effect":
         assert {e["name"] for e in found["effects"]} == set(wanted.split("+"))
         assert max(stages, key=lambda s: stages[s]) in label["stages"]
-        assert shrink(name, out) > 0.95
+        assert shrink(name, out) > 0.93
         assert gap["corrected"] < 2.0 * gap["noise_floor"]
     else:
         assert found["effects"] == []
