@@ -47,19 +47,24 @@ class CableRows:
         if bad:
             raise InputError(f"cable: measured at {bad[0]} of the length; allowed: between 0 and 1")
         self.cable, self.period, self.command_max = cable, period, command_max
-        inner = whole_steps(period, timestep)
-        loads = [f"load_{k + 1}" for k in range(len(cable.natural))]
-        xml = modal_xml(cable, damper, period / inner)
+        self.damper = damper
+        self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
+        self.steps = np.ones(n, dtype=np.int64)
+        self._build(timestep, n, threads)
+
+    def _build(self, timestep: float, n: int, threads: int) -> None:
+        """Makes the plants, and says where their measurements are."""
+        inner = whole_steps(self.period, timestep)
+        loads = [f"load_{k + 1}" for k in range(len(self.cable.natural))]
+        xml = modal_xml(self.cable, self.damper, self.period / inner)
         self.plants = Plants(
             xml, loads, ("damper",), inner, n, threads, ("sensordata", "qpos", "qvel", "qacc")
         )
-        self.steps = np.ones(n, dtype=np.int64)
-        self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
         at = self.plants.sensors
         self._direct = slice(at["force"].start, at["current"].stop)
         self._pull, self._velocity = at["pull"], at["stroke_velocity"]
         self._current = at["current"]
-        many = range(1, len(places) + 1)
+        many = range(1, len(self._at) + 1)
         self.names: tuple[str, ...] = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
             *SIGNALS[:-1],

@@ -53,12 +53,17 @@ class FrameRows:
         assert structure is not None
         self.models, self.structure, self.period = tuple(models), structure, period
         self.command_max = command_max
-        inner, many = whole_steps(period, timestep), range(len(models))
-        dampers = [actuator_name(k) for k in many]
-        self.plants = Plants(frame_xml(models, period / inner), ("ground",), dampers, inner, n, threads)
-        self.sensors = FloorSensors(models[0].frame, period, n)
         self.steps = np.ones(n, dtype=np.int64)
-        floors, at = range(1, structure.storeys + 1), self.plants.sensors
+        self._build(timestep, n, threads)
+
+    def _build(self, timestep: float, n: int, threads: int) -> None:
+        """Makes the plants, and says where their measurements are."""
+        inner, many = whole_steps(self.period, timestep), range(len(self.models))
+        dampers = [actuator_name(k) for k in many]
+        xml = frame_xml(self.models, self.period / inner)
+        self.plants = Plants(xml, ("ground",), dampers, inner, n, threads)
+        self.sensors = FloorSensors(self.models[0].frame, self.period, n)
+        floors, at = range(1, self.structure.storeys + 1), self.plants.sensors
         # `frame_xml` writes what belongs together side by side.
         self._acceleration = slice(at["acceleration_1"].start, at[f"acceleration_{floors[-1]}"].stop, 3)
         self._drift = slice(at["drift_1"].start, at[f"drift_{floors[-1]}"].stop)

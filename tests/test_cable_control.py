@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from knowing import Known
 from mrdamp.cables import StayCable
 from mrdamp.compare import cable_reference
 from mrdamp.compare.bench import UNCONTROLLED
@@ -227,19 +227,6 @@ def test_force_tracking_on_a_cable_moves_it_less_than_no_command_at_less_than_cl
     assert runs["force-tracking"]["mean_command"] < runs["clipped-optimal"]["mean_command"]
     with pytest.raises(InputError, match="give the damper's model"):
         make("force-tracking", replace(bench.site, damper=None))
-
-
-class Known:
-    """An estimator that knows the state."""
-
-    def __init__(self, state: Array) -> None:
-        self.state = state
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def __call__(self, y: Mapping[str, float]) -> Array:
-        return self.state
 
 
 @pytest.mark.parametrize("kind", ["lyapunov", "max-dissipation"])

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from knowing import Known
 from mrdamp import stepping
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, ideal_active, registry, skyhook
@@ -98,19 +99,6 @@ def test_lyapunov_matrix_is_the_cost_to_come() -> None:
         end = run.y[:6, -1]
         assert np.array(start) @ p @ start == pytest.approx(run.y[6, -1] + end @ p @ end, rel=1e-4)
         assert run.y[6, -1] > 0.9 * (np.array(start) @ p @ start)
-
-
-class Known:
-    """An estimator that knows the state."""
-
-    def __init__(self, state: Array) -> None:
-        self.state = state
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def __call__(self, y: Mapping[str, float]) -> Array:
-        return self.state
 
 
 @pytest.mark.parametrize("floors", [(0, 1), (1, 2), (3, 1)])

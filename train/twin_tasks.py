@@ -9,7 +9,6 @@ from typing import Any, ClassVar, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.cables import StayCable
 from mrdamp.control.cable import cable_plant
 from mrdamp.control.plant import Plant, plant
 from mrdamp.envs.cable_rows import CableRows
@@ -18,37 +17,23 @@ from mrdamp.envs.frame_rows import FrameRows, currents
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.plants import whole_steps
 from mrdamp.envs.reward import Reference
-from mrdamp.model import Model
 from mrdamp.train.twin import TwinPlants
 
 Array = NDArray[np.float64]
 
 Kept = TypeVar("Kept")
 
-_FRAME_STEP, _CABLE_STEP = 1e-3, 1e-3  # s, no longer
+_STEP = 1e-3  # s, of a twin at most
 _KEPT = 256  # references of loads
 
 
 class FrameTwins(FrameRows):
     """`FrameRows` on twins."""
 
-    def __init__(
-        self,
-        models: Sequence[Model],
-        period: float,
-        timestep: float,
-        command_max: Array,
-        n: int = 1,
-        threads: int = 1,
-    ) -> None:
-        structure = models[0].structure
-        assert structure is not None
-        self.models, self.structure, self.period = tuple(models), structure, period
-        self.command_max = command_max
-        inner = whole_steps(period, min(timestep, _FRAME_STEP))
-        self.twins = TwinPlants(plant(structure), -structure.gamma, models[0], inner, period / inner, n)
+    def _build(self, timestep: float, n: int, threads: int) -> None:
+        inner, structure = whole_steps(self.period, min(timestep, _STEP)), self.structure
+        self.twins = TwinPlants(plant(structure), -structure.gamma, self.models[0], inner, self.period / inner, n)
         self.plants = cast(Any, self.twins)  # it has what a task asks of `Plants`
-        self.steps = np.ones(n, dtype=np.int64)
         floors = range(1, structure.storeys + 1)
         self.names = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement") for j in floors),
@@ -85,26 +70,13 @@ class FrameTwins(FrameRows):
 class CableTwins(CableRows):
     """`CableRows` on twins."""
 
-    def __init__(
-        self,
-        cable: StayCable,
-        damper: Model,
-        places: Sequence[float],
-        period: float,
-        timestep: float,
-        command_max: Array,
-        n: int = 1,
-        threads: int = 1,
-    ) -> None:
-        self.cable, self.period, self.command_max = cable, period, command_max
-        inner, many = whole_steps(period, min(timestep, _CABLE_STEP)), len(cable.natural)
-        structure = cable_plant(cable)
+    def _build(self, timestep: float, n: int, threads: int) -> None:
+        cable, inner = self.cable, whole_steps(self.period, min(timestep, _STEP))
+        many, structure = len(cable.natural), cable_plant(cable)
         modal = Plant(structure.a, structure.b, np.vstack([np.zeros((many, many)), np.eye(many)]))
-        self.twins = TwinPlants(modal, cable.at(cable.damper_at), damper, inner, period / inner, n)
+        self.twins = TwinPlants(modal, cable.at(cable.damper_at), self.damper, inner, self.period / inner, n)
         self.plants = cast(Any, self.twins)  # it has what a task asks of `Plants`
-        self.steps = np.ones(n, dtype=np.int64)
-        self._shape = cable.at(np.array(places, dtype=np.float64))
-        at = range(1, len(places) + 1)
+        at = range(1, len(self._at) + 1)
         self.names = (*(f"acceleration_{j}" for j in at), "stroke", "force", "current")
 
     def measure(self, rows: Sequence[int]) -> Array:
@@ -130,7 +102,7 @@ class CableTwins(CableRows):
         now, rates = self.twins.measure()
         many = len(self.cable.natural)
         rest = np.stack([self.twins.stroke @ now[:many], now[2 * many], self.twins.dampers.current])
-        return np.concatenate([self._shape @ rates, rest]).T.copy()
+        return np.concatenate([self._at @ rates, rest]).T.copy()
 
 
 class FrameTwinTask(FrameTask):
