@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -107,6 +107,8 @@ class CableScore:
         self.values = np.ones((n, 8))
         self._signed = np.array([-getattr(weights, part) for part in PARTS])
         self._signed[PARTS.index("energy")] *= -1.0
+        self._signs: list[float] = self._signed.tolist()
+        self._parts = np.zeros(len(PARTS))
 
     def start(self, row: int, free: Array) -> None:
         self.values[row] = 0.0
@@ -116,7 +118,8 @@ class CableScore:
         """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
         v = self.values
         info = np.empty((len(v), len(self.NAMES)))
-        np.power(period[:, :2] / v[:, :2], 0.5 * self.weights.exponent, out=info[:, 0:2])
+        ratio = period[:, :2] / v[:, :2]
+        info[:, 0:2] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
         info[:, 2:4] = period[:, 2:4]
         np.divide(period[:, 5], v[:, 2], out=info[:, 4])
         info[:, :5] *= self._signed
@@ -128,3 +131,19 @@ class CableScore:
         np.divide(v[:, 4:6], v[:, 7:8], out=info[:, 7:9])
         info[:, 9] = v[:, 6]
         return np.add.reduce(info[:, :5], axis=1), info
+
+    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
+        """`of` a single row in plain numbers, to the last bit, and its `info` by name."""
+        of_motion, of_acceleration, energy, squares, power, current, work, periods = self.values[0].tolist()
+        motion, acceleration = period[0] / of_motion, period[1] / of_acceleration
+        if self.weights.exponent != 2.0:
+            motion, acceleration = np.power((motion, acceleration), 0.5 * self.weights.exponent).tolist()
+        parts = motion, acceleration, period[2], period[3], period[5] / energy
+        rewards = [part * sign for part, sign in zip(parts, self._signs, strict=True)]
+        squares, power, current = squares + period[0], power + period[3], current + period[4]
+        work, periods = work + period[5], periods + 1.0
+        self.values[0, 3:] = squares, power, current, work, periods
+        rms = math.sqrt(squares / periods)
+        info = (*rewards, rms, rms / math.sqrt(of_motion), power / periods, current / periods, work)
+        self._parts[:] = rewards
+        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, info, strict=True))

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mrdamp.cables import StayCable
 from mrdamp.envs.cable_loads import CableLoad
-from mrdamp.envs.cable_xml import SIGNALS, modal_xml
-from mrdamp.envs.frame_rows import currents, work
+from mrdamp.envs.cable_xml import modal_xml
+from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.frame_rows import DamperSums, currents, work
 from mrdamp.envs.plants import Moment, Plants, whole_steps
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -64,6 +65,7 @@ class CableRows:
         self._direct = slice(at["force"].start, at["current"].stop)
         self._pull, self._velocity = at["pull"], at["stroke_velocity"]
         self._current = at["current"]
+        self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
         many = range(1, len(self._at) + 1)
         self.names: tuple[str, ...] = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
@@ -102,6 +104,20 @@ class CableRows:
             self.plants.timestep,
         )
         return found, self._read(now)
+
+    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
+        """`advance` of a single cable in plain numbers, to the last bit: every sum is NumPy's over the same numbers."""
+        data, now = self.plants.advance(commands)
+        sensors, after = data["sensordata"][0], now["sensordata"][0].tolist()
+        whole = 1.0 / (len(sensors) * self.cable.mass * self.cable.length)
+        squares = [np.add.reduce(np.square(data[field]).reshape(1, -1), axis=1) for field in ("qpos", "qacc")]
+        size, velocity = np.abs(sensors[:, self._current]), sensors[:, self._velocity]
+        period = [
+            *(whole * square.item() for square in squares),
+            *self._sums(size, sensors[:, self._pull], velocity, after[self._velocity]),
+        ]
+        motion = [self._somewhere(now[field])[0].tolist() for field in ("qacc", "qpos", "qvel")]
+        return period, [*motion[0], *motion[1], *motion[2], *after[self._direct]]
 
     def _read(self, data: Mapping[str, Array]) -> Array:
         motion = [self._somewhere(data[field]) for field in ("qacc", "qpos", "qvel")]

@@ -72,13 +72,13 @@ class CablePlant:
     def reset(self, load: CableLoad) -> Mapping[str, float]:
         """At rest under a load; the measurements at time 0."""
         self.rows.start(0, load)
-        return as_mapping(self.rows.names, self.rows.measure([0])[0])
+        return as_mapping(self.rows.names, self.rows.measure([0])[0].tolist())
 
     def step(self, command: float) -> Mapping[str, float]:
         """One control period with the command held; the measurements at its end."""
-        period, values = self.rows.advance(np.array([[command]], dtype=np.float64))
-        self.mean_square = float(period[0, 0])
-        return as_mapping(self.rows.names, values[0])
+        period, values = self.rows.advance_one(np.array([[command]], dtype=np.float64))
+        self.mean_square = period[0]
+        return as_mapping(self.rows.names, values)
 
 
 def default_places(cable: StayCable) -> tuple[float, ...]:

@@ -8,13 +8,11 @@ import numpy as np
 
 from mrdamp import models_xml
 from mrdamp.cables import StayCable
+from mrdamp.envs.damper_sensors import SIGNALS, add_sensor
 from mrdamp.errors import InputError
 from mrdamp.mjcf import damper_config
 from mrdamp.model import Model
 from mrdamp.structures import GRAVITY, FloatArray
-
-#: What is read of the damper, in this order; `pull` is its mean force on the cable over a step.
-SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current", "pull")
 
 
 def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
@@ -26,7 +24,8 @@ def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
     root = ET.Element("mujoco", model="mrdamp_cable_modes")
     ET.SubElement(root, "compiler", autolimits="true")
     option = ET.SubElement(root, "option", timestep=repr(timestep), gravity="0 0 0", integrator="Euler")
-    ET.SubElement(option, "flag", contact="disable", autoreset="disable")
+    # No limits, no equalities: the engine need not look for any.
+    ET.SubElement(option, "flag", contact="disable", constraint="disable", autoreset="disable")
     extension = ET.SubElement(root, "extension")
     world, actuator = ET.SubElement(root, "worldbody"), ET.SubElement(root, "actuator")
     stroke = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", name="stroke")
@@ -68,13 +67,8 @@ def add_damper(
     for name in ("stroke", "stroke_velocity"):
         for item in sensor.findall(f"*[@name='{name}']"):
             sensor.remove(item)
-    for signal in SIGNALS[:-1]:
-        item = ET.SubElement(
-            sensor, "plugin", name=signal, plugin="mrdamp.force_sensor", objtype="actuator", objname="damper"
-        )
-        if signal != "force":
-            ET.SubElement(item, "config", key="signal", value=signal)
-    ET.SubElement(sensor, "actuatorfrc", name="pull", actuator="damper")
+    for signal in SIGNALS:
+        add_sensor(sensor, signal, signal, "damper", damper)
 
 
 def chain_xml(

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.frame_xml import SIGNALS, actuator_name, frame_xml, sensor_name
+from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.frame_xml import actuator_name, frame_xml, sensor_name
 from mrdamp.envs.plants import Moment, Plants, whole_steps
 from mrdamp.envs.sensors import FloorSensors
 from mrdamp.errors import InputError
@@ -72,6 +74,7 @@ class FrameRows:
         self._pull, self._velocity = of["pull"], of["stroke_velocity"]
         self._current = of["current"]
         self._direct = slice(of["force"].start, of["current"].stop)
+        self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
         self.names: tuple[str, ...] = (
             *(
                 f"{what}_{j}"
@@ -108,6 +111,31 @@ class FrameRows:
             data[:, :, self._pull], data[:, :, self._velocity], after[:, self._velocity], self.plants.timestep
         )
         return found, self._read(after, None)
+
+    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
+        """`advance` of a single frame in plain numbers, to the last bit: every sum is NumPy's over the same numbers."""
+        record, now = self.plants.advance(commands)
+        data, after = record["sensordata"][0], now["sensordata"][0].tolist()
+        size = np.abs(data)
+        largest = np.maximum.reduce(size, axis=0).tolist()
+        velocity = data[:, self._velocity]
+        period = [
+            # max() may pass over what is no number.
+            max(largest[self._drift]) if math.isfinite(sum(largest)) else math.nan,
+            max(largest[self._acceleration]),
+            *self._sums(size[:, self._current], data[:, self._pull], velocity, after[self._velocity]),
+        ]
+        drift, floors = after[self._drift], after[self._acceleration]
+        if not self.sensors.ideal:
+            floors = self.sensors.read(np.array([floors]), None)[0].tolist()
+        values = [
+            *floors,
+            *accumulate(drift),
+            *accumulate(after[self._drift_velocity]),
+            *drift,
+            *after[self._direct],
+        ]
+        return period, values
 
     def _read(self, data: Array, fresh: Sequence[int] | None) -> Array:
         drift = data[:, self._drift]
@@ -156,6 +184,29 @@ def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
     return np.asarray(-0.5 * timestep * np.add.reduce(both.reshape(len(both), -1), axis=1))
 
 
+class DamperSums:
+    """`currents` and `work` of a single row at once, to the last bit: m dampers over steps of timestep (s)."""
+
+    def __init__(self, steps: int, command_max: Array, timestep: float) -> None:
+        self.command_max, self.half_step = command_max, -0.5 * timestep
+        self.parts = np.zeros((4, steps, len(command_max)))
+        self.flat = self.parts.reshape(4, -1)
+
+    def __call__(self, size: Array, pull: Array, velocity: Array, after: Sequence[float]) -> list[float]:
+        """Shares, powers, currents and energy from |current|, pull and velocity (steps, m), after (m,) as in `work`."""
+        current, share, power, both = self.parts
+        current[:] = size
+        np.divide(current, self.command_max, share)
+        np.multiply(share, share, power)
+        both[:-1] = velocity[1:]
+        both[-1] = after
+        both += velocity
+        both *= pull
+        currents, shares, powers, worked = np.add.reduce(self.flat, axis=1).tolist()
+        many = current.size
+        return [shares / many, powers / many, currents / many, self.half_step * worked]
+
+
 def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:
     """(m,) largest command of each damper: as given, or the models' own `command_max`. Raises InputError."""
     if command_max is None:
@@ -169,6 +220,6 @@ def command_range(models: Sequence[Model], command_max: float | Sequence[float] 
     return values
 
 
-def as_mapping(names: Sequence[str], values: Array) -> Mapping[str, float]:
-    """Measurements by name, plain numbers."""
-    return dict(zip(names, values.tolist(), strict=True))
+def as_mapping(names: Sequence[str], values: Sequence[float]) -> Mapping[str, float]:
+    """Measurements by name."""
+    return dict(zip(names, values, strict=True))

@@ -150,9 +150,10 @@ def frame_observer(
     for name in signals:
         stem, _, number = name.rpartition("_") if name[-1].isdigit() else (name, "", "1")
         which = int(number) - 1
-        if stem in ("force", "current") and which < len(models):
-            force = _largest_force(models[which], _STRONG / w**2, w, float(command_max[which]))
-            found.append(force if stem == "force" else float(command_max[which]))
+        if stem == "current" and which < len(models):
+            found.append(float(command_max[which]))
+        elif stem in ("force", "true_force") and which < len(models):
+            found.append(_largest_force(models[which], _STRONG / w**2, w, float(command_max[which])))
         elif stem in scale:
             found.append(scale[stem])
         else:

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mrdamp.envs.damper_sensors import SIGNALS, add_sensor
 from mrdamp.errors import InputError
 from mrdamp.mjcf import mjcf
 from mrdamp.model import Model
@@ -14,8 +15,6 @@ from mrdamp.structures import ShearFrame, dyke1996
 
 Position = tuple[int, int]
 
-#: What is read of each damper, in this order; `pull` is its mean force on the structure over a step.
-SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current", "pull")
 _DRAWN_ONLY = ("asset", "visual", "statistic")
 
 
@@ -54,6 +53,8 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
     root = ET.fromstring(mjcf(models[0], timestep=timestep))
     for k, model in enumerate(models[1:], 1):
         _add_damper(root, ET.fromstring(mjcf(model, timestep=timestep)), k)
+    # No limits, no equalities: the engine need not look for any.
+    _get(root, "option/flag").set("constraint", "disable")
     sensor = _get(root, "sensor")
     structure = models[0].structure
     assert structure is not None
@@ -62,20 +63,8 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
     for old in sensor.findall("plugin"):
         sensor.remove(old)
     for signal in SIGNALS:
-        for k in range(len(models)):
-            if signal == "pull":
-                ET.SubElement(sensor, "actuatorfrc", name=sensor_name(signal, k), actuator=actuator_name(k))
-                continue
-            item = ET.SubElement(
-                sensor,
-                "plugin",
-                name=sensor_name(signal, k),
-                plugin="mrdamp.force_sensor",
-                objtype="actuator",
-                objname=actuator_name(k),
-            )
-            if signal != "force":
-                ET.SubElement(item, "config", key="signal", value=signal)
+        for k, model in enumerate(models):
+            add_sensor(sensor, signal, sensor_name(signal, k), actuator_name(k), model)
     if not drawn:
         _strip(root)
     return ET.tostring(root, encoding="unicode")

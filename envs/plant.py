@@ -91,12 +91,12 @@ class FramePlant:
     def reset(self, load: GroundMotion) -> Mapping[str, float]:
         """At rest under a ground motion; the measurements at time 0."""
         self.rows.start(0, load)
-        return as_mapping(self.rows.names, self.rows.measure([0])[0])
+        return as_mapping(self.rows.names, self.rows.measure([0])[0].tolist())
 
     def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
         """One control period with the command (or one a damper) held; the measurements at its end."""
         commands = np.broadcast_to(np.asarray(command, dtype=np.float64), (1, len(self.commands_max)))
-        return as_mapping(self.rows.names, self.rows.advance(commands)[1][0])
+        return as_mapping(self.rows.names, self.rows.advance_one(commands)[1])
 
 
 def placed(

@@ -67,11 +67,10 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control period."""
-        step = self.task.step(action)
-        info = dict(zip(self.task.score.NAMES, step.info[0].tolist(), strict=True))
+        seen, reward, over, info = self.task.step_one(action)
         if self.render_mode == "human":
             self.render()
-        return step.observation[0], step.reward.item(), False, step.over.item(), info
+        return seen, reward, False, over, info
 
     def render(self) -> Image | None:
         """(height, width, 3) in mode `rgb_array`; a window in mode `human`."""

@@ -104,20 +104,28 @@ class Plants:
     def advance(self, commands: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         """One control period with commands (n, dampers) held.
 
-        Returns the fields at the start of every step, (n, inner, size) each (of `qpos` and `qvel` those at its end;
-        the arrays are used again by the next call), and the fields after the last step, (n, size) each, as
-        `measure` does.
+        Returns the fields at the start of every step, (n, inner, size) each (of `qpos` and `qvel` those at its end),
+        and the fields after the last step, (n, size) each, as `measure` does. The arrays are used again by the next
+        call.
         """
         pushes, inner = self._pushes, self.inner
         pushes[:, :, self.dampers] = commands[:, None, :]
-        at = np.minimum(self.step[:, None] + self._ahead, self._last[:, None])
-        load = self._load[self._row, at]
+        load = self._coming()
         pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
         self.step += inner
         self._control[:, self.loads] = load[:, -1]
         self.batch.forward()
-        return self._record, {name: now.copy() for name, now in self._now.items()}
+        return self._record, self._now
+
+    def _coming(self) -> Array:
+        """(n, inner + 1, loads) at the steps of this period and the one after it."""
+        if self.n == 1:
+            begin = int(self.step[0])
+            if begin + self.inner <= self._last[0]:
+                return self._load[:, begin : begin + self.inner + 1]
+        at = np.minimum(self.step[:, None] + self._ahead, self._last[:, None])
+        return np.asarray(self._load[self._row, at])
 
     def position(self, row: int) -> Array:
         """(nq,) of a row, for drawing."""

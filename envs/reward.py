@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -137,6 +137,8 @@ class Score:
         self.values = np.ones((n, 9))
         self._signed = np.array([-getattr(weights, part) for part in PARTS])
         self._signed[PARTS.index("energy")] *= -1.0
+        self._signs: list[float] = self._signed.tolist()
+        self._parts = np.zeros(len(PARTS))
 
     def start(self, row: int, reference: Reference) -> None:
         self.values[row] = 0.0
@@ -148,7 +150,10 @@ class Score:
         reference, best = v[:, :2], v[:, 3:5]
         ratio = period[:, :2] / reference
         info = np.empty((len(v), len(self.NAMES)))
-        np.power(ratio, self.weights.exponent, out=info[:, 0:2])
+        if self.weights.exponent == 2.0:
+            np.multiply(ratio, ratio, out=info[:, 0:2])
+        else:
+            np.power(ratio, self.weights.exponent, out=info[:, 0:2])
         np.maximum(ratio - best, 0.0, out=info[:, 2:4])
         info[:, 4:6] = period[:, 2:4]
         np.divide(period[:, 5], v[:, 2], out=info[:, 6])
@@ -161,3 +166,27 @@ class Score:
         np.divide(v[:, 5:7], v[:, 8:9], out=info[:, 11:13])
         info[:, 13] = v[:, 7]
         return np.add.reduce(info[:, :7], axis=1), info
+
+    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
+        """`of` a single row in plain numbers, to the last bit, and its `info` by name."""
+        of_drift, of_acceleration, energy, best_drift, best_acceleration, *rest = self.values[0].tolist()
+        d, a = period[0] / of_drift, period[1] / of_acceleration
+        if self.weights.exponent == 2.0:
+            d_power, a_power = d * d, a * a
+        else:
+            d_power, a_power = np.power((d, a), self.weights.exponent).tolist()
+        parts = (
+            d_power, a_power, max(d - best_drift, 0.0), max(a - best_acceleration, 0.0), period[2], period[3],
+            period[5] / energy,
+        )  # fmt: skip
+        rewards = [part * sign for part, sign in zip(parts, self._signs, strict=True)]
+        best_drift, best_acceleration = max(best_drift, d), max(best_acceleration, a)
+        power, current, work = rest[0] + period[3], rest[1] + period[4], rest[2] + period[5]
+        periods = rest[3] + 1.0
+        self.values[0, 3:] = best_drift, best_acceleration, power, current, work, periods
+        info = (
+            *rewards, best_drift * of_drift, best_acceleration * of_acceleration, best_drift, best_acceleration,
+            power / periods, current / periods, work,
+        )  # fmt: skip
+        self._parts[:] = rewards
+        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, info, strict=True))

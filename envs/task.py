@@ -37,6 +37,8 @@ class Rows(Protocol):
 
     def advance(self, commands: Array) -> tuple[Array, Array]: ...
 
+    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]: ...
+
     def save(self, row: int) -> Any: ...
 
     def restore(self, row: int, state: Any) -> None: ...
@@ -49,6 +51,8 @@ class RowScore(Protocol):
     values: Array
 
     def of(self, period: Array) -> tuple[Array, Array]: ...
+
+    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]: ...
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,9 @@ class Task(ABC):
         if len(observer.command_max) != len(command_max):
             raise InputError(f"observer: {len(observer.command_max)} commands for {len(command_max)} dampers")
         self._seen = np.array([rows.names.index(name) for name in observer.signals], dtype=np.intp)
+        # As plain numbers, for `step_one`.
+        self._columns: list[int] = self._seen.tolist()
+        self._largest: list[float] = command_max.tolist()
         self._currents = [k for k, name in enumerate(rows.names) if re.fullmatch(r"current(_\d+)?", name)]
         self._measured: Array = np.zeros((self.n, len(rows.names)))
         self._stack = Stack(observer, self.n)
@@ -146,8 +153,7 @@ class Task(ABC):
         self._command = self.commands(actions)
         period, values = self.rows.advance(self._command)
         reward, info = self.score.of(period)
-        if not math.isfinite(np.add.reduce(reward)):
-            raise InputError("the simulation diverged; check the structure, the damper and the load's unit")
+        self.check(np.add.reduce(reward))
         if self.noise.where:
             for row, rng in enumerate(self._rngs):
                 if rng is not None and row not in quiet:
@@ -155,6 +161,35 @@ class Task(ABC):
         self._measured = values
         seen = self._stack.push(values[:, self._seen], self._command)
         return Step(seen, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
+
+    def check(self, reward: float) -> None:
+        """Raises InputError where a reward is no number: the simulation has diverged."""
+        if not math.isfinite(reward):
+            raise InputError("the simulation diverged; check the structure, the damper and the load's unit")
+
+    def step_one(self, action: Any) -> tuple[Observation, float, bool, dict[str, float]]:
+        """`step` of a single row in plain numbers, to the last bit: arrays of one row cost more than the engine.
+
+        Its observation (size,), reward, whether the load is over, and `info`.
+        """
+        given = np.asarray(action, dtype=np.float64).reshape(-1).tolist()
+        shares = [0.5 * (a + 1.0) for a in given]
+        commands = [
+            m * (s if 0.0 <= s <= 1.0 else 1.0 if s > 1.0 else 0.0 if s < 0.0 else s)
+            for s, m in zip(shares, self._largest, strict=True)
+        ]
+        self._command = np.array([commands])
+        rows = self.rows
+        period, values = rows.advance_one(self._command)
+        reward, info = self.score.of_one(period)
+        self.check(reward)
+        self._measured = measured = np.array([values])
+        if self.noise.where and self._rngs[0] is not None:
+            self.noise.add(measured, 0, self._rngs[0])
+            values = measured[0].tolist()
+        seen = self._stack.push_one([values[k] for k in self._columns], commands)
+        plants = rows.plants
+        return seen, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
 
     def save(self, row: int) -> Episode:
         """The row's present."""

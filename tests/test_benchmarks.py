@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as program
-from benchmarks import accuracy, opensees
+from benchmarks import accuracy, opensees, python_env
 from benchmarks.frames import DYKE, Stepper, frame, profiling_clock
 from benchmarks.python_law import PythonDamper
 from benchmarks.result import Figure, Section, machine, markdown, of_ratio
 from benchmarks.timing import Effort, interleave, ratio
+from mrdamp.envs import FrameEnv
 
 END = 1.2  # s, of the accuracy runs
 
@@ -90,6 +91,23 @@ def test_python_law_is_the_same_law() -> None:
     assert accuracy.python_law_error(PythonDamper(p, 1), 1e-4, END) < 2e-3
     assert accuracy.python_law_error(PythonDamper(p, 0), 1e-3, END) > 0.1
     assert accuracy.frame_error(1e-4, END, PythonDamper(p, 1)) < 8e-3
+
+
+def test_a_velocity_half_a_step_on_is_as_good_as_the_plugin() -> None:
+    p = DYKE.attributes()
+    late, abreast = (accuracy.frame_error(5e-4, END, PythonDamper(p, 3, on)) for on in (False, True))
+    assert abreast < 1.2 * accuracy.frame_error(5e-4, END) < 0.5 * late
+
+
+def test_the_environment_in_python_is_the_same_environment() -> None:
+    """Neither side of the comparison is let off: forces are alike, those of the finer steps too."""
+    exact = python_env.forces(FrameEnv(motions=python_env.MOTIONS, timestep=1e-4), 1.0)
+    plugin = accuracy.error(python_env.forces(FrameEnv(motions=python_env.MOTIONS), 1.0), exact)
+    errors = [accuracy.error(python_env.forces(loop.env(), 1.0), exact) for loop in python_env.LOOPS]
+    plain, abreast, shorter, fine = errors
+    assert plugin < 2.5e-3
+    assert max(abreast, shorter) < 1.2 * plugin
+    assert fine < 4e-3 < plain < 0.02
 
 
 def test_opensees_frame_is_the_same_frame() -> None:

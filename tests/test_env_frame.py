@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -266,6 +267,24 @@ def test_sensors_stand_between_frame_and_observation() -> None:
     assert b["acceleration_3"] == a["acceleration_3"]
     assert b["force"] == pytest.approx(0.8 * a["force"])
     assert b["true_force"] == a["true_force"]
+
+
+def test_a_channel_that_is_late_reads_the_stroke_of_before() -> None:
+    base, late = mrdamp.envs.default_damper(), 2e-3
+    shift = Effect("channel_shift", {"d": late})
+    plain, shifted = FramePlant(), FramePlant(replace(base, effects=(*base.effects, shift)))
+    plain.reset(STRONG)
+    shifted.reset(STRONG)
+    strokes = []
+    for _ in range(300):
+        a, b = plain.step(1.0), shifted.step(1.0)
+        assert a["stroke"] == a["drift_1"] == b["drift_1"]
+        assert a["stroke_velocity"] == b["stroke_velocity"] == a["velocity_1"]
+        strokes.append((a["stroke"], b["stroke"], a["stroke_velocity"]))
+    x, read, v = np.array(strokes).T
+    # To first order; the rest is of the second.
+    assert np.abs(read - (x - late * v)).max() < 0.1 * late * np.abs(v).max()
+    assert np.abs(read - x).max() > 0.9 * late * np.abs(v).max()
 
 
 def test_noise_has_its_deviation() -> None:

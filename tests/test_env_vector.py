@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -18,16 +19,20 @@ from mrdamp.control.observe import LinearFilter, Stack
 from mrdamp.envs import (
     AmbientLoads,
     CableEnv,
+    CableReward,
     CableTask,
     FrameEnv,
     FrameReward,
     FrameTask,
     Observer,
     SyntheticMotions,
+    default_damper,
 )
 from mrdamp.envs.task import Task
 from mrdamp.envs.vector import CableVectorEnv, FrameVectorEnv, PlantVectorEnv
 from mrdamp.errors import InputError
+from mrdamp.model import Effect, Model
+from mrdamp.structures import dyke1996
 
 N = 3
 ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
@@ -95,6 +100,71 @@ def test_rows_are_single_environments(kind: str, mode: AutoresetMode) -> None:
         equal(a[4], b[4])
         ends += int(a[3].sum())
     assert ends >= 2 * N
+
+
+SHORT: Mapping[str, Any] = {"motions": SyntheticMotions(duration=1.5)}
+DAMPER = default_damper()
+GUSTS: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5)}
+PLAIN: Mapping[str, Mapping[str, Any]] = {
+    "default": SHORT,
+    "weights": {**SHORT, "reward": FrameReward(energy=0.3, power=0.2, drift_peak=2.0, exponent=2.7)},
+    "remembering": {**SHORT, "memory": [3.0], "peaks": {"force": 5.0}, "history": 2},
+    "sensors": {
+        **SHORT,
+        "model": Model(
+            DAMPER.law,
+            DAMPER.parameters,
+            (*DAMPER.effects, Effect("channel_shift", {"d": 2e-3}), Effect("sensor_lag", {"tau": 2e-3}, 2)),
+            "frame",
+            dyke1996(),
+        ),
+        "noise": {"stroke": 1e-4},
+        "action_in_observation": False,
+        "signals": ["acceleration_2", "velocity_3", "stroke", "true_force", "current"],
+    },
+    "two": {**SHORT, "damper_between": [(0, 1), (1, 3)], "timestep": 1e-3, "full_state": True},
+    "cable": GUSTS,
+    "weights on a cable": {
+        **GUSTS,
+        "reward": CableReward(acceleration=0.3, power=0.2, energy=0.1, exponent=1.4),
+        "noise": {"force": 0.1},
+        "history": 2,
+        "measured_at": [0.1, 0.5, 0.7],
+    },
+}
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_plain_numbers_are_those_of_arrays(name: str) -> None:
+    """What a single environment does in plain numbers against the rows of a task of one, from start to end."""
+    plain, arrays = (TASK["cable" if "cable" in name else "frame"](1, **PLAIN[name]) for _ in range(2))
+    rngs = [np.random.default_rng(4) for _ in range(2)]
+    for task, rng in zip((plain, arrays), rngs, strict=True):
+        task.reset([0], [rng])
+    actions = np.random.default_rng(0).uniform(-1.2, 1.2, (400, len(plain.command_max)))
+    for action in actions.astype(np.float32):
+        seen, reward, over, info = plain.step_one(action)
+        step = arrays.step(action)
+        np.testing.assert_array_equal(seen, step.observation[0])
+        assert (reward, over) == (step.reward[0], step.over[0])
+        assert {type(reward), type(over), *map(type, info.values())} == {float, bool}
+        assert info == dict(zip(arrays.score.NAMES, step.info[0], strict=True))
+        assert plain.current_shares(0) == arrays.current_shares(0)
+        if over:
+            break
+    assert over
+    np.testing.assert_equal(asdict(plain.save(0)), asdict(arrays.save(0)))
+
+
+def test_a_simulation_that_diverges_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # the engine writes its log here
+    for broken in ("step", "step_one"):
+        task = FrameTask(1, **SHORT)
+        task.reset([0], [np.random.default_rng(0)])
+        task.step(np.zeros(1))
+        task.rows.plants.batch.bind("qvel")[0, 3] = math.nan
+        with pytest.raises(InputError, match="diverged"):
+            getattr(task, broken)(np.zeros(1))
 
 
 def test_rows_with_ends_of_their_own() -> None:
@@ -270,7 +340,8 @@ FULL = replace(
 @pytest.mark.parametrize("observer", [OBSERVER, REMEMBERING, FULL])
 def test_stacked_rows_are_observers(observer: Observer) -> None:
     rng = np.random.default_rng(0)
-    stack, each = Stack(observer, 2), [Observer.from_dict(observer.to_dict()) for _ in range(2)]
+    one, stack = Stack(observer, 1), Stack(observer, 2)
+    each = [Observer.from_dict(observer.to_dict()) for _ in range(2)]
     for k in range(6):
         values, command = rng.normal(size=(2, 2)) * 10, rng.uniform(0, 4, (2, 1))
         if k in (0, 3):
@@ -278,8 +349,11 @@ def test_stacked_rows_are_observers(observer: Observer) -> None:
             for row in rows:
                 each[row].reset()
             found = stack.restart(rows, values[rows], command[rows])
+            if k == 0:
+                one.restart([0], values[:1], command[:1])
         else:
             rows, found = [0, 1], stack.push(values, command)
+            np.testing.assert_array_equal(one.push_one(values[0].tolist(), command[0].tolist()), found[0])
         for row, seen in zip(rows, found, strict=True):
             wanted = each[row]({"a": values[row, 0], "b": values[row, 1]}, command[row])
             np.testing.assert_array_equal(seen, wanted)

@@ -259,6 +259,23 @@ class Stack:
         self.past[:, 0] = now
         return self.past.reshape(len(values), -1).astype(np.float32)
 
+    def push_one(self, values: Sequence[float], last_command: Sequence[float]) -> Observation:
+        """`push` of a single plant in plain numbers: (size,) from values (signals,), last_command (dampers,)."""
+        o = self.observer
+        if o.memory or o.peaks or o.filter is not None:
+            seen: Observation = self.push(np.array([values]), np.array([last_command]))[0]
+            return seen
+        now = [value / scale for value, scale in zip(values, o.scales, strict=True)]
+        if o.action_in_observation:
+            now += [command / largest for command, largest in zip(last_command, o.command_max, strict=True)]
+        most = o.limit
+        past = self.past[0]
+        if o.history > 1:
+            past[1:] = past[:-1]
+        past[0] = [v if -most <= v <= most else most if v > most else -most if v < -most else v for v in now]
+        seen = past.reshape(-1).astype(np.float32)
+        return seen
+
     def restart(self, rows: Sequence[int], values: Array, last_command: Array) -> Observation:
         """(rows, size): these rows have no past but this; values (rows, signals)."""
         chosen = list(rows)
