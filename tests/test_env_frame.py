@@ -269,6 +269,23 @@ def test_sensors_stand_between_frame_and_observation() -> None:
     assert b["true_force"] == a["true_force"]
 
 
+def test_a_plant_goes_on_with_its_ground_at_rest() -> None:
+    """Past the end of a short motion nothing is left of a longer one that it ran before."""
+    short = replace(STRONG, acceleration=STRONG.acceleration[:60].copy())
+    used, fresh = FramePlant(), FramePlant()
+    used.reset(STRONG)
+    used.reset(short)
+    fresh.reset(short)
+    while not fresh.finished:
+        assert used.step(1.0) == fresh.step(1.0)
+    swings = []
+    for _ in range(300):
+        y = fresh.step(1.0)
+        assert used.step(1.0) == y
+        swings.append(abs(y["displacement_3"]))
+    assert max(swings[-60:]) < 0.2 * max(swings[:60])
+
+
 def test_a_channel_that_is_late_reads_the_stroke_of_before() -> None:
     base, late = mrdamp.envs.default_damper(), 2e-3
     shift = Effect("channel_shift", {"d": late})
