@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.blindtest import baselines, damper_case, run, sparse
+from mrdamp.blindtest import baselines, causes, damper_case, run, sparse
 from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.sizing import Task
 from mrdamp.diagnosis.case import Case
@@ -55,7 +55,9 @@ def test_sparse_regression_names_the_part_that_was_added(added: dict[str, float]
 
 
 @pytest.mark.slow
-def test_methods_on_an_asymmetric_damper(tmp_path: Path) -> None:
+def test_methods_on_an_asymmetric_damper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage, forms = causes.EFFECTS["asymmetry"]
+    monkeypatch.setitem(causes.EFFECTS, "asymmetry", (stage, forms[:1] * 2))  # by the velocity's sign alone
     out = run.Folders(tmp_path)
     task = Task("case_001", "damper", "asymmetry")
     seed = np.random.SeedSequence(8)

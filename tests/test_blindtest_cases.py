@@ -15,9 +15,9 @@ import pytest
 import mrdamp
 from mrdamp.blindtest import causes, damper_case, deck, frame_case, frame_causes, recorder, unknown
 from mrdamp.blindtest.bench import Truth
-from mrdamp.blindtest.causes import Scale
 from mrdamp.blindtest.make import main
 from mrdamp.blindtest.rig import Array
+from mrdamp.blindtest.scale import Scale
 from mrdamp.blindtest.sizing import Task, goal, relative, size_for
 from mrdamp.model import Model, damper_effects
 from mrdamp.records import read_record
@@ -145,7 +145,13 @@ def test_deck() -> None:
     pairs = [task for task in tasks if len(task.parts) == 2]
     assert len(pairs) == 32
     assert {task.label for task in tasks if not task.parts} == {"none", "parameters"}
-    assert sum(task.outside for task in tasks) == 21
+    outside = [task for task in tasks if task.outside]
+    assert len(outside) == 21
+    for rig, groups in (("damper", unknown.GROUPS), ("frame", frame_causes.GROUPS)):
+        drawn = [task.label.removeprefix("~") for task in outside if task.rig == rig]
+        first, second = (sum(name in group for name in drawn) for group in groups)
+        assert first + second == len(drawn)
+        assert abs(first - second) <= 1
     assert any(task.weak for task in tasks)
     assert deck.draw(np.random.SeedSequence(4), 200) == tasks
     assert deck.draw(np.random.SeedSequence(5), 200) != tasks
@@ -183,7 +189,9 @@ def fresh(code: str) -> str:
 
 
 def test_rig_shares_no_code_with_the_plugin() -> None:
-    names = "rig bench causes unknown frame_causes damper_case frame_case dampers deck recorder make".split()
+    names = sorted(path.stem for path in (PACKAGE / "blindtest").glob("*_forms.py"))
+    assert len(names) == 4
+    names += "rig bench causes unknown frame_causes damper_case frame_case dampers deck recorder make".split()
     imports = "; ".join(f"import mrdamp.blindtest.{name}" for name in names)
     loaded = fresh(
         f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"

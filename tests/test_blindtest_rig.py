@@ -182,7 +182,7 @@ def test_spring_of_any_power() -> None:
     assert steady(numbers, -0.1)["force"][-1] == pytest.approx(5.0 - 1000.0 * 0.02 - 30.0 * 2.0**3)
 
 
-@pytest.mark.parametrize("form", [1, 2, 3])
+@pytest.mark.parametrize("form", [1, 2, 3, 4, 5])
 def test_seal_slides_at_its_dry_friction(form: int) -> None:
     """Far above the Stribeck velocity the seal's force is the Coulomb force against the motion."""
     numbers = {**DASHPOT, "c0a": 0.0, "seal_form": form, "seal_coulomb": 40.0, "seal_static": 1.5}
@@ -337,11 +337,12 @@ def test_damper_pulls_both_of_its_floors() -> None:
     assert rms((out["force"] - 3000 * np.gradient(stroke, 1 / RATE_HZ))[5:-5]) < 1e-3 * rms(out["force"])
 
 
-@pytest.mark.parametrize("form", [1, 2])
+@pytest.mark.parametrize("form", [1, 2, 3, 4])
 def test_dry_friction_of_a_storey_takes_its_work(form: int) -> None:
     """Free vibration loses energy by friction force times path."""
     plain = {"mass": 100.0, "stiffness": 4e5, "damping": 0.0}
-    rubbing = [{**plain, "friction_form": form, "friction": 60.0}, plain, plain]
+    joint = {"friction_travel": 2e-5, "friction_static": 1.0, "friction_v": 1e-3}
+    rubbing = [{**plain, "friction_form": form, "friction": 60.0, **joint}, plain, plain]
     t = half_steps(2.0)
     push = np.where(t < 0.02, 20.0, 0.0)
 

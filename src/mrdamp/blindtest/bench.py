@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import bessel, butter, lfilter, resample_poly, sosfilt, sosfilt_zi
+from scipy.signal import bessel, bilinear, butter, lfilter, resample_poly, sosfilt, sosfilt_zi
 
 from mrdamp.blindtest import rig
 from mrdamp.blindtest.excitation import Excitation
@@ -57,6 +58,8 @@ def damper_channels(truth: Truth, test: Excitation, rng: np.random.Generator) ->
     out = rig.run_damper(truth.numbers, x, motion(test.time, 1), driven(truth, u, rng))
     force = out["force"] + _moving_mass(truth, motion(test.time[::2], 2))
     force = force + out["fluid"] * truth.get("rod.unsteady") * _slow_noise(rng, len(force))
+    if truth.get("rod.leaks") > 0:
+        force = force - out["fluid"] * truth.get("rod.leaks") * _now_and_then(rng, len(force))
     channels = {
         "displacement_m": as_read(truth, test)[::2],
         "command": u[::2],
@@ -84,17 +87,21 @@ def as_read(truth: Truth, test: Excitation) -> Array:
         )
         x = motion(test.time)
         return np.asarray(sosfilt(sos, x, zi=sosfilt_zi(sos) * x[0])[0])
+    if truth.get("reading.slack") > 0:
+        return test.fine(_play(test.motion, truth.get("reading.slack") / 2))
     late = truth.get("reading.shift") + truth.get("reading.drift") * test.time
     return np.asarray(motion(np.clip(test.time - late, 0.0, test.duration)))
 
 
 def driven(truth: Truth, u: Array, rng: np.random.Generator) -> Array:
-    """The command (at half steps) as it comes out of the controller: held, late, or with drop-outs."""
+    """The command (at half steps) as it comes out of the controller: held, late, coarse, or with drop-outs."""
     t = np.arange(len(u)) / INPUT_RATE_HZ
     late = np.full(len(u), truth.get("command.delay"))
     if truth.get("command.period") > 0:
         late = late + t % truth.get("command.period")
     out = np.interp(t - late, t, u)
+    if truth.get("command.step") > 0:
+        out = truth.get("command.step") * np.round(out / truth.get("command.step"))
     for _ in range(rng.poisson(t[-1] * truth.get("command.dropouts"))):
         start, length = rng.uniform(0, t[-1]), rng.uniform(0.1, 0.5)
         out[(t > start) & (t < start + length)] = 0.0
@@ -102,7 +109,7 @@ def driven(truth: Truth, u: Array, rng: np.random.Generator) -> Array:
 
 
 def sensor(truth: Truth, name: str, force: Array, rng: np.random.Generator) -> Array:
-    """A sensor's reading (at `RATE_HZ`): gain, leakage, low-pass, offset, hum, wander; `name` is its prefix."""
+    """A sensor's reading (at `RATE_HZ`): gain, range, leakage, low-pass, offset, hum, wander; `name` is its prefix."""
 
     def get(key: str) -> float:
         return truth.get(f"{name}.{key}")
@@ -110,6 +117,9 @@ def sensor(truth: Truth, name: str, force: Array, rng: np.random.Generator) -> A
     out = force * (1 + get("gain"))
     if get("bend"):
         out = out * (1 + get("bend") * np.abs(force) / get("scale"))
+    if get("range") > 0:
+        coarse = _held(np.flatnonzero(np.abs(out) > get("range")), len(out), get("range_hold"))
+        out = np.where(coarse, (1 + get("range_gain")) * out, out)
     if get("leakage") > 0:
         slow = get("leakage_slow")
         out = (1 - slow) * _high_pass(out, get("leakage")) + slow * _high_pass(out, 10 * get("leakage"))
@@ -130,13 +140,47 @@ def logged(truth: Truth, values: Array) -> Array:
 
 
 def _moving_mass(truth: Truth, acceleration: Array) -> Array | float:
-    """N; held rigidly, or by a spring with little damping."""
-    mass, hz = truth.get("rod.mass"), truth.get("rod.mass_hz")
+    """N; held rigidly, by a spring with little damping, by a rubber bush, or in two parts."""
+    mass, hz, rigid = truth.get("rod.mass"), truth.get("rod.mass_hz"), truth.get("rod.mass_rigid")
     if not hz or not mass:
         return mass * acceleration
+    if truth.get("rod.mass_loss") > 0:
+        return mass * _bush(acceleration, hz, truth.get("rod.mass_loss"), truth.get("rod.mass_time"))
     w = 2 * np.pi * hz / RATE_HZ
     a = [1 + 0.1 * w + w**2, -2 - 0.1 * w, 1.0]  # backward differences of y'' + 2 0.05 w y' + w^2 y = w^2 a
-    return mass * np.asarray(lfilter([w**2], a, acceleration))
+    return mass * (rigid * acceleration + (1 - rigid) * np.asarray(lfilter([w**2], a, acceleration)))
+
+
+def _bush(acceleration: Array, hz: float, loss: float, time: float) -> Array:
+    """Acceleration of a mass on a spring (of `hz` when slow) beside one `loss` times as stiff behind a dashpot."""
+    k, soft = (2 * np.pi * hz) ** 2, time * (1 + loss)
+    b, a = bilinear([k * soft, k], [time, 1.0, k * soft, k], fs=RATE_HZ)
+    return np.asarray(lfilter(b, a, acceleration))
+
+
+def _now_and_then(rng: np.random.Generator, n: int) -> Array:
+    """1 for 0.3 to 1 s about every two seconds, 0 in between, with soft edges of 10 ms."""
+    times = n // RATE_HZ + 2
+    off, on = 0.05 + rng.exponential(1.2, times), rng.uniform(0.3, 1.0, times)
+    ends = np.cumsum(np.column_stack([off, on]).ravel())
+    edges = np.column_stack([ends - 0.005, ends + 0.005]).ravel()
+    return np.asarray(np.interp(np.arange(n) / RATE_HZ, edges, np.tile([0.0, 1.0, 1.0, 0.0], times)))
+
+
+def _held(set_at: NDArray[np.intp], n: int, hold: float) -> NDArray[np.bool_]:
+    """Of n samples those no later than `hold` (s) after one of `set_at`."""
+    last = np.full(n, -n)
+    last[set_at] = set_at
+    return np.asarray(np.arange(n) - np.maximum.accumulate(last) <= hold * RATE_HZ)
+
+
+def _play(x: Array, half: float) -> Array:
+    """What is carried along by x with a play of twice `half`."""
+    out, at = np.empty_like(x), float(x[0])
+    for k, here in enumerate(x.tolist()):
+        at = min(max(at, here - half), here + half)
+        out[k] = at
+    return out
 
 
 def _high_pass(values: Array, tau: float) -> Array:
@@ -164,11 +208,27 @@ def _slow_noise(rng: np.random.Generator, n: int) -> Array:
     return np.asarray(CubicSpline(np.arange(len(knots)) / 2, knots)(np.arange(n) / RATE_HZ))
 
 
-def frame_channels(truth: Truth, test: Excitation, rng: np.random.Generator) -> dict[str, Array]:
-    """Channels of one test of the frame, free of noise, at 500 Hz."""
-    ground, u = test.fine(test.motion), test.fine(test.command)
+def felt_ground(truth: Truth, test: Excitation) -> Array:
+    """Ground acceleration (m/s2) at half steps as its accelerometer gives it: askew, it feels the table's sway across,
+    a mode of 5 % damping that the drive excites."""
+    ground, angle = test.fine(test.motion), truth.get("ground.angle")
+    if not angle:
+        return ground
+    w = 2 * np.pi * truth.get("ground.hz")
+    b, a = bilinear([w**2], [1.0, 0.1 * w, w**2], fs=INPUT_RATE_HZ)
+    return np.asarray(np.cos(angle) * ground + np.sin(angle) * lfilter(b, a, ground))
+
+
+def frame_channels(
+    truth: Truth, test: Excitation, rng: np.random.Generator, ground: Array | None = None
+) -> dict[str, Array]:
+    """Channels of one test of the frame, free of noise, at 500 Hz.
+
+    ground: acceleration (m/s2) at half steps that shakes it, where that is not the test's.
+    """
+    ground, u = test.fine(test.motion) if ground is None else ground, test.fine(test.command)
     out = rig.run_frame(truth.numbers, truth.storeys, truth.between, ground, driven(truth, u, rng))
-    channels = {"ground_acceleration_m_s2": ground[::2], "command": u[::2]}
+    channels = {"ground_acceleration_m_s2": felt_ground(truth, test)[::2], "command": u[::2]}
     for floor in (1, 2, 3):
         other = out[f"acceleration{floor - 1 or 3}"]
         felt = out[f"acceleration{floor}"] + truth.get(f"floor{floor}.cross") * other

@@ -10,14 +10,15 @@ import numpy as np
 
 from mrdamp.blindtest import causes, dampers, excitation, recorder, unknown
 from mrdamp.blindtest.bench import Truth, damper_channels, nominal_damper
-from mrdamp.blindtest.causes import Cause, Scale
+from mrdamp.blindtest.causes import Cause
 from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import RATE_HZ, Array, Numbers, run_damper
+from mrdamp.blindtest.scale import Scale
 from mrdamp.blindtest.sizing import Task, goal, pooled, relative, size_for
 
-#: Effects that only a second force channel tells from the law's own numbers.
-_NEED_REFERENCE = ("sensor_gain", "sensor_offset")
+#: Causes that only a second force channel tells from the law's own numbers.
+_NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range")
 _TELLING = ("steps", "random", "sine_random")
 
 

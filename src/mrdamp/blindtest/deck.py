@@ -36,19 +36,26 @@ def _rig(rng: np.random.Generator, rig: str, count: int) -> list[Task]:
     from mrdamp.blindtest import frame_causes
 
     singles = list(causes.EFFECTS) if rig == "damper" else frame_causes.labels()
-    outside = list(unknown.DAMPER) if rig == "damper" else list(frame_causes.UNKNOWN)
+    groups = unknown.GROUPS if rig == "damper" else frame_causes.GROUPS
     pools: dict[str, list[str]] = {
         "single": singles,
         "pair": _pairs(singles),
         "weak": singles,
         "none": ["none"],
         "parameters": ["parameters"],
-        "unknown": [f"~{name}" for name in outside],
     }
     tasks = []
     for kind, number in _shared(count).items():
-        tasks += [Task("", rig, label, kind == "weak") for label in _dealt(rng, pools[kind], number)]
+        labels = _outside(rng, groups, number) if kind == "unknown" else _dealt(rng, pools[kind], number)
+        tasks += [Task("", rig, label, kind == "weak") for label in labels]
     return tasks
+
+
+def _outside(rng: np.random.Generator, groups: Sequence[Sequence[str]], number: int) -> list[str]:
+    """From both groups of causes outside the catalogue in turn, whichever comes first."""
+    orders = [_dealt(rng, group, number) for group in groups]
+    first = int(rng.integers(2))
+    return [f"~{orders[(first + k) % 2][k // 2]}" for k in range(number)]
 
 
 def _shared(count: int) -> dict[str, int]:

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from mrdamp.blindtest import causes, dampers, excitation, frame_causes, recorder
-from mrdamp.blindtest.bench import Truth, frame_channels
-from mrdamp.blindtest.causes import Cause, Scale
+from mrdamp.blindtest.bench import Truth, felt_ground, frame_channels
+from mrdamp.blindtest.causes import Cause
 from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.frame_causes import FrameScale
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import Array, run_frame
+from mrdamp.blindtest.scale import Scale
 from mrdamp.blindtest.sizing import Task, goal, pooled, relative, size_for
 
 #: Masses (kg), stiffnesses (N/m) and damping (N s/m) of the frame of Dyke et al. 1996, doi:10.1088/0964-1726/5/5/006.
@@ -123,11 +124,16 @@ def _telling(inputs: Sequence[Excitation]) -> list[Excitation]:
 
 def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
     rng = np.random.default_rng(0)
-    before = [frame_channels(plain, test, rng) for test in tests]
+    predicted = [frame_channels(plain, test, rng) for test in tests]
+    reads = any(name.startswith("ground.") for name in cause.sized(1.0))
 
     def gap(size: float) -> float:
         truth = plain.having(cause.sized(size))
-        return pooled([_error(b, frame_channels(truth, t, rng)) for t, b in zip(tests, before, strict=True)])
+        gaps = []
+        for test, before in zip(tests, predicted, strict=True):
+            said = frame_channels(plain, test, rng, felt_ground(truth, test)) if reads else before
+            gaps.append(_error(said, frame_channels(truth, test, rng)))
+        return pooled(gaps)
 
     return size_for(gap, wanted)
 
@@ -167,7 +173,8 @@ def _records(
 
 
 def _clean(rng: np.random.Generator, truth: Truth, believed: Truth, test: Excitation) -> dict[str, Array]:
-    channels, nominal = frame_channels(truth, test, rng), frame_channels(believed, test, rng)
+    channels = frame_channels(truth, test, rng)
+    nominal = frame_channels(believed, test, rng, felt_ground(truth, test))
     said = {name.replace("floor", "nominal_floor").removesuffix("_m_s2"): nominal[name] for name in _MEASURED}
     return {**channels, **said, "nominal_N": nominal["force_N"]}
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.blindtest import causes, unknown
-from mrdamp.blindtest.causes import Cause, Form, Scale, Sized
+from mrdamp.blindtest.causes import Cause
+from mrdamp.blindtest.scale import Form, Scale, Sized
 
 STOREYS = (1, 2, 3)
 #: Effects of the damper that a frame case may have.
@@ -67,6 +68,25 @@ def _friction(form: int) -> PlacedForm:
     return draw
 
 
+def _friction_slipping(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """A bolted joint that slips bit by bit (Iwan 1966)."""
+    top, travel = 0.3 * c.stiffness[j - 1] * c.drift[j - 1], c.drift[j - 1] * r.uniform(0.1, 0.3)
+    fixed = {f"storey{j}.friction_form": 3, f"storey{j}.friction_travel": travel}
+    return lambda s: {**fixed, f"storey{j}.friction": top * s}
+
+
+def _friction_bristles(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """LuGre: what holds it is more than what slides."""
+    fixed = {
+        f"storey{j}.friction_form": 4,
+        f"storey{j}.friction_travel": r.uniform(2e-5, 6e-5),
+        f"storey{j}.friction_static": r.uniform(1.2, 1.6),
+        f"storey{j}.friction_v": r.uniform(2e-3, 8e-3),
+    }
+    top = 0.3 * c.stiffness[j - 1] * c.drift[j - 1]
+    return lambda s: {**fixed, f"storey{j}.friction": top * s}
+
+
 def _mass(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
     return lambda s: {f"storey{j}.mass": 0.5 * s}
 
@@ -95,7 +115,7 @@ def _sensor(effect: str) -> tuple[PlacedForm, ...]:
 PLACED: Mapping[str, tuple[str, tuple[PlacedForm, ...]]] = {
     "storey_stiffness": ("structure", (_stiffness, _stiffness_bent)),
     "storey_damping": ("structure", (_damping, _damping_square)),
-    "joint_friction": ("structure", (_friction(1), _friction(2))),
+    "joint_friction": ("structure", (_friction(1), _friction(2), _friction_slipping, _friction_bristles)),
     "floor_mass": ("structure", (_mass, _mass_held)),
     **{name: ("sensor", _sensor(name)) for name in SENSORS},
 }
@@ -129,13 +149,41 @@ def _cross_axis(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
     return lambda s: {f"floor{j}.cross": 0.5 * side * s}
 
 
+def _base_rocking(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """The foundation tilts, and with it each floor in proportion to its height."""
+    mass, ratio, k = r.uniform(20.0, 60.0), r.uniform(0.02, 0.06), 4 * c.stiffness[0]
+    return lambda s: {"storey1.rock_mass": mass, "storey1.rock_k": k / s, "storey1.rock_ratio": ratio}
+
+
+def _loose_panel(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """A panel that lies on the floor between two edges, slides and hits them."""
+    fixed = {
+        f"storey{j}.hung_hz": r.uniform(25.0, 50.0),
+        f"storey{j}.hung_ratio": r.uniform(0.1, 0.3),
+        f"storey{j}.hung_gap": r.uniform(1e-3, 3e-3),
+        f"storey{j}.hung_rub": r.uniform(0.5, 1.5),
+    }
+    return lambda s: {**fixed, f"storey{j}.hung_mass": 50 * s}
+
+
+def _slack_brace(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """A brace with clearance: around rest the storey is softer."""
+    slack = c.drift[j - 1] * r.uniform(0.4, 0.9)
+    return lambda s: {f"storey{j}.slack": slack, f"storey{j}.slack_share": 0.9 * s}
+
+
+def _ground_misaligned(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """The table's accelerometer stands askew and feels the table's sway across."""
+    side, hz = r.choice([-1.0, 1.0]), r.uniform(7.0, 14.0)
+    return lambda s: {"ground.angle": side * 0.25 * s, "ground.hz": hz}
+
+
 def _of_damper(name: str) -> PlacedForm:
     form = unknown.DAMPER[name][1]
     return lambda r, c, j: form(r, c.damper)
 
 
-#: Cause outside the catalogue -> its stage and its form.
-UNKNOWN: Mapping[str, tuple[str, PlacedForm]] = {
+_FIRST: Mapping[str, tuple[str, PlacedForm]] = {
     "appendage": ("structure", _appendage),
     "pounding": ("structure", _pounding),
     "yielding_storey": ("structure", _yielding),
@@ -144,6 +192,17 @@ UNKNOWN: Mapping[str, tuple[str, PlacedForm]] = {
     "dropouts": ("driver", _of_damper("dropouts")),
     "supply_sag": ("driver", _of_damper("supply_sag")),
 }
+_SECOND: Mapping[str, tuple[str, PlacedForm]] = {
+    "base_rocking": ("structure", _base_rocking),
+    "loose_panel": ("structure", _loose_panel),
+    "slack_brace": ("structure", _slack_brace),
+    "ground_misaligned": ("sensor", _ground_misaligned),
+    "poppet_valve": ("fluid", _of_damper("poppet_valve")),
+}
+#: Cause outside the catalogue -> its stage and its form.
+UNKNOWN: Mapping[str, tuple[str, PlacedForm]] = {**_FIRST, **_SECOND}
+#: As `unknown.GROUPS`.
+GROUPS = (tuple(_FIRST), tuple(_SECOND))
 
 
 def labels() -> list[str]:

@@ -15,22 +15,33 @@ static const double kPi = 3.14159265358979323846;
   /* law: 0 bingham, 1 bouc_wen, 2 hyperbolic_tangent, 3 modified_bouc_wen */                                       \
   X(law) X(c0a) X(c0b) X(c1a) X(c1b) X(k0) X(k1) X(x0) X(alpha_a) X(alpha_b) X(gamma) X(beta) X(A) X(n) X(fya) X(fyb) \
   X(v_ref) X(k0a) X(k0b) X(k1a) X(k1b) X(m0) X(f0a) X(f0b)                                                          \
-  /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2) */                                  \
-  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(lag_span) X(sag_share) X(sag_time) X(dead_zone)                              \
-  /* magnetics: saturation 1 Froehlich, 2 error function, 3 arc tangent; remanence 1 plays, 2 relays */             \
-  X(sat_form) X(sat_level) X(rem_form) X(rem_width) X(rem_share) X(rem_span)                                        \
-  /* fluid: heating 1 Arrhenius with two bodies, 2 rational with one; shear thinning 1 Cross, 2 Eyring */           \
-  X(heat_form) X(heat_capacity) X(heat_loss) X(heat_body) X(heat_link) X(heat_visc) X(heat_yield)                                \
-  X(thin_form) X(thin_v) X(thin_m)                                                                                  \
-  /* asymmetry 1 by velocity, 2 by pressure; trapped gas 1 by stroke, 2 as a pocket that is pressed shut */         \
-  X(asym_form) X(asym_share) X(asym_width) X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign)                                      \
-  X(wear_loss) X(wear_x) X(wear_width) X(relief_force) X(cavity_force) X(chatter_share) X(chatter_hz)               \
-  X(settle_loss) X(settle_path)                                                                                     \
-  /* mechanics: spring 1 polytropic, 2 of any power; seal 1 LuGre, 2 Dahl, 3 Coulomb and Stribeck without a state */       \
-  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_end) X(spring_power)                                             \
-  X(seal_form) X(seal_coulomb) X(seal_static) X(seal_v) X(seal_slide) X(bent_force) X(stop_k) X(stop_x)             \
-  /* mount: 1 spring and dashpot, 2 stiffening rubber, 3 pin with play, 4 the same with Hertz's contact */          \
-  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_mass)
+  /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2), 4 a coil under an integral           \
+   * controller (lag_ratio: damping), 5 a coil and its core's eddy currents (lag_ratio: share of the slow pole) */    \
+  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(lag_span) X(lag_ratio) X(sag_share) X(sag_time) X(dead_zone)       \
+  /* magnetics: saturation 1 Froehlich, 2 error function, 3 arc tangent; remanence 1 plays, 2 relays, 3 Jiles and     \
+   * Atherton, 4 Prandtl and Ishlinskii with a loop that widens with the current */                                   \
+  X(sat_form) X(sat_level) X(rem_form) X(rem_width) X(rem_share) X(rem_span) X(bias_current)                          \
+  X(pull_force) X(pull_x) X(pull_width)                                                                               \
+  /* fluid: heating 1 Arrhenius with two bodies, 2 rational with one; shear thinning 1 Cross, 2 Eyring, 3 Carreau     \
+   * and Yasuda with a rest of viscosity, 4 a structure that takes its time (Moore) */                                \
+  X(heat_form) X(heat_capacity) X(heat_loss) X(heat_body) X(heat_link) X(heat_visc) X(heat_yield)                     \
+  X(thin_form) X(thin_v) X(thin_m) X(thin_rest) X(thin_time)                                                          \
+  /* asymmetry 1 by velocity, 2 by pressure, 3 yield and viscosity each by its own share, 4 by a check valve that      \
+   * opens along the stroke; trapped gas 1 by stroke, 2 as a pocket that is pressed shut, 3 one that comes back in     \
+   * its own time, 4 one whose pressure limits the force */                                                           \
+  X(asym_form) X(asym_share) X(asym_width) X(asym_visc)                                                               \
+  X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign) X(gas_time) X(gas_force)                                          \
+  X(wear_loss) X(wear_x) X(wear_width) X(relief_force) X(cavity_force) X(chatter_share) X(chatter_hz)                 \
+  X(settle_loss) X(settle_path) X(poppet_share) X(poppet_force) X(poppet_time) X(peak_gain) X(peak_path)              \
+  /* mechanics: spring 1 polytropic, 2 of any power, 3 gas that warms and cools, 4 of two rates; seal 1 LuGre,         \
+   * 2 Dahl, 3 Coulomb and Stribeck without a state, 4 elastic before it slides (Dupont), 5 elements that slip one     \
+   * after another */                                                                                                 \
+  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_end) X(spring_power) X(spring_time) X(spring_knee) \
+  X(seal_form) X(seal_coulomb) X(seal_static) X(seal_v) X(seal_slide) X(bent_force) X(stop_k) X(stop_x)               \
+  X(leak_k) X(leak_time) X(leak_length)                                                                               \
+  /* mount: 1 spring and dashpot, 2 stiffening rubber, 3 pin with play, 4 the same with Hertz's contact, 5 of two     \
+   * rates, 6 rubber that rubs within itself (Berg) */                                                                \
+  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_rub) X(mount_mass)
 
 typedef struct {
 #define X(name) double name;
@@ -38,12 +49,16 @@ typedef struct {
 #undef X
 } Rig;
 
-/* A storey and the floor on top of it, ground up. k3, c2: cubic stiffness, quadratic damping. friction: 1 Coulomb,
- * 2 Dahl. gap, stop: pounding. yield: force at which the storey yields. crack: loss of stiffness in one direction.
- * hung_*: a mass that hangs from the floor by a spring and a dashpot. */
+/* A storey and the floor on top of it, ground up. k3, c2: stiffness that bends with the drift, quadratic damping.
+ * friction: 1 Coulomb, 2 Dahl, 3 elements that slip one after another (Iwan), 4 LuGre. gap, stop: pounding. yield:
+ * force at which the storey yields. crack: loss of stiffness in one direction. slack, slack_share: a brace that carries
+ * nothing within its clearance. hung_*: a mass that hangs from the floor by a spring and a dashpot, or with hung_gap
+ * lies on it, rubs (hung_rub, m/s2) and hits its edges. rock_*, of storey 1 only: the foundation tilts; rock_mass and
+ * rock_k by the height of a storey squared. */
 #define STOREY_NUMBERS(X)                                                                                           \
-  X(mass) X(stiffness) X(damping) X(k3) X(c2) X(friction_form) X(friction) X(gap) X(stop) X(yield) X(crack)          \
-  X(hung_mass) X(hung_hz) X(hung_ratio)
+  X(mass) X(stiffness) X(damping) X(k3) X(c2) X(friction_form) X(friction) X(friction_travel) X(friction_static)      \
+  X(friction_v) X(gap) X(stop) X(yield) X(crack) X(slack) X(slack_share)                                              \
+  X(hung_mass) X(hung_hz) X(hung_ratio) X(hung_gap) X(hung_rub) X(rock_mass) X(rock_k) X(rock_ratio)
 
 typedef struct {
 #define X(name) double name;
@@ -52,10 +67,11 @@ typedef struct {
 } Storey;
 
 enum { kStoreys = 3, kPlays = 6, kRelays = 150 };
-/* Places in the state vector: two currents, sag, law (2), fluid and body temperature, bristle, piston, then the frame. */
-enum { I1, I2, SAG, L1, L2, HEAT, BODY, BRISTLE, XP, VP, kDamper };
+/* Places in the state vector: two currents, sag, law (2), fluid and body temperature, bristle, piston, structure of the
+ * fluid that shears, its peak after a turn, gas temperature, poppet, leaked length, rubber, then the frame. */
+enum { I1, I2, SAG, L1, L2, HEAT, BODY, BRISTLE, XP, VP, THIN, PEAK, WARM, POPPET, LEAK, RUBBER, kDamper };
 enum { FX = kDamper, FV = FX + kStoreys, FQ = FV + kStoreys, HX = FQ + 2 * kStoreys, HV = HX + kStoreys,
-       kStates = HV + kStoreys };
+       RX = HV + kStoreys, RV, kStates };
 /* Columns of a damper's run: load cell (N), fluid (N), current, field, temperature rise (K), piston (m). */
 enum { kDamperColumns = 6, kFrameColumns = 2 * kStoreys + 5 };
 
@@ -68,12 +84,18 @@ typedef struct {
   double furthest;  /* that it has reached */
   int direction;    /* of the stroke */
   double pocket;    /* m that the trapped gas is pressed together */
+  double check;     /* -1 to 1: a check valve's plate */
+  double magnet;    /* the core's share that stays, as a current */
+  double driven;    /* current that it was last seen with */
+  double slip[kPlays];            /* m: where the seal's elements hold */
+  double joint[kStoreys][kPlays]; /* those of a storey's joint */
+  int open;         /* poppet */
   double path;      /* m travelled in all */
   double time;
 } Memory;
 
 typedef struct {
-  double load, fluid, heat;
+  double load, fluid, heat, closed; /* closed: the fluid's force with the poppet shut */
 } Force;
 
 static double positive(double c) { return c > 0 ? c : 0; }
@@ -84,6 +106,7 @@ static double sign(double c) { return (c > 0) - (c < 0); }
 
 static double current(const Rig *r, const double *y, double u) {
   double i = r->lag_form == 1 ? y[I2] : r->lag_form ? y[I1] : u;
+  if (r->lag_form == 5) i += r->lag_ratio * (y[I2] - y[I1]);
   if (r->sag_share > 0) i /= 1 + r->sag_share * y[SAG];
   return i;
 }
@@ -97,6 +120,13 @@ static void drive(const Rig *r, const double *y, double u, double *dy) {
   } else if (r->lag_form == 3) {
     const double tau = fabs(u) > fabs(y[I1]) ? r->lag_tau : r->lag_tau2;
     dy[I1] = (u - y[I1]) / tau * (r->lag_span > 0 ? 1 + 0.5 * fabs(y[I1]) / r->lag_span : 1); /* an iron core */
+  } else if (r->lag_form == 4) { /* I2: the voltage, as the current that it holds; tau is the delay of both */
+    const double tau = r->lag_tau / (4 * r->lag_ratio * r->lag_ratio);
+    dy[I1] = (y[I2] - y[I1]) / tau;
+    dy[I2] = (u - y[I1]) / r->lag_tau;
+  } else if (r->lag_form == 5) {
+    dy[I1] = (u - y[I1]) / r->lag_tau;
+    dy[I2] = (u - y[I2]) / r->lag_tau2;
   }
   if (r->sag_share > 0) {
     const double i = current(r, y, u);
@@ -116,7 +146,25 @@ static double play_width(const Rig *r, int k) { return r->rem_width * (k + 1) / 
 static double relay_centre(const Rig *r, int k) { return r->rem_span * (k + 0.5) / kRelays; }
 static double relay_width(const Rig *r, int k) { return r->rem_width * (0.4 + 1.2 * ((k * 37) % kRelays) / kRelays); }
 
+static double rising(const Rig *r, int k) { return play_width(r, k) * 0.5; }
+static double falling(const Rig *r, int k, double i) { return play_width(r, k) * (0.5 + fabs(i) / r->rem_span); }
+
+/* Irreversible magnetisation after Jiles and Atherton 1986, doi:10.1016/0304-8853(86)90066-1, by whose rule it
+ * never runs against the field; in units of current, with a pinning that gives way at large currents. */
+static double pinned(const Rig *r, double magnet, double from, double to) {
+  const double way = sign(to - from), pinning = r->rem_width * (1 - 0.6 * fmin(fabs(to) / r->rem_span, 1));
+  double ahead = way * (from - magnet), left = fabs(to - from);
+  const double idle = clip(-ahead, 0, left);
+  ahead += idle, left -= idle;
+  if (ahead >= 0) ahead = pinning + (ahead - pinning) * exp(-left / pinning);
+  return way != 0 ? to - way * ahead : magnet;
+}
+
 static void magnetise(const Rig *r, Memory *m, double i) {
+  if (r->rem_form == 3) m->magnet = pinned(r, m->magnet, m->driven, i);
+  m->driven = i;
+  if (r->rem_form == 4)
+    for (int k = 0; k < kPlays; ++k) m->play[k] = clip(m->play[k], i - rising(r, k), i + falling(r, k, i));
   if (r->rem_form == 1)
     for (int k = 0; k < kPlays; ++k) m->play[k] = clip(m->play[k], i - play_width(r, k), i + play_width(r, k));
   if (r->rem_form == 2) {
@@ -138,25 +186,39 @@ static double field(const Rig *r, const Memory *m, double i) {
     b -= r->rem_share * stops;
   } else if (r->rem_form == 2) {
     b = (1 - r->rem_share) * i + r->rem_share * r->rem_span * m->on / kRelays;
+  } else if (r->rem_form == 3) {
+    b -= r->rem_share * (i - m->magnet);
+  } else if (r->rem_form == 4) { /* narrow plays weigh more */
+    double stops = 0, all = 0;
+    for (int k = 0; k < kPlays; ++k) stops += exp(-0.2 * k) * (i - m->play[k]), all += exp(-0.2 * k);
+    b -= r->rem_share * stops / all;
   }
+  if (r->bias_current > 0) b = r->bias_current + fabs(b - r->bias_current); /* the law's numbers hold it */
   return saturate(r, b);
 }
 
 /* --- fluid ------------------------------------------------------------------------------------------------------- */
 
-static double viscosity(const Rig *r, double heat, double v) {
+static double side(double v) { return v / sqrt(v * v + 1.6e-5); }
+
+static double viscosity(const Rig *r, double heat, double structure, double v) {
   double factor = 1;
   if (r->heat_form == 1) factor = exp(r->heat_visc * (1 / (293 + heat) - 1 / 293.0));
   if (r->heat_form == 2) factor = 1 / (1 + r->heat_visc * heat);
   if (r->thin_form == 1) factor /= 1 + pow(fabs(v) / r->thin_v, r->thin_m);
   if (r->thin_form == 2 && v != 0) factor *= asinh(v / r->thin_v) * r->thin_v / v;
+  if (r->thin_form == 3) structure = pow(1 + pow(fabs(v) / r->thin_v, 4), (r->thin_m - 1) / 4);
+  if (r->thin_form >= 3) factor *= r->thin_rest + (1 - r->thin_rest) * structure;
+  if (r->asym_form == 3) factor *= 1 + r->asym_visc * side(v);
   return factor;
 }
 
-static double yielding(const Rig *r, const Memory *m, double heat) {
+static double yielding(const Rig *r, const Memory *m, double heat, double peak, double v) {
   double factor = 1;
   if (r->heat_form) factor = positive(1 - r->heat_yield * heat);
   if (r->settle_loss > 0) factor *= 1 - r->settle_loss * exp(-m->path / r->settle_path);
+  if (r->peak_gain > 0) factor *= (1 + r->peak_gain * peak) / (1 + 0.3 * r->peak_gain); /* 1 on average */
+  if (r->asym_form == 3) factor *= 1 + r->asym_share * side(v);
   return factor;
 }
 
@@ -194,13 +256,20 @@ static double law(const Rig *r, const double *y, double x, double v, double b, d
 
 /* What is lost or added on the way from the fluid to the rod. */
 static double rod_share(const Rig *r, const Memory *m, double x, double v, double force) {
-  if (r->asym_form == 1) force *= 1 + r->asym_share * v / sqrt(v * v + 1.6e-5);
+  if (r->asym_form == 1) force *= 1 + r->asym_share * side(v);
   if (r->asym_form == 2) force *= 1 + r->asym_share * force / (fabs(force) + r->asym_width);
+  if (r->asym_form == 4) force *= 1 + r->asym_share * m->check;
   if (r->gas_form == 1 && m->direction == r->gas_sign)
     force *= 1 - r->gas_loss * exp(-fabs(x - m->start) / r->gas_stroke);
   if (r->gas_form == 2 && v * r->gas_sign > 0) {
     const double open = 1 - m->pocket / r->gas_stroke;
     force *= 1 - r->gas_loss * open * open * tanh(fabs(v) / 0.002);
+  }
+  if (r->gas_form == 3 && v * r->gas_sign > 0)
+    force *= 1 - r->gas_loss * (1 - m->pocket / r->gas_stroke) * tanh(fabs(v) / 0.002);
+  if (r->gas_form == 4 && force * r->gas_sign > 0 && m->pocket < r->gas_stroke) {
+    const double pressure = r->gas_force * pow(1 - m->pocket / r->gas_stroke, -1.3);
+    force /= pow(1 + pow(fabs(force) / pressure, 4), 0.25);
   }
   if (r->wear_loss != 0) {
     const double d = (x - r->wear_x) / r->wear_width;
@@ -214,7 +283,23 @@ static double rod_share(const Rig *r, const Memory *m, double x, double v, doubl
 
 /* --- mechanics --------------------------------------------------------------------------------------------------- */
 
-static double seal(const Rig *r, double q, double v, double *dq) {
+/* Elements in parallel that slip at travels up to `widest`, each with the same limit; 1 when all of them slip. */
+static double slip_travel(double widest, int k) { return widest * (k + 1) / kPlays; }
+
+static double slipping(const double *held, double x, double widest) {
+  double force = 0;
+  for (int k = 0; k < kPlays; ++k) force += clip((x - held[k]) / slip_travel(widest, k), -1, 1) / kPlays;
+  return force;
+}
+
+static void slip(double *held, double x, double widest) {
+  for (int k = 0; k < kPlays; ++k) {
+    const double travel = slip_travel(widest, k);
+    held[k] = clip(held[k], x - travel, x + travel);
+  }
+}
+
+static double seal(const Rig *r, const Memory *m, double x, double q, double v, double *dq) {
   const double s = v / r->seal_v;
   const double limit = r->seal_coulomb * (1 + (r->seal_static - 1) * exp(-s * s));
   const double stiffness = r->seal_coulomb / r->seal_slide;
@@ -223,12 +308,35 @@ static double seal(const Rig *r, double q, double v, double *dq) {
     *dq = v * (1 - stiffness * q / r->seal_coulomb * sign(v));
     return stiffness * q;
   }
+  if (r->seal_form == 4) { /* Dupont et al. 2002, doi:10.1109/TAC.2002.1000274: elastic up to 0.7 of Coulomb's force */
+    const double first = 0.7 * r->seal_coulomb / stiffness, full = limit / stiffness;
+    const double way = clip((fabs(q) - first) / (full - first), 0, 1);
+    const double slides = q * v > 0 ? 0.5 - 0.5 * cos(kPi * way) : 0;
+    *dq = v * (1 - slides * sign(v) * q / full);
+    return stiffness * q;
+  }
+  if (r->seal_form == 5) return limit * slipping(m->slip, x, r->seal_slide);
   *dq = v - stiffness * fabs(v) * q / limit;
   return stiffness * q + 0.1 * sqrt(stiffness) * *dq;
 }
 
-static double springs(const Rig *r, double x) {
+static double springs(const Rig *r, const double *y, double x, double v, double *dy) {
   double force = 0;
+  if (r->spring_form == 3) { /* gas that takes its time to the wall's temperature: Otis and Pourmovahed 1985 */
+    const double volume = clip(1 - x / r->spring_length, 0.2, 5);
+    dy[WARM] = 0.4 * (1 + y[WARM]) * v / r->spring_length / volume - y[WARM] / r->spring_time;
+    force += r->spring_f0 * (1 + y[WARM]) / volume;
+  }
+  if (r->spring_form == 4) { /* from one rate to the other around the knee */
+    const double d = x - r->spring_knee, w = r->spring_length, from = r->spring_knee;
+    const double past = 0.5 * (d + sqrt(d * d + w * w)), zero = 0.5 * (-from + sqrt(from * from + w * w));
+    force += r->spring_f0 + r->spring_k * x + r->spring_end * (past - zero);
+  }
+  if (r->leak_k > 0) { /* a spring that lets go through an orifice: by the root of its force */
+    const double d = x - y[LEAK];
+    dy[LEAK] = d / sqrt(fabs(d) / r->leak_length + 0.01) / r->leak_time;
+    force += r->leak_k * d;
+  }
   if (r->spring_form == 1) force += r->spring_f0 * pow(clip(1 - x / r->spring_length, 0.05, 20), -1.3);
   if (r->spring_form == 2) force += r->spring_f0 + r->spring_k * x + r->spring_end * sign(x) * pow(fabs(x) / r->spring_length, r->spring_power);
   if (r->stop_k > 0) force += sign(x) * r->stop_k * pow(positive(fabs(x) - r->stop_x), 1.5);
@@ -239,10 +347,21 @@ static double springs(const Rig *r, double x) {
 static Force piston(const Rig *r, const Memory *m, const double *y, double x, double v, double b, double *dy) {
   double spring;
   Force f;
-  f.fluid = law(r, y, x, v, b, viscosity(r, y[HEAT], v), yielding(r, m, y[HEAT]), &spring, dy);
-  f.fluid = rod_share(r, m, x, v, f.fluid);
-  f.load = f.fluid + spring + springs(r, x);
-  if (r->seal_form) f.load += seal(r, y[BRISTLE], v, &dy[BRISTLE]);
+  if (r->thin_form == 4) dy[THIN] = (1 - y[THIN] * (1 + fabs(v) / r->thin_v)) / r->thin_time;
+  if (r->peak_gain > 0) dy[PEAK] = (exp(-fabs(x - m->start) / r->peak_path) - y[PEAK]) / 0.003;
+  const double thick = viscosity(r, y[HEAT], y[THIN], v), firm = yielding(r, m, y[HEAT], y[PEAK], v);
+  f.fluid = law(r, y, x, v, b, thick, firm, &spring, dy);
+  f.fluid = f.closed = rod_share(r, m, x, v, f.fluid);
+  if (r->poppet_share > 0) {
+    dy[POPPET] = (m->open - y[POPPET]) / (m->open ? 0.004 : r->poppet_time);
+    f.fluid *= 1 - r->poppet_share * y[POPPET];
+  }
+  f.load = f.fluid + spring + springs(r, y, x, v, dy);
+  if (r->seal_form) f.load += seal(r, m, x, y[BRISTLE], v, &dy[BRISTLE]);
+  if (r->pull_force != 0) {
+    const double d = (x - r->pull_x) / r->pull_width;
+    f.load += r->pull_force * b * b * d * exp(-d * d);
+  }
   if (r->bent_force > 0) f.load += r->bent_force * fabs(x) * tanh(v / 0.002);
   f.heat = fabs(f.fluid * v);
   if (r->heat_form) {
@@ -253,7 +372,15 @@ static Force piston(const Rig *r, const Memory *m, const double *y, double x, do
   return f;
 }
 
-static double mount(const Rig *r, double d, double rate) {
+static double mount(const Rig *r, double d, double rate, double q, double *dq) {
+  if (r->mount_form == 5) {
+    const double past = sign(d) * positive(fabs(d) - r->mount_scale);
+    return r->mount_k * (d + (r->mount_power - 1) * past) + r->mount_c * rate;
+  }
+  if (r->mount_form == 6) { /* elastic, viscous and friction force in parallel, as Berg 1998 has it */
+    *dq = rate * (1 - q * sign(rate)) / r->mount_scale;
+    return r->mount_k * d + r->mount_c * rate + r->mount_rub * q;
+  }
   if (r->mount_form == 1) return r->mount_k * d + r->mount_c * rate;
   if (r->mount_form == 2) return r->mount_k * d * (1 + pow(fabs(d) / r->mount_scale, r->mount_power)) + r->mount_c * rate;
   const double depth = fabs(d) - 0.5 * r->mount_gap;
@@ -271,17 +398,25 @@ static Force damper(const Rig *r, const Memory *m, const double *y, double x, do
   if (!r->mount_form) return piston(r, m, y, x, v, b, dy);
   Force f = piston(r, m, y, y[XP], y[VP], b, dy);
   const double inner = f.load;
-  f.load = mount(r, x - y[XP], v - y[VP]);
+  f.load = mount(r, x - y[XP], v - y[VP], y[RUBBER], &dy[RUBBER]);
   dy[XP] = y[VP];
   dy[VP] = (f.load - inner) / r->mount_mass;
   return f;
 }
 
-static void remember(const Rig *r, Memory *m, const double *y, double x, double v, double u, double dt) {
+/* force: the fluid's with the poppet shut, N. */
+static void remember(const Rig *r, Memory *m, const double *y, double x, double v, double u, double force, double dt) {
   const double at = r->mount_form ? y[XP] : x, moved = r->mount_form ? y[VP] * dt : v * dt;
   m->time += dt;
   m->path += fabs(moved);
-  m->pocket = clip(m->pocket + r->gas_sign * moved, 0, r->gas_stroke);
+  if (r->gas_form == 3 && r->gas_sign * moved < 0)
+    m->pocket *= exp(-dt / r->gas_time);
+  else
+    m->pocket = clip(m->pocket + r->gas_sign * moved, 0, r->gas_stroke);
+  if (r->asym_form == 4) m->check = clip(m->check + 2 * moved / r->asym_width, -1, 1);
+  if (r->seal_form == 5) slip(m->slip, at, r->seal_slide);
+  if (fabs(force) > r->poppet_force) m->open = 1;
+  if (fabs(force) < 0.5 * r->poppet_force) m->open = 0;
   if (m->direction * (at - m->furthest) > 0) m->furthest = at;
   if (m->direction * (at - m->furthest) < -2e-5) { /* 20 um of way back make a turn */
     m->direction = -m->direction;
@@ -299,8 +434,13 @@ static void begin(const Rig *r, Memory *m, double *y, double x, double v, double
   y[L1] = r->law == 2 ? x : 0;
   y[XP] = x;
   y[VP] = v;
+  y[THIN] = r->thin_v > 0 ? 1 / (1 + fabs(v) / r->thin_v) : 1;
+  y[PEAK] = 1;
+  y[LEAK] = x;
   m->direction = v < 0 ? -1 : 1;
   m->start = m->furthest = x;
+  m->magnet = m->driven = u;
+  for (int k = 0; k < kPlays; ++k) m->slip[k] = x;
   for (int k = 0; k < kPlays; ++k) m->play[k] = u; /* as after an alternating field that died out */
   magnetise(r, m, u);                              /* relays: risen from zero */
 }
@@ -313,16 +453,25 @@ typedef struct {
   int from, to;
 } Frame;
 
-static double storey_force(const Storey *s, const double *y, int k, double d, double rate, double *dy) {
+static double storey_force(const Storey *s, const Memory *m, const double *y, int k, double d, double rate,
+                           double *dy) {
   double stiffness = s->stiffness;
   if (s->crack > 0 && d > 0) stiffness *= 1 - s->crack;
-  double force = stiffness * d * (1 + s->k3 * d * d) + s->damping * rate + s->c2 * fabs(rate) * rate;
+  const double bend = s->k3 * d * d; /* it takes or gives a quarter of the stiffness at most */
+  double force = stiffness * d * (1 + bend / (1 + 4 * fabs(bend))) + s->damping * rate + s->c2 * fabs(rate) * rate;
   if (s->friction_form == 1) force += s->friction * tanh(rate / 5e-4);
   if (s->friction_form == 2) {
     dy[FQ + k] = rate * (1 - y[FQ + k] * sign(rate));
     dy[FQ + k] /= 6e-5;
     force += s->friction * y[FQ + k];
   }
+  if (s->friction_form == 3) force += s->friction * slipping(m->joint[k], d, s->friction_travel);
+  if (s->friction_form == 4) {
+    const double v = rate / s->friction_v, limit = 1 + (s->friction_static - 1) * exp(-v * v);
+    dy[FQ + k] = (rate - fabs(rate) * y[FQ + k] / limit) / s->friction_travel;
+    force += s->friction * (y[FQ + k] + 1e-4 * dy[FQ + k]);
+  }
+  if (s->slack > 0) force -= s->slack_share * s->stiffness * clip(d, -s->slack, s->slack);
   if (s->yield > 0) { /* half of the stiffness is elastic, half flows */
     double *dq = &dy[FQ + kStoreys + k];
     const double q = y[FQ + kStoreys + k], limit = s->yield / (0.5 * s->stiffness);
@@ -333,15 +482,30 @@ static double storey_force(const Storey *s, const double *y, int k, double d, do
   return force;
 }
 
+/* What bends the storey, m. */
+static double drift(const double *y, int k) { return y[FX + k] - (k ? y[FX + k - 1] : 0) - y[RX]; }
+
+static void remember_joints(const Frame *f, Memory *m, const double *y) {
+  for (int k = 0; k < kStoreys; ++k)
+    if (f->storey[k].friction_form == 3) slip(m->joint[k], drift(y, k), f->storey[k].friction_travel);
+}
+
 /* Absolute accelerations of the floors into acc; states are relative to the ground. */
 static Force frame(const Frame *f, const Memory *m, const double *y, double ground, double u, double *dy, double *acc) {
   const double *x = y + FX, *v = y + FV;
-  double load[kStoreys + 1] = {0};
+  double load[kStoreys + 1] = {0}, moment = 0;
   for (int k = 0; k < kStoreys; ++k) {
-    const double force =
-        storey_force(&f->storey[k], y, k, x[k] - (k ? x[k - 1] : 0), v[k] - (k ? v[k - 1] : 0), dy);
+    const double rate = v[k] - (k ? v[k - 1] : 0) - y[RV];
+    const double force = storey_force(&f->storey[k], m, y, k, drift(y, k), rate, dy);
     load[k + 1] -= force;
     load[k] += force;
+    moment += force;
+  }
+  const Storey *base = f->storey;
+  if (base->rock_mass > 0) {
+    const double dashpot = 2 * base->rock_ratio * sqrt(base->rock_k * base->rock_mass);
+    dy[RX] = y[RV];
+    dy[RV] = (moment - base->rock_k * y[RX] - dashpot * y[RV]) / base->rock_mass;
   }
   const double xa = f->from ? x[f->from - 1] : 0, xb = f->to ? x[f->to - 1] : 0;
   const double va = f->from ? v[f->from - 1] : 0, vb = f->to ? v[f->to - 1] : 0;
@@ -352,7 +516,11 @@ static Force frame(const Frame *f, const Memory *m, const double *y, double grou
     const Storey *s = &f->storey[k];
     if (s->hung_mass > 0) {
       const double w = 2 * kPi * s->hung_hz, d = y[HX + k] - x[k], rate = y[HV + k] - v[k];
-      const double pull = s->hung_mass * (w * w * d + 2 * s->hung_ratio * w * rate);
+      double pull = s->hung_mass * (w * w * d + 2 * s->hung_ratio * w * rate);
+      if (s->hung_gap > 0) {
+        const double depth = fabs(d) - s->hung_gap, hit = w * w * depth + 2 * s->hung_ratio * w * rate * sign(d);
+        pull = s->hung_mass * (s->hung_rub * tanh(rate / 0.002) + (depth > 0 ? sign(d) * positive(hit) : 0));
+      }
       load[k + 1] += pull;
       dy[HX + k] = y[HV + k];
       dy[HV + k] = -pull / s->hung_mass - ground;
@@ -413,7 +581,7 @@ EXPORT long rig_damper(const double *numbers, double h, long n, const double *x,
 #define RATES(i, state, rate) damper(r, &m, state, x[at + (i)], v[at + (i)], u[at + (i)], rate)
     RUNGE_KUTTA(h, kDamper, y, RATES);
 #undef RATES
-    remember(r, &m, y, x[at + 2], v[at + 1], u[at + 2], h);
+    remember(r, &m, y, x[at + 2], v[at + 1], u[at + 2], f.closed, h);
   }
   return -1;
 }
@@ -445,7 +613,8 @@ EXPORT long rig_frame(const double *numbers, const double *storeys, int from, in
 #undef RATES
     const double stroke = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
     const double speed = (to ? y[FV + to - 1] : 0) - (from ? y[FV + from - 1] : 0);
-    remember(f.rig, &m, y, stroke, speed, u[at + 2], h);
+    remember(f.rig, &m, y, stroke, speed, u[at + 2], force.closed, h);
+    remember_joints(&f, &m, y);
   }
   return -1;
 }
@@ -486,7 +655,8 @@ EXPORT long rig_frame_controlled(const double *numbers, const double *storeys, i
 #undef RATES
     const double stroke = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
     const double rate = (to ? y[FV + to - 1] : 0) - (from ? y[FV + from - 1] : 0);
-    remember(f.rig, &m, y, stroke, rate, held, h);
+    remember(f.rig, &m, y, stroke, rate, held, force.closed, h);
+    remember_joints(&f, &m, y);
   }
   return -1;
 }

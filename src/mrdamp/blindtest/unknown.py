@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mrdamp.blindtest.causes import Cause, Form, Scale, Sized
+from mrdamp.blindtest.causes import Cause
+from mrdamp.blindtest.scale import Form, Scale, Sized
 
 
 def _bore_wear(r: np.random.Generator, c: Scale) -> Sized:
@@ -77,8 +78,59 @@ def _clock_drift(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"reading.drift": side * 4e-3 * s}
 
 
-#: Cause -> its stage and form, for a damper.
-DAMPER: Mapping[str, tuple[str, Form]] = {
+def _coarse_steps(r: np.random.Generator, c: Scale) -> Sized:
+    """A current source that knows a few levels only."""
+    return lambda s: {"command.step": 0.7 * c.command * s}
+
+
+def _bias_magnet(r: np.random.Generator, c: Scale) -> Sized:
+    """A permanent magnet against the coil: up to the current that undoes it the field falls."""
+    return lambda s: {"bias_current": 0.5 * c.command * s}
+
+
+def _pole_pull(r: np.random.Generator, c: Scale) -> Sized:
+    """The coil pulls the piston to a pole of its housing, moving or not."""
+    side, at, width = r.choice([-1.0, 1.0]), c.stroke * r.uniform(-0.7, 0.7), c.stroke * r.uniform(0.5, 1.2)
+    force = side * 3.0 * c.force / c.command**2
+    return lambda s: {"pull_force": force * s, "pull_x": at, "pull_width": width}
+
+
+def _poppet_valve(r: np.random.Generator, c: Scale) -> Sized:
+    """A valve that snaps open at a pressure, lets go at half of it, and then takes its time to shut."""
+    fixed = {"poppet_force": c.force * r.uniform(1.3, 1.6), "poppet_time": r.uniform(0.3, 0.8)}
+    return lambda s: {**fixed, "poppet_share": 0.7 * s}
+
+
+def _yield_overshoot(r: np.random.Generator, c: Scale) -> Sized:
+    """Chains of particles that hold more when a stroke begins, and break along it."""
+    path = c.stroke * r.uniform(0.2, 0.6)
+    return lambda s: {"peak_gain": 1.5 * s, "peak_path": path}
+
+
+def _leaking_accumulator(r: np.random.Generator, c: Scale) -> Sized:
+    """A spring that lets go through an orifice."""
+    time = r.uniform(0.06, 0.2)
+    return lambda s: {"leak_k": 0.8 * c.force / c.stroke * s, "leak_time": time, "leak_length": c.stroke}
+
+
+def _intermittent_leak(r: np.random.Generator, c: Scale) -> Sized:
+    """A piston ring that loses part of the force for a while, now and then."""
+    return lambda s: {"rod.leaks": 0.8 * s}
+
+
+def _transducer_slack(r: np.random.Generator, c: Scale) -> Sized:
+    """The displacement transducer's core has play on its rod."""
+    return lambda s: {"reading.slack": 0.2 * c.stroke * s}
+
+
+def _auto_range(r: np.random.Generator, c: Scale) -> Sized:
+    """An amplifier with two ranges that do not agree: the coarse one from a level on, and for a while after."""
+    side, hold = r.choice([-1.0, 1.0]), r.uniform(0.2, 0.8)
+    level = c.force * r.uniform(1.2, 1.6)
+    return lambda s: {"sensor.range": level, "sensor.range_gain": 0.5 * side * s, "sensor.range_hold": hold}
+
+
+_FIRST: Mapping[str, tuple[str, Form]] = {
     "bore_wear": ("fluid", _bore_wear),
     "relief_valve": ("fluid", _relief_valve),
     "cavitation": ("fluid", _cavitation),
@@ -95,6 +147,21 @@ DAMPER: Mapping[str, tuple[str, Form]] = {
     "cross_talk": ("sensor", _cross_talk),
     "clock_drift": ("sensor", _clock_drift),
 }
+_SECOND: Mapping[str, tuple[str, Form]] = {
+    "coarse_steps": ("driver", _coarse_steps),
+    "bias_magnet": ("magnetics", _bias_magnet),
+    "pole_pull": ("magnetics", _pole_pull),
+    "poppet_valve": ("fluid", _poppet_valve),
+    "yield_overshoot": ("fluid", _yield_overshoot),
+    "intermittent_leak": ("fluid", _intermittent_leak),
+    "leaking_accumulator": ("mechanics", _leaking_accumulator),
+    "transducer_slack": ("sensor", _transducer_slack),
+    "auto_range": ("sensor", _auto_range),
+}
+#: Cause -> its stage and form, for a damper.
+DAMPER: Mapping[str, tuple[str, Form]] = {**_FIRST, **_SECOND}
+#: Two groups, drawn equally often.
+GROUPS = (tuple(_FIRST), tuple(_SECOND))
 
 
 def draw(rng: np.random.Generator, name: str, scale: Scale) -> Cause:
