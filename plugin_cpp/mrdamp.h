@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 3 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 4 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -100,6 +100,10 @@ typedef struct {
   const double* acc_lag2;
   const double* friction_width; /* m/s, velocity over which dry friction turns; NULL, 0: it builds up over a drift */
   const double* friction_presliding; /* m, that drift; NULL, 0: 10 um */
+  /* Storeys that are no straight springs, to hold other causes against those of the catalogue: no attributes of the
+   * plugin stand for them. Force per storey beside stiffness times drift x; NULL, 0: none. */
+  const double* one_sided; /* N/m: one_sided x while x is positive, above minus the stiffness */
+  const double* cubic;     /* N/m3: cubic x^3 */
 } mrdamp_frame;
 
 /* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements

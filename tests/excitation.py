@@ -46,12 +46,15 @@ class Motion:
         return Motion(lambda t: -self.x(t), lambda t: -self.v(t), lambda t: -self.a(t))
 
     def shifted(self, d: float) -> Motion:
-        """Seen ``d`` seconds later in the record; at rest before its start."""
+        """Seen ``d`` seconds later in the record; before its start it moves at the velocity that it begins with."""
+        x0, v0 = self.x(0.0), self.v(0.0)
 
-        def moved(f: Function, rest: float) -> Function:
-            return lambda t: f(t + d) if t + d >= 0.0 else rest
+        def moved(f: Function, before: Function) -> Function:
+            return lambda t: f(t + d) if t + d >= 0.0 else before(t + d)
 
-        return Motion(moved(self.x, self.x(0.0)), moved(self.v, 0.0), moved(self.a, 0.0))
+        return Motion(
+            moved(self.x, lambda t: x0 + v0 * t), moved(self.v, lambda t: v0), moved(self.a, lambda t: 0.0)
+        )
 
 
 def sine(amplitude: float, frequency: float, *, phase: float = 0.0, offset: float = 0.0) -> Motion:

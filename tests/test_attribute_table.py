@@ -161,9 +161,10 @@ def test_mjcf_takes_nothing_else(name: str) -> None:
 def test_sensor_takes_what_the_readme_says() -> None:
     names = [name for name in first_column(section("The force sensor")) if name != "signal"]
     assert {name for name in names if name.startswith("sensor_")} < set(NAMES)
-    assert len(names) == 10
+    assert len(names) == 13
     for name in names:
-        assert model("bingham", plain("bingham"), {name: 1.0}).nsensor == 1
+        value = 0.5 if name == "sensor_lag_ratio" else 1.0  # a damping below the critical one
+        assert model("bingham", plain("bingham"), {name: value}).nsensor == 1
     text = section("The force sensor").split("Signals: ", 1)[1]
     for name in re.findall(r"`(\w+)`", text.split("The noise", 1)[0]):
         if name != "channel_shift":
@@ -187,7 +188,7 @@ def test_readme_examples_work(tmp_path: Path) -> None:
 def test_readme_counts_the_state() -> None:
     numbers = [int(line.split("|")[1]) for line in section("State").splitlines() if re.match(r"\| \d", line)]
     base, chain, line, past = numbers
-    assert model("bingham", plain("bingham")).plugin_statenum.tolist() == [base + chain, 7]
+    assert model("bingham", plain("bingham")).plugin_statenum.tolist() == [base + chain, 10]
     assert model("bingham", {**plain("bingham"), "command_delay_d": 0.1}).plugin_statenum[0] == base + chain + line
     assert model("narx", plain("narx")).plugin_statenum[0] == base + chain + past
 

@@ -11,10 +11,11 @@ import pytest
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.experiment import SECONDS, Envelope, Signal, columns, drawn, neighbour
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.next_test import Bench, Pair, Steps, best, next_test
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import judge
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.terms import Hypothesis, Settings
 from mrdamp.diagnosis.ties import could_hide
 from mrdamp.errors import InputError

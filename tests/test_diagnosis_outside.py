@@ -19,6 +19,7 @@ from mrdamp.diagnosis.outside import (
     forced,
     grouped,
     inside_of,
+    read,
 )
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import diagnose, judge
@@ -122,6 +123,20 @@ def test_wear_and_side_load_act_where_they_are() -> None:
     np.testing.assert_allclose(forced(wear, np.array([8.0, 8.0]), x, v), [8.0, 6.0], rtol=1e-5)
     load = {"outside_side_force": 500.0, "outside_side_x": 0.001, "outside_side_v": 0.001}
     np.testing.assert_allclose(forced(load, np.zeros(2), x, v), [0.5, -1.5])
+
+
+def test_settled_particles_are_stirred_up_over_the_path() -> None:
+    x = np.array([0.0, 0.002, -0.001, -0.001])
+    settled = {"outside_settled_loss": 0.4, "outside_settled_path": 0.005}
+    lost = 0.4 * np.exp(-np.array([0.0, 0.002, 0.005, 0.005]) / 0.005)
+    np.testing.assert_allclose(forced(settled, np.full(4, 10.0), x, 0 * x), 10 * (1 - lost))
+
+
+def test_the_command_is_heard_by_the_own_sensor_alone() -> None:
+    force, command = np.array([5.0, -5.0]), np.array([0.5, 1.0])
+    np.testing.assert_allclose(read({"outside_talk": 20.0}, "force", force, command), [15.0, 15.0])
+    np.testing.assert_array_equal(read({"outside_talk": 20.0}, "reference", force, command), force)
+    np.testing.assert_array_equal(read({}, "force", force, command), force)
 
 
 def test_sets_with_the_same_rival_run_together_and_the_chain_sees_none_of_it() -> None:

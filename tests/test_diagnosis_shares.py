@@ -17,12 +17,13 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.damper_where import parts
 from mrdamp.diagnosis.fit import Fit, fit
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import draws, of_records, seconds, spread
 from mrdamp.diagnosis.result import Measured
 from mrdamp.diagnosis.rig import models_of
 from mrdamp.diagnosis.run import judge
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.diagnosis.where import stage_intervals, stage_shares
 from mrdamp.errors import InputError

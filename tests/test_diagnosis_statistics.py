@@ -13,10 +13,11 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.ceiling import ceiling, memory, of_fit, stroke_since_reversal
 from mrdamp.diagnosis.fit import fit, leave_out
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.noise import channel_noise
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import judge, with_nearest
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.settle import heldout
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.store import Store

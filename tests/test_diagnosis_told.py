@@ -15,9 +15,9 @@ from mrdamp.core import Array
 from mrdamp.diagnosis import search as searching
 from mrdamp.diagnosis.case import read_case
 from mrdamp.diagnosis.fit import Fit, fit, taken_up
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import diagnose
-from mrdamp.diagnosis.search import Limits
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.record_csv import render
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim, lti
 
 from dampers import attributes, rms, sample
 from excitation import multisine, wave
@@ -132,3 +134,118 @@ def test_magnetic_circuit_remembers_how_it_got_to_the_start() -> None:
     field = run("field", ramp, remanence_b=b, remanence_d=d, remanence_start=start)
     branch = 1 + (start - 1) * np.exp(-(ramp - 0.5) / d)
     np.testing.assert_allclose(field, ramp - b * branch, atol=2e-3)
+
+
+def test_a_moving_mass_rings_on_its_own_spring() -> None:
+    """Against SciPy: the load cell feels the mass's own acceleration, whatever the step."""
+    mass, hz, ratio = 5.0, 12.0, 0.1
+    w = 2 * np.pi * hz
+    system = lti([2 * ratio * w, w**2], [1, 2 * ratio * w, w**2])  # y'' over x''
+    rod = -0.01 * (2 * np.pi * 1.5) ** 2 * np.sin(2 * np.pi * 1.5 * T)
+    felt = lsim(system, rod, T)[1]
+    hung = {"moving_mass_m": mass, "moving_mass_hz": hz, "moving_mass_ratio": ratio}
+    added = run("reference", **hung) - run("reference")
+    np.testing.assert_allclose(added[20:], mass * felt[20:], atol=0.01 * mass * np.abs(rod).max())
+    assert rms(added - mass * rod) > 0.02 * mass * rms(rod)  # a mass held rigidly is another force
+    assert run("true", **hung) == pytest.approx(run("true"))  # the damper itself feels nothing of it
+
+
+def test_a_share_of_the_charge_leaks_by_itself() -> None:
+    share, fast, slow = 0.3, 0.2, 2.0
+
+    def behind(**tau: float) -> np.ndarray:
+        return run("force", **{f"sensor_leakage_{k}": v for k, v in tau.items()})
+
+    expected = (1 - share) * behind(tau=fast) + share * behind(tau=slow)
+    np.testing.assert_allclose(behind(tau=fast, share=share, tau2=slow), expected, atol=1e-8)
+    expected = (1 - share) * behind(tau=fast) + share * run("force")
+    np.testing.assert_allclose(behind(tau=fast, share=share), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("ratio", [0.35, 0.71, 0.95])
+def test_a_filter_of_second_order_has_its_damping(ratio: float) -> None:
+    tau = 0.012
+    w = 2 * ratio / tau
+    force = run("force", STEP)
+    expected = lsim(lti([w**2], [1, tau * w**2, w**2]), force - force[0], T)[1] + force[0]
+    found = run("force", STEP, sensor_lag_tau=tau, sensor_lag_ratio=ratio)
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(force).max())
+
+
+def test_heat_flows_from_the_fluid_to_its_body() -> None:
+    """Against SciPy: two bodies that the damper's own power warms, and a viscosity that falls as a hyperbola."""
+    heat = {"heating_kappa": 0.4, "heating_shape": 1.0, "heating_capacity": 2.0, "heating_link": 6.0,
+            "heating_body": 5.0, "heating_loss": 1.0}  # fmt: skip
+    dt, t = 1e-3, np.arange(0.0, 4.0, 1e-3)
+    x, v = 0.01 * np.sin(9 * t), 0.09 * np.cos(9 * t)
+    out = core.run("bingham", BINGHAM | heat, dt, x, v, u=0.5, columns=("temperature", "true"))
+
+    def force(time: float, rise: float) -> float:
+        speed = 0.09 * np.cos(9 * time)
+        return float(950 * speed / (1 + 0.4 * rise) + 250 * np.tanh(speed / 0.004))
+
+    def rates(time: float, y: np.ndarray) -> list[float]:
+        power, flow = abs(force(time, y[0]) * 0.09 * np.cos(9 * time)), 6 * (y[0] - y[1])
+        return [(power - flow) / 2, (flow - y[1]) / 5]
+
+    rise = solve_ivp(rates, (0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-8, atol=1e-8, max_step=0.01).y[0]
+    np.testing.assert_allclose(out["temperature"], rise, atol=0.01 * rise.max())
+    expected = np.array([force(*pair) for pair in zip(t, rise, strict=True)])
+    np.testing.assert_allclose(out["true"][5:-5], expected[5:-5], atol=1.0)
+    assert rise.max() > 2.0
+
+
+def test_a_pocket_loses_by_the_velocity() -> None:
+    loss, reach, length, width = 0.6, 0.008, 0.003, 0.02
+    gas = {
+        "trapped_gas_d": loss,
+        "trapped_gas_reach": reach,
+        "trapped_gas_s_g": length,
+        "trapped_gas_shape": 1.5,
+    }
+    x, v = X, 0.03 * np.pi * np.cos(3 * np.pi * T)
+    plain, with_gas = run("force"), run("force", trapped_gas_width=width, **gas)
+    pocket = [0.0]
+    for step in np.diff(x):
+        pocket.append(min(max(pocket[-1] + step, 0.0), reach))
+    expected = 1 - loss * np.tanh(np.maximum(v, 0) / width) * np.exp(-((np.array(pocket) / length) ** 1.5))
+    np.testing.assert_allclose((plain * expected)[5:-5], with_gas[5:-5], atol=0.005 * plain.max())
+    assert expected.min() < 0.5
+
+
+def test_a_magnetic_circuit_may_have_risen_from_zero() -> None:
+    """A test at a constant current begins on the way up from zero, further the larger the current is."""
+    b, d = 0.1, 0.2
+    for u in (0.0, 0.3, 1.0):
+        field = run("field", u, remanence_b=b, remanence_d=d, remanence_rise=1.0)
+        np.testing.assert_allclose(field, u - b * (1 - np.exp(-u / d)), atol=1e-12)
+
+
+def test_a_late_reading_goes_on_beyond_the_record() -> None:
+    """What a record's end does not show is taken to go on: standing still there, the last samples would be far off."""
+    shift, v = 0.004, 0.03 * np.pi * np.cos(3 * np.pi * T)
+    late = core.run("bingham", {**BINGHAM, "channel_shift_d": shift}, DT, X, v, u=0.5, columns=("force",))[
+        "force"
+    ]
+    there = 0.03 * np.pi * np.cos(3 * np.pi * (T + shift))
+    expected = 950 * there + 250 * np.tanh(there / 0.004)
+    np.testing.assert_allclose(late[-8:], expected[-8:], atol=0.02 * np.abs(expected).max())
+
+
+def test_small_loops_of_a_magnetic_circuit_close() -> None:
+    """With stops of Prandtl and Ishlinskii, written out: a current that comes back finds the field that it left."""
+    b, d = 0.1, 0.2
+    up = np.concatenate([np.linspace(0, 0.8, 500), np.linspace(0.8, 0.5, 200), np.linspace(0.5, 0.6, 100)])
+    current = np.concatenate([up, np.linspace(0.6, 0.55, 100), np.linspace(0.55, 0.6, 100)])
+    current = np.concatenate([current, np.full(len(T) - len(current), 0.6)])
+    widths = d * 2 * np.arange(1, 7) / 7
+    stops, branch = np.zeros(6), [0.0]
+    for step in np.diff(current):
+        stops = np.clip(stops + step, -widths, widths)
+        branch.append(float(np.mean(stops) / d))
+    # A straight command, not a held one: the field is that of the sample itself.
+    field = run("field", current, remanence_b=b, remanence_d=d, remanence_stops=1.0)
+    np.testing.assert_allclose(field, current - b * np.array(branch), atol=2e-3)
+    assert field[999] == pytest.approx(field[799], abs=1e-9)
+    open_loop = run("field", current, remanence_b=b, remanence_d=d)
+    assert abs(open_loop[999] - open_loop[799]) > 1e-3

@@ -56,6 +56,9 @@ class ToyRig:
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         return self._answer(settings, np.asarray(self.records[record].displacement))
 
+    def rougher(self, terms: Sequence[Term]) -> ToyRig | None:
+        return None
+
     def _answer(self, settings: Sequence[Settings], x: Array) -> Array:
         made = parts(x)
         full = [{"gain": 2.0} | dict(s) for s in settings]

@@ -18,10 +18,11 @@ import numpy as np
 from mrdamp.core import Array
 from mrdamp.diagnosis.case import Case, read_case
 from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem import SKIP, Problem
 from mrdamp.diagnosis.run import make_rig
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.verdict import REDUCIBLE, Scored, decide
 from mrdamp.errors import InputError
 

@@ -27,16 +27,18 @@ from mrdamp.blindtest import causes, damper_case, dampers, excitation, recorder
 from mrdamp.blindtest.bench import Truth, damper_channels, nominal_damper
 from mrdamp.blindtest.excitation import GRID_HZ, Excitation
 from mrdamp.blindtest.rig import Array, BlownUp
+from mrdamp.blindtest.scale import Sized
 from mrdamp.blindtest.sizing import Task, pooled, relative, size_for
 from mrdamp.commands.output import save_picture
 from mrdamp.diagnosis.case import Case, read_case
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.experiment import columns, drawn
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose, judge, make_rig
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.terms import Term
 from mrdamp.diagnosis.ties import tie_classes
 from mrdamp.diagnosis.verdict import Scored, by_causes
@@ -125,7 +127,7 @@ def left_open(found: Diagnosis) -> frozenset[str]:
 
 def outcome(case: Case, open_causes: frozenset[str], cause: str) -> Outcome:
     """The records of a case, explained by what was left open."""
-    rig = Narrowed(case.model, case.records, open_causes)
+    rig = Narrowed(case.model, case.records, causes=open_causes)
     noise, _ = repeatable(channel_noise(case, rig), case, rig)
     plain = Problem(rig, stride=_STRIDE, coarse=True)
     floor = floors(plain, noise, {})
@@ -208,7 +210,7 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence, count
     )
 
 
-def _size(plain: Truth, sized: causes.Sized, tests: list[Excitation]) -> float:
+def _size(plain: Truth, sized: Sized, tests: list[Excitation]) -> float:
     """The cause's size at which it opens the gap."""
     still = np.random.default_rng(0)
 

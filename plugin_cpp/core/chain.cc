@@ -31,12 +31,12 @@ struct Piece {
 Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
   Fluid f;
   f.b = field;
-  if (d.p.heating_kappa != 0) f.viscosity = std::exp(-d.p.heating_kappa * c.heat);
+  if (d.p.heating_kappa != 0) f.viscosity = Thinned(d.p, c.heat);
   if (d.p.heating_kappa_yield != 0) f.yield = std::exp(-d.p.heating_kappa_yield * c.heat);
   return f;
 }
 
-double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil, c.branch); }
+double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil, c.magnet.branch); }
 
 LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v) {
   const ChainState& c = s.c;
@@ -76,8 +76,8 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
   double factor = 1;
   if (p.trapped_gas_d != 0) {
     Stroke stroke = s.c.stroke;
-    stroke.Follow(x, p.trapped_gas_reach);
-    factor *= TrappedGas(p, stroke, x);
+    stroke.Follow(x, p);
+    factor *= TrappedGas(p, stroke, x, v);
   }
   *slope = factor * rate * f.slope;
   *fluid = factor * f.fluid;
@@ -98,8 +98,9 @@ int Pieces(const Damper& d, double dt) {
   return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
-// Fluid and mechanics over a piece of piston motion; field0 and field1 at its ends.
-void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
+// Fluid and mechanics over a piece of piston motion; field0 and field1 at its ends. near: where the law's own solve
+// for its state r begins.
+void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, double field1, double near) {
   ChainState& c = s->c;
   const Params& p = d.p;
   const double path = m.path(), mean = 0.5 * (m.va + m.vb);
@@ -115,7 +116,7 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
     if (d.law == Law::kBoucWen) {
       c.z = BoucWen::Step(p, k, c.z, m.va, m.vb, m.dt);
     } else if (d.law == Law::kHyperbolicTangent) {
-      HyperbolicTangent::Step(p, k, &c.z, &c.r, m.x, m.va, m.vb, m.dt);
+      HyperbolicTangent::Step(p, k, &c.z, &c.r, m.x, m.va, m.vb, m.dt, near);
     } else {
       ModifiedBoucWen::Step(p, k, &c.z, &c.r, m.va, m.vb, m.dt);
     }
@@ -123,11 +124,13 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   c.time += m.dt;
   const double x = m.x + path;
   if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
-  if (p.trapped_gas_d != 0) c.stroke.Follow(x, p.trapped_gas_reach);
+  if (p.trapped_gas_d != 0) c.stroke.Follow(x, p);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
     double slope, fluid;
     PistonForce(d, *s, field1, x, m.vb, &slope, &fluid);
-    c.heat = Heat(p, c.heat, std::fabs(fluid * m.vb), m.dt);
+    const Rise rise = Heat(p, {c.heat, c.body}, std::fabs(fluid * m.vb), m.dt);
+    c.heat = rise.fluid;
+    c.body = rise.body;
   }
 }
 
@@ -137,7 +140,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
   constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
   const Params& p = d.p;
   const double x0 = s->c.piston, v0 = s->c.piston_velocity, h = kGamma * m.dt;
-  const double mass = p.moving_mass_m;
+  const double mass = RigidMass(p);
   const double field_mid = field0 + kGamma * (field1 - field0);
   NarxHistory past;
 
@@ -147,26 +150,35 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
                          double to, double guess) {
     const ChainState start = s->c;
     if (s->past) past = *s->past;
-    double tried = guess;  // where the state in s stands
+    double tried = guess, held = 0, own = start.piston_slope;  // where the state in s stands, force, its slope
     const auto attempt = [&](double v) {
-      tried = v;
+      const double near = s->c.r;
       s->c = start;
       if (s->past) *s->past = past;
       const double x = base + h * v;
-      PistonPiece(d, s, {x_from, 2 * (x - x_from) / dt - v, v, dt}, from, to);
+      PistonPiece(d, s, {x_from, 2 * (x - x_from) / dt - v, v, dt}, from, to, near);
       return x;
     };
     const auto residual = [&](double v) {
       const double x = attempt(v);
       double slope, fluid;
       const double force = PistonForce(d, *s, to, x, v, &slope, &fluid);
+      const double dv = v - tried;
+      if (!(own > 0)) own = slope;
+      else if (std::fabs(dv) > 1e-6 * std::fabs(v)) own = (force - held) / dv;
+      tried = v;
+      held = force;
       return force + mass * (v - base_velocity) / h - MountForce(p, rod - x);
     };
-    double slope, fluid;
-    const double scale = std::fabs(PistonForce(d, *s, from, x_from, guess, &slope, &fluid));
-    const double v = SolveIncreasing(residual, guess, slope + MountSlope(p, rod - x_from) * h + mass / h, 1e-7 * scale + 1e-7);
+    if (!(own > 0)) {
+      double fluid;
+      PistonForce(d, *s, from, x_from, guess, &own, &fluid);
+    }
+    const double scale = std::fabs(MountForce(p, rod - x_from));
+    const double v = SolveIncreasing(residual, guess, own + MountSlope(p, rod - x_from) * h + mass / h, 1e-6 * scale + 1e-7);
     s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
+    s->c.piston_slope = own;
     return v;
   };
   const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();
@@ -182,8 +194,8 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   ChainState& c = s->c;
   c = ChainState();
   c.coil1 = c.coil = d.Clamp(u);
-  c.branch = d.p.remanence_start;
-  c.heat = d.p.heating_start;
+  c.magnet.Start(d.p, d.Clamp(u));
+  c.heat = c.body = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
   c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
   if (d.p.trapped_gas_direction < 0) c.stroke.pocket = d.p.trapped_gas_reach;
@@ -218,7 +230,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     const double field0 = FieldNow(d, c);
     const double first = Drive(c.coil1, from, to, p, dt);
     const double coil = Lag(c.coil, HasFirstPole(p) ? c.coil1 : from, first, p.driver_lag_tau2, dt);
-    if (p.remanence_b > 0) c.branch = coil == c.coil ? c.branch : Branch(p, c.branch, c.coil, coil);
+    if (p.remanence_b > 0) c.magnet.Follow(p, c.coil, coil);
     c.coil1 = first;
     c.coil = coil;
     const double field1 = FieldNow(d, c);
@@ -226,7 +238,8 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     const bool jump = d.hold && !HasLag(p);
     const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
     if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
-    else PistonPiece(d, s, piece, jump ? field1 : field0, field1);
+    else PistonPiece(d, s, piece, jump ? field1 : field0, field1, c.r);
+    Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
     x += piece.path();
   }
   if (!mount) {
@@ -244,7 +257,7 @@ ChainState Commanded(const Damper& d, const State& s, double u) {
   if (HasLag(p)) return c;
   double now = d.Clamp(u);
   if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
-  if (p.remanence_b > 0 && now != c.coil) c.branch = Branch(p, c.branch, c.coil, now);
+  if (p.remanence_b > 0) c.magnet.Follow(p, c.coil, now);
   c.coil = now;
   return c;
 }
@@ -276,9 +289,10 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
     o.slope = 0;
   } else {
     o.damper = PistonForce(d, s, o.field, x, v, &o.slope, &fluid);
-    o.force = o.damper + p.moving_mass_m * a;
+    o.force = o.damper + RigidMass(p) * a;
     o.piston = x;
   }
+  o.force += RingingForce(p, s.c.felt);
   o.inner = c.z;
   return o;
 }

@@ -8,6 +8,8 @@
 #include "core/params.h"
 #include "effects/driver.h"
 #include "effects/fluid.h"
+#include "effects/magnetics.h"
+#include "effects/oscillator.h"
 #include "laws/coefficients.h"
 #include "laws/narx.h"
 
@@ -27,12 +29,14 @@ struct Damper {
 struct ChainState {
   double time = 0;             // s since the start
   double coil1 = 0, coil = 0;  // current behind the driver's first and second pole
-  double branch = 0;           // remanence
-  double heat = 0;             // K
+  Magnet magnet;               // remanence
+  double heat = 0, body = 0;   // K, of the fluid and of the body around it
   double z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
   double bristle = 0;          // m, seal friction
   double piston = 0, piston_velocity = 0;  // behind the mount
+  double piston_slope = 0;     // N s/m, d(force)/dv of the last balance, where the next one's solve begins
   Stroke stroke;
+  Oscillator felt;  // m/s2, acceleration of a moving mass on a spring of its own
 };
 
 inline constexpr int kChainSize = sizeof(ChainState) / sizeof(double);

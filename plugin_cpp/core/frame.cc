@@ -38,6 +38,13 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
       return false;
     }
   }
+  for (int i = 0; i < n; i++) {
+    const double side = f.one_sided ? f.one_sided[i] : 0, cubic = f.cubic ? f.cubic[i] : 0;
+    if (std::isfinite(side) && std::isfinite(cubic) && f.stiffness[i] + side > 0) continue;
+    std::snprintf(error, error_size, "structure: one_sided, cubic of storey %d are %g, %g; allowed are finite numbers that"
+                  " leave a stiffness above 0", i + 1, side, cubic);
+    return false;
+  }
   if (f.damper_to >= 0 && (f.damper_from < 0 || f.damper_from == f.damper_to || f.damper_from > n || f.damper_to > n)) {
     std::snprintf(error, error_size, "damper_between: [%d, %d]; allowed are two different floors of 0 (ground) to %d",
                   f.damper_from, f.damper_to, n);
@@ -50,11 +57,12 @@ namespace {
 
 constexpr double kPresliding = 1e-5;  // m of drift over which dry friction in a storey builds up, unless given
 
-// One scalar element that acts on the structure along a direction: the damper, or dry friction in a storey.
+// One scalar element that acts on the structure along a direction: the damper, or what else than a spring a storey is.
 struct Element {
   int input;                   // column of the structure's inputs
   int upper, lower;            // floor indices, -1 the ground
   double force = 0, next = 0;  // at the start and the end of the step
+  bool ready = false;          // the damper's trial state was stepped to the end that was found
 };
 
 class Structure {
@@ -81,7 +89,7 @@ class Structure {
     }
   }
 
-  // Inputs: 0 ground acceleration, 1 damper, 2 + j friction of storey j. Acceleration of floor i per unit.
+  // Inputs: 0 ground acceleration, 1 damper, 2 + j the element of storey j. Acceleration of floor i per unit.
   double Input(int i, int k) const {
     if (k == 0) return -1;
     const int upper = k == 1 ? f_.damper_to - 1 : k - 2, lower = k == 1 ? f_.damper_from - 1 : k - 3;
@@ -123,12 +131,22 @@ class Structure {
 
 // Dry friction of a storey at the end of a step of drift dx that ends at velocity v; follows the bristle q.
 double Dry(const mrdamp_frame& f, int storey, double v, double dx, double* q) {
-  const double limit = f.friction[storey], width = f.friction_width ? f.friction_width[storey] : 0;
+  const double limit = f.friction ? f.friction[storey] : 0, width = f.friction_width ? f.friction_width[storey] : 0;
+  if (!(limit > 0)) return 0;
   if (width > 0) return limit * std::tanh(v / width);
   const double drift = f.friction_presliding ? f.friction_presliding[storey] : 0;
   const double sigma = limit / (drift > 0 ? drift : kPresliding);
   *q = SealFriction::Follow(*q, dx, limit, sigma);
   return sigma * *q;
+}
+
+bool IsBent(const mrdamp_frame& f, int storey) {
+  return (f.one_sided && f.one_sided[storey] != 0) || (f.cubic && f.cubic[storey] != 0);
+}
+
+// What a storey's spring has besides its stiffness at the drift x.
+double Bent(const mrdamp_frame& f, int storey, double x) {
+  return (f.one_sided ? f.one_sided[storey] * std::max(x, 0.0) : 0) + (f.cubic ? f.cubic[storey] * x * x * x : 0);
 }
 
 }  // namespace
@@ -144,8 +162,8 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
   std::vector<Element> elements;
   if (damped) elements.push_back({1, f.damper_to - 1, f.damper_from - 1});
   std::vector<double> bristle(n, 0.0);
-  for (int j = 0; f.friction && j < n; j++) {
-    if (f.friction[j] > 0) elements.push_back({2 + j, j, j - 1});
+  for (int j = 0; j < n; j++) {
+    if ((f.friction && f.friction[j] > 0) || IsBent(f, j)) elements.push_back({2 + j, j, j - 1});
   }
 
   std::vector<double> q(2 * n, 0.0), free(2 * n), next(2 * n);
@@ -221,9 +239,10 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
           const double x0 = Structure::Along(q, 0, e), v0 = Structure::Along(q, n, e);
           const double hold_v = structure.Along(structure.hold(), n, e, e), hold_x = structure.Along(structure.hold(), 0, e, e);
           const double ramp_v = structure.Along(structure.ramp(), n, e, e), ramp_x = structure.Along(structure.ramp(), 0, e, e);
-          const double wv = ramp_v + blend[j] * hold_v, wx = ramp_x + blend[j] * hold_x;
+          double wv = ramp_v + blend[j] * hold_v, wx = ramp_x + blend[j] * hold_x, tried = 0;
           // Force of the element when the step ends at velocity v.
           const auto law = [&](double v, double x) {
+            tried = v;
             if (e.input == 1) {
               trial.s.c = state.s.c;
               if (trial.s.past) trial.past = state.past;
@@ -232,27 +251,33 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
               return Observe(d, trial.s, x, v, (v - v0) / h, u1).force;
             }
             double q = bristle[e.input - 2];
-            return Dry(f, e.input - 2, v, x - x0, &q);
+            return Dry(f, e.input - 2, v, x - x0, &q) + Bent(f, e.input - 2, x);
           };
-          double force = e.next;
           const auto residual = [&](double v) {
             const double along = (v - fv) / wv;
-            force = law(v, fx + wx * along);
-            return force - along;
+            return law(v, fx + wx * along) - along;
           };
-          const double guess = fv + wv * e.next;
-          double slope = -1 / wv;
+          double guess = fv + wv * e.next, slope = -1 / wv;
           if (sweep == 0) {
             if (e.input == 1) slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
             // The slope over all that the step may bring, from no force to the force without give (core/weight.h).
             const double f0 = law(fv, fx), dv = 2 * ramp_v * f0;
             if (std::fabs(dv) > 1e-12 * std::fabs(fv) + 1e-15) {
-              const double f1 = law(fv + dv, fx + 2 * ramp_x * f0);
-              blend[j] = 2 * EndWeight(-2 * ramp_v * std::max(0.0, (f1 - f0) / dv)) - 1;
+              const double f1 = law(fv + dv, fx + 2 * ramp_x * f0), rise = std::max(0.0, (f1 - f0) / dv), free_v = fv;
+              blend[j] = 2 * EndWeight(-2 * ramp_v * rise) - 1;
+              fx -= hold_x * e.force * blend[j];
+              fv -= hold_v * e.force * blend[j];
+              wx += blend[j] * hold_x;
+              wv += blend[j] * hold_v;
+              if (e.input == 1) {  // along the secant of these two the balance is near
+                slope = rise - 1 / wv;
+                guess = fv + wv * (f0 + rise * (fv - free_v)) / (1 - rise * wv);
+              }
             }
           }
-          const double solved = SolveIncreasing(residual, guess, slope, 1e-8 * std::fabs(e.next) + 1e-7);
+          const double solved = SolveIncreasing(residual, guess, slope, 1e-7 * std::fabs(e.next) + 1e-7);
           const double along = (solved - fv) / wv;
+          e.ready = tried == solved;
           moved = std::max(moved, std::fabs(along - e.next));
           size = std::max(size, std::fabs(along));
           e.next = along;
@@ -269,12 +294,14 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
         const double x0 = Structure::Along(q, 0, e), v0 = Structure::Along(q, n, e);
         const double x1 = Structure::Along(next, 0, e), v1 = Structure::Along(next, n, e);
         if (e.input == 1) {
-          Advance(d, &state.s, {x0, v0, x1, v1, h}, u0, u1);
+          // Where no other element acts, what was found is where the step ends.
+          if (e.ready && elements.size() == 1 && !state.s.past) state.s.c = trial.s.c;
+          else Advance(d, &state.s, {x0, v0, x1, v1, h}, u0, u1);
           Settle(d, &state.s, x1, v1, step + 1 == inner ? u[k] : u1);
           acceleration_along = (v1 - v0) / h;
           e.force = e.next;
         } else {
-          e.force = Dry(f, e.input - 2, v1, x1 - x0, &bristle[e.input - 2]);
+          e.force = Dry(f, e.input - 2, v1, x1 - x0, &bristle[e.input - 2]) + Bent(f, e.input - 2, x1);
         }
       }
       q.swap(next);

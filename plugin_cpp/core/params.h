@@ -7,6 +7,7 @@
 
 namespace mrdamp {
 
+inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kInf = std::numeric_limits<double>::infinity();
 inline constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 

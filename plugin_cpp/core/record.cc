@@ -20,7 +20,8 @@ std::vector<double> Differentiate(const double* x, int n, double dt) {
 
 namespace {
 
-// channel_shift: the true motion x_true(t) = x_read(t + d), by cubic Hermite pieces; ends are held.
+// channel_shift: the true motion x_true(t) = x_read(t + d), by cubic Hermite pieces. Beyond its ends the motion
+// goes on at its velocity: to stand still there would be a jump.
 struct Shifted {
   std::vector<double> x, v, a;
 
@@ -32,8 +33,10 @@ struct Shifted {
       const double x0 = r.x[k], x1 = r.x[k + 1], v0 = r.v[k] * h, v1 = r.v[k + 1] * h;
       const double b = 3 * (x1 - x0) - 2 * v0 - v1, c = 2 * (x0 - x1) + v0 + v1;
       x[i] = x0 + w * (v0 + w * (b + w * c));
-      const bool outside = at < 0 || at > r.n - 1;
-      v[i] = outside ? 0 : (v0 + w * (2 * b + 3 * w * c)) / h;
+      const double beyond = at - std::clamp(at, 0.0, r.n - 1.0);
+      const bool outside = beyond != 0;
+      v[i] = (v0 + w * (2 * b + 3 * w * c)) / h;
+      if (outside) x[i] += beyond * h * v[i];
       a[i] = outside ? 0 : r.a[k] + w * (r.a[k + 1] - r.a[k]);
     }
   }

@@ -8,11 +8,28 @@
 
 namespace mrdamp {
 
-// heating: C T' = power - H T over dt, exact for a constant power (W).
-inline double Heat(const Params& p, double rise, double power, double dt) {
-  if (!(p.heating_loss > 0)) return rise + power * dt / p.heating_capacity;
-  const double rest = power / p.heating_loss;
-  return rest + (rise - rest) * std::exp(-p.heating_loss / p.heating_capacity * dt);
+// C T' = power - H T over dt, exact for a constant power (W).
+inline double Warm(double rise, double power, double capacity, double loss, double dt) {
+  if (!(loss > 0)) return rise + power * dt / capacity;
+  const double rest = power / loss;
+  return rest + (rise - rest) * std::exp(-loss / capacity * dt);
+}
+
+// heating of the fluid, and of the body around it (K both) where it has one.
+struct Rise {
+  double fluid, body;
+};
+inline Rise Heat(const Params& p, Rise r, double power, double dt) {
+  if (!(p.heating_link > 0)) return {Warm(r.fluid, power, p.heating_capacity, p.heating_loss, dt), r.body};
+  const double flow = p.heating_link * (r.fluid - r.body);
+  return {Warm(r.fluid, power + p.heating_link * r.body, p.heating_capacity, p.heating_link, dt),
+          Warm(r.body, flow, p.heating_body, p.heating_loss, dt)};
+}
+
+// What is left of the viscosity.
+inline double Thinned(const Params& p, double rise) {
+  if (!(p.heating_shape > 0)) return std::exp(-p.heating_kappa * rise);
+  return std::pow(std::fmax(1 + p.heating_kappa * rise / p.heating_shape, 1e-3), -p.heating_shape);
 }
 
 // asymmetry: 1 + a sgn v, turned over a small velocity so that the force has no jump.
@@ -27,8 +44,8 @@ inline double AsymmetryByForce(const Params& p, double f, double* rate) {
   return f * (1 + p.asymmetry_a * t);
 }
 
-// trapped_gas: the stroke since the last turn. A turn counts from 10 um of way back, so that the noise of a
-// measured displacement is none.
+// trapped_gas: the stroke since the last turn. A turn counts from some way back, so that the noise of a measured
+// displacement is none.
 struct Stroke {
   double extreme = 0;    // m: furthest point of this stroke
   double turn = 0;       // m: where it began
@@ -36,18 +53,18 @@ struct Stroke {
   double last = 0;       // m
   double pocket = 0;     // m that the gas is pressed together by extension, 0 to its reach
 
-  void Follow(double x, double reach) {
-    constexpr double kBack = 1e-5;
+  void Follow(double x, const Params& p) {
+    const double reach = p.trapped_gas_reach, back = p.trapped_gas_turn;
     pocket = std::fmin(std::fmax(pocket + x - last, 0), reach);
     last = x;
     if (direction == 0) {
-      if (std::fabs(x - turn) > kBack) {
+      if (std::fabs(x - turn) > back) {
         direction = x > turn ? 1 : -1;
         extreme = x;
       }
     } else if ((x - extreme) * direction >= 0) {
       extreme = x;
-    } else if ((extreme - x) * direction > kBack) {
+    } else if ((extreme - x) * direction > back) {
       turn = extreme;
       extreme = x;
       direction = -direction;
@@ -55,13 +72,16 @@ struct Stroke {
   }
 };
 
-inline double TrappedGas(const Params& p, const Stroke& stroke, double x) {
-  if (p.trapped_gas_d == 0 || stroke.direction == 0) return 1;
-  if (p.trapped_gas_direction != 0 && stroke.direction * p.trapped_gas_direction < 0) return 1;
-  const double pressed = stroke.direction > 0 ? stroke.pocket : p.trapped_gas_reach - stroke.pocket;
+inline double TrappedGas(const Params& p, const Stroke& stroke, double x, double v) {
+  const bool by_velocity = p.trapped_gas_reach > 0 && p.trapped_gas_width > 0;
+  const double direction = by_velocity ? v : stroke.direction;
+  if (p.trapped_gas_d == 0 || direction == 0) return 1;
+  if (p.trapped_gas_direction != 0 && direction * p.trapped_gas_direction < 0) return 1;
+  const double pressed = direction > 0 ? stroke.pocket : p.trapped_gas_reach - stroke.pocket;
   const double s = (p.trapped_gas_reach > 0 ? pressed : x - stroke.turn) / p.trapped_gas_s_g;
   const double power = p.trapped_gas_shape == 2 ? s * s : std::pow(std::fabs(s), p.trapped_gas_shape);
-  return 1 - p.trapped_gas_d * std::exp(-power);
+  const double moving = by_velocity ? std::tanh(std::fabs(v) / p.trapped_gas_width) : 1;
+  return 1 - p.trapped_gas_d * moving * std::exp(-power);
 }
 
 }  // namespace mrdamp

@@ -22,6 +22,39 @@ inline double Branch(const Params& p, double h, double from, double to) {
   return sign + (h - sign) * std::exp(-std::fabs(to - from) / p.remanence_d);
 }
 
+// Where on its hysteresis a magnetic circuit is. Plain doubles.
+struct Magnet {
+  static constexpr int kStops = 6;
+  double branch = 0;         // h
+  double stop[kStops] = {};  // in units of the current, where remanence_stops asks for them
+
+  // At rest with the first command u.
+  void Start(const Params& p, double u) {
+    branch = p.remanence_start;
+    for (int k = 0; k < kStops; k++) stop[k] = branch * Width(p, k);
+    Follow(p, 0, p.remanence_rise * u);
+  }
+  // Along a path of the current. With stops (Prandtl and Ishlinskii) small loops close where they began, which those
+  // of the equation do not; demagnetised, both begin with the slope 1 / D.
+  void Follow(const Params& p, double from, double to) {
+    if (to == from) return;
+    if (!(p.remanence_stops > 0)) {
+      branch = Branch(p, branch, from, to);
+      return;
+    }
+    branch = 0;
+    for (int k = 0; k < kStops; k++) {
+      const double width = Width(p, k);
+      stop[k] = std::fmin(std::fmax(stop[k] + to - from, -width), width);
+      branch += stop[k] / (kStops * p.remanence_d);
+    }
+  }
+
+ private:
+  // Their mean is D.
+  static double Width(const Params& p, int k) { return p.remanence_d * 2 * (k + 1) / (kStops + 1); }
+};
+
 inline double FieldOf(const Params& p, double i, double h) { return Saturate(p, i - p.remanence_b * h); }
 
 }  // namespace mrdamp

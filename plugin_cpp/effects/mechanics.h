@@ -1,16 +1,31 @@
-// Stage `mechanics`: forces beside the fluid's. The moving mass is added where the acceleration is known.
+// Stage `mechanics`: forces beside the fluid's. A rigid moving mass is added where the acceleration is known.
 #ifndef MRDAMP_EFFECTS_MECHANICS_H_
 #define MRDAMP_EFFECTS_MECHANICS_H_
 
 #include <cmath>
 
 #include "core/params.h"
+#include "effects/oscillator.h"
 
 namespace mrdamp {
 
 // gas_spring: k x (1 + k2 x + k3 x^2) + F0
 inline double GasSpring(const Params& p, double x) {
   return p.gas_spring_k * x * (1 + (p.gas_spring_k2 + p.gas_spring_k3 * x) * x) + p.gas_spring_f0;
+}
+
+// moving_mass: what of it follows the rod rigidly (kg).
+inline double RigidMass(const Params& p) { return p.moving_mass_hz > 0 ? 0 : p.moving_mass_m; }
+
+// The rod's acceleration a (m/s2) over dt as a mass on a spring of its own feels it.
+inline void Ring(const Params& p, Oscillator* felt, double a, double dt) {
+  if (p.moving_mass_hz > 0) felt->Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);
+}
+
+// What a mass on a spring and dashpot of its own pulls with (N), from the acceleration that it feels.
+inline double RingingForce(const Params& p, const Oscillator& felt) {
+  if (!(p.moving_mass_hz > 0)) return 0;
+  return p.moving_mass_m * (felt.y + p.moving_mass_ratio / (kPi * p.moving_mass_hz) * felt.rate);
 }
 
 // seal_friction: a bristle q (m) that follows the path, q' = v - |v| q sigma / g(v), with

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "effects/driver.h"
+#include "effects/oscillator.h"
 
 namespace mrdamp {
 
@@ -12,9 +13,12 @@ struct SensorParams {
   double gain = 1, offset = 0;
   double leakage = 0;        // s, high-pass of the charge; 0: none
   double lag = 0, lag2 = 0;  // s, low-pass; 0: none
+  double share = 0, leakage2 = 0;  // of the charge that leaks with another time constant, and that (s; 0: it does not)
+  double ratio = 0;                // damping of a low-pass of second order in place of the poles; 0: the poles
 
   static SensorParams Of(const Params& p) {
-    return {p.sensor_gain_g, p.sensor_offset_f, p.sensor_leakage_tau, p.sensor_lag_tau, p.sensor_lag_tau2};
+    return {p.sensor_gain_g, p.sensor_offset_f, p.sensor_leakage_tau, p.sensor_lag_tau, p.sensor_lag_tau2,
+            p.sensor_leakage_share, p.sensor_leakage_tau2, p.sensor_lag_ratio};
   }
 };
 
@@ -22,26 +26,40 @@ struct SensorParams {
 struct Sensor {
   double in = 0;       // last true signal
   double charge = 0;   // behind the leakage
+  double charge2 = 0;  // the same of what leaks with the other time constant
   double first = 0, second = 0;
+  Oscillator filter;
 
   void Start(const SensorParams& p, double f) {
     in = f;
-    charge = first = second = p.gain * f;
+    charge = charge2 = first = second = filter.y = p.gain * f;
+    filter.rate = 0;
   }
   void Step(const SensorParams& p, double f, double dt) {
-    double from = charge;
-    if (!(p.leakage > 0)) {
-      charge = p.gain * f;
-    } else if (dt > 0) {
-      const double decay = std::exp(-dt / p.leakage);
-      charge = charge * decay + p.gain * (f - in) / dt * p.leakage * (1 - decay);
-    }
+    const double from = Charge(p);
+    charge = Leak(charge, p.leakage, p, f, dt);
+    if (p.share > 0) charge2 = Leak(charge2, p.leakage2, p, f, dt);
     in = f;
-    double to = first;
-    first = dt > 0 ? Lag(first, from, charge, p.lag, dt) : (p.lag > 0 ? first : charge);
+    const double now = Charge(p);
+    if (p.ratio > 0 && p.lag > 0) {
+      if (dt > 0) filter.Step(2 * p.ratio / p.lag, p.ratio, from, now, dt);
+      second = filter.y;
+      return;
+    }
+    const double to = first;
+    first = dt > 0 ? Lag(first, from, now, p.lag, dt) : (p.lag > 0 ? first : now);
     second = dt > 0 ? Lag(second, to, first, p.lag2, dt) : (p.lag2 > 0 ? second : first);
   }
   double Read(const SensorParams& p) const { return second + p.offset; }
+
+ private:
+  double Charge(const SensorParams& p) const { return p.share > 0 ? charge + p.share * (charge2 - charge) : charge; }
+  double Leak(double q, double tau, const SensorParams& p, double f, double dt) const {
+    if (!(tau > 0)) return p.gain * f;
+    if (!(dt > 0)) return q;
+    const double decay = std::exp(-dt / tau);
+    return q * decay + p.gain * (f - in) / dt * tau * (1 - decay);
+  }
 };
 
 }  // namespace mrdamp

@@ -44,13 +44,14 @@ struct HyperbolicTangent {
     return Root(std::max(a, 1e-12), k.yield, p.v_ref, b);
   }
 
+  // guess: of the new rate, where the solve begins.
   static void Step(const Params& p, const Coefficients& k, double* g, double* rate, double x, double va, double vb,
-                   double dt) {
+                   double dt, double guess) {
     const double mass = p.m0 / dt, spring = k.k0 + k.k1, dashpot = std::max(k.c0 + k.c1, 1e-12);
     const double weight = EndWeight(dt * spring / dashpot);
     const double from = *g + (1 - weight) * dt * *rate;
     const double x1 = x + 0.5 * (va + vb) * dt;
-    *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from, *rate);
+    *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from, guess);
     *g = from + weight * dt * *rate;
   }
 

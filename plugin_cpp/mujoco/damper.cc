@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "core/config.h"
+#include "effects/mechanics.h"
 #include "effects/mount.h"
 #include "mujoco/plugin.h"
 
@@ -200,9 +201,11 @@ double DamperInstance::Trial(double v, double h) {
     x += h * v;
     // At v all the way, as the engine moves the position: the law's end then belongs to v.
     mrdamp::Advance(damper_, &trial_, {x_, v, x, v, h}, u_, u_);
+    trial_.c.felt = now_.c.felt;
+    Ring(damper_.p, &trial_.c.felt, (v - v_) / h, h);
   }
   const Observation o = Observe(damper_, *s, x, v, 0, u_);
-  return mount_ ? o.force : o.damper;
+  return o.force;
 }
 
 bool DamperInstance::Acts(const mjModel* m) const {
@@ -223,7 +226,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     if (!p->Acts(m)) continue;
     acting_.push_back(p);
     p->force_ = p->seen_.force;
-    mass |= !p->mount_ && p->damper_.p.moving_mass_m > 0;
+    mass |= !p->mount_ && RigidMass(p->damper_.p) > 0;
   }
   const std::size_t n = acting_.size();
   const bool explicit_step = m->opt.integrator == mjINT_RK4;
@@ -235,8 +238,8 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     for (std::size_t k = 0; k < n; k++) {
       DamperInstance* p = acting_[k];
       const double free = p->v_ + h * mobility_.Row(m, d, p->output_, h, &p->inverse_);
-      const double moving = p->mount_ ? 0 : p->damper_.p.moving_mass_m;
-      step_[k] = {p->v_, free, p->mount_ ? p->seen_.force : p->seen_.damper, p->seen_.slope, moving,
+      const double moving = p->mount_ ? 0 : RigidMass(p->damper_.p);
+      step_[k] = {p->v_, free, p->seen_.force, p->seen_.slope, moving,
                   [p](double v, double part) { return p->Trial(v, part); }};
     }
     for (std::size_t k = 0; k < n; k++) {

@@ -61,12 +61,83 @@ TEST(RemanenceRaisesTheFieldOnTheWayDown) {
   NEAR(field[750], 1 + 0.2 * (1 - 2 * std::exp(-1 / 0.1)), 1e-8);
 }
 
+// After any excursion within what it has seen, a circuit of stops comes back to where it was; the equation's does not.
+TEST(SmallLoopsOfStopsClose) {
+  Params p;
+  p.remanence_d = 0.2;
+  for (const double stops : {0.0, 1.0}) {
+    p.remanence_stops = stops;
+    mrdamp::Magnet m;
+    m.Start(p, 0);
+    const double path[] = {0, 0.5, 0.1, 0.3};
+    for (int k = 1; k < 4; k++) m.Follow(p, path[k - 1], path[k]);
+    const double before = m.branch;
+    m.Follow(p, 0.3, 0.2);
+    m.Follow(p, 0.2, 0.3);
+    CHECK((std::fabs(m.branch - before) < 1e-12) == (stops == 1));
+    m.Follow(p, 0.3, 5);
+    NEAR(m.branch, 1, 1e-9);
+    const double top = m.branch;
+    m.Follow(p, 5, 5 - 1e-4);
+    NEAR((top - m.branch) / 1e-4, (stops == 1 ? 1 : 2) / 0.2, 0.01);
+  }
+  mrdamp::Magnet m;
+  p.remanence_start = 0.5, p.remanence_rise = 1;
+  m.Start(p, 0);
+  NEAR(m.branch, 0.5, 1e-12);
+  m.Start(p, 5);
+  NEAR(m.branch, 1, 1e-12);
+}
+
+TEST(RemanenceBeginsAsAfterARiseFromZero) {
+  const auto still = [](double) { return 0.0; };
+  const Record r = Sample(kDt, 3, still, still, [](double) { return 0.3; });
+  const auto first = [&](double rise, double start) {
+    return Run("bingham", {{"c0a", 1}, {"remanence_b", 0.2}, {"remanence_d", 0.1}, {"remanence_rise", rise}, {"remanence_start", start}},
+               r, MRDAMP_FIELD)[0];
+  };
+  NEAR(first(0, 0), 0.3, 1e-15);
+  NEAR(first(0, 0.5), 0.3 - 0.2 * 0.5, 1e-15);
+  NEAR(first(1, 0), 0.3 - 0.2 * (1 - std::exp(-3)), 1e-15);
+  NEAR(first(1, -0.5), 0.3 - 0.2 * (1 - 1.5 * std::exp(-3)), 1e-15);
+}
+
 TEST(HeatIsExactForConstantPower) {
   Params p;
   p.heating_capacity = 50, p.heating_loss = 2;
-  NEAR(mrdamp::Heat(p, 3, 40, 10), 20 + (3 - 20) * std::exp(-0.4), 1e-12);
+  NEAR(mrdamp::Heat(p, {3, 0}, 40, 10).fluid, 20 + (3 - 20) * std::exp(-0.4), 1e-12);
   p.heating_loss = 0;
-  NEAR(mrdamp::Heat(p, 3, 40, 10), 3 + 8, 1e-12);
+  NEAR(mrdamp::Heat(p, {3, 0}, 40, 10).fluid, 3 + 8, 1e-12);
+}
+
+// A power of 40 W into a fluid that gives its heat to a body, by small steps of their own equations.
+TEST(HeatFlowsOnToABody) {
+  Params p;
+  p.heating_capacity = 5, p.heating_link = 2, p.heating_body = 30, p.heating_loss = 0.5;
+  const double dt = 1e-3;
+  double fluid = 0, body = 0;
+  mrdamp::Rise r{0, 0};
+  for (int k = 0; k < 20000; k++) {
+    for (int j = 0; j < 10; j++) {
+      const double flow = 2 * (fluid - body);
+      fluid += dt / 10 * (40 - flow) / 5;
+      body += dt / 10 * (flow - 0.5 * body) / 30;
+    }
+    r = mrdamp::Heat(p, r, 40, dt);
+  }
+  NEAR(r.fluid, fluid, 2e-3 * fluid);
+  NEAR(r.body, body, 2e-3 * body);
+  CHECK(fluid > body + 10 && body > 10);
+}
+
+TEST(ViscosityFallsInItsShape) {
+  Params p;
+  p.heating_kappa = 0.02;
+  NEAR(mrdamp::Thinned(p, 10), std::exp(-0.2), 1e-15);
+  p.heating_shape = 1;
+  NEAR(mrdamp::Thinned(p, 10), 1 / 1.2, 1e-15);
+  p.heating_shape = 100;
+  NEAR(mrdamp::Thinned(p, 10), std::exp(-0.2), 2e-4);
 }
 
 TEST(HeatingTakesUpTheDissipatedWork) {
@@ -99,20 +170,20 @@ TEST(TrappedGasTakesTheStartOfAStroke) {
   Params p;
   p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.002, p.trapped_gas_direction = 1;
   mrdamp::Stroke s;
-  CHECK(mrdamp::TrappedGas(p, s, 0) == 1);
-  s.Follow(5e-6, 0);  // not yet a stroke
+  CHECK(mrdamp::TrappedGas(p, s, 0, 0) == 1);
+  s.Follow(5e-6, p);  // not yet a stroke
   CHECK(s.direction == 0);
-  for (double x = 0; x <= 0.0105; x += 1e-4) s.Follow(x, 0);
+  for (double x = 0; x <= 0.0105; x += 1e-4) s.Follow(x, p);
   CHECK(s.direction == 1);
-  NEAR(mrdamp::TrappedGas(p, s, 0.002), 1 - 0.6 * std::exp(-1), 1e-9);
+  NEAR(mrdamp::TrappedGas(p, s, 0.002, 0), 1 - 0.6 * std::exp(-1), 1e-9);
   const double top = s.extreme;
-  s.Follow(top - 0.9e-5, 0);  // noise turns nothing round
+  s.Follow(top - 0.9e-5, p);  // noise turns nothing round
   CHECK(s.direction == 1);
-  s.Follow(top - 2e-5, 0);
+  s.Follow(top - 2e-5, p);
   CHECK(s.direction == -1 && s.turn == top);
-  CHECK(mrdamp::TrappedGas(p, s, top - 0.001) == 1);  // the other direction loses nothing
+  CHECK(mrdamp::TrappedGas(p, s, top - 0.001, 0) == 1);  // the other direction loses nothing
   p.trapped_gas_direction = 0;
-  NEAR(mrdamp::TrappedGas(p, s, top - 0.001), 1 - 0.6 * std::exp(-0.25), 1e-12);
+  NEAR(mrdamp::TrappedGas(p, s, top - 0.001, 0), 1 - 0.6 * std::exp(-0.25), 1e-12);
 }
 
 TEST(GasSpringIsAParabola) {
@@ -126,12 +197,73 @@ TEST(APocketOfGasOpensOnTheWayBack) {
   Params p;
   p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.001, p.trapped_gas_reach = 0.002, p.trapped_gas_shape = 1;
   mrdamp::Stroke s;
-  for (double x = 0; x <= 0.0051; x += 1e-4) s.Follow(x, p.trapped_gas_reach);
-  NEAR(mrdamp::TrappedGas(p, s, 0.005), 1 - 0.6 * std::exp(-2), 1e-9);  // shut
-  s.Follow(s.last - 5e-4, p.trapped_gas_reach);  // a quarter open
-  CHECK(mrdamp::TrappedGas(p, s, s.last) == 1);   // the other direction loses nothing
-  s.Follow(s.last + 1e-4, p.trapped_gas_reach);
-  NEAR(mrdamp::TrappedGas(p, s, s.last), 1 - 0.6 * std::exp(-1.6), 1e-9);
+  for (double x = 0; x <= 0.0051; x += 1e-4) s.Follow(x, p);
+  NEAR(mrdamp::TrappedGas(p, s, 0.005, 0), 1 - 0.6 * std::exp(-2), 1e-9);  // shut
+  s.Follow(s.last - 5e-4, p);  // a quarter open
+  CHECK(mrdamp::TrappedGas(p, s, s.last, 0) == 1);   // the other direction loses nothing
+  s.Follow(s.last + 1e-4, p);
+  NEAR(mrdamp::TrappedGas(p, s, s.last, 0), 1 - 0.6 * std::exp(-1.6), 1e-9);
+}
+
+TEST(APocketMayLoseByTheVelocity) {
+  Params p;
+  p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.001, p.trapped_gas_reach = 0.002, p.trapped_gas_shape = 1, p.trapped_gas_width = 0.01;
+  mrdamp::Stroke s;  // wide open
+  CHECK(mrdamp::TrappedGas(p, s, 0, 0) == 1 && mrdamp::TrappedGas(p, s, 0, -0.1) == 1);
+  NEAR(mrdamp::TrappedGas(p, s, 0, 0.01), 1 - 0.6 * std::tanh(1.0), 1e-12);
+  s.Follow(1e-3, p);
+  NEAR(mrdamp::TrappedGas(p, s, 1e-3, 0.5), 1 - 0.6 * std::exp(-1), 1e-12);
+  p.trapped_gas_direction = 0;
+  NEAR(mrdamp::TrappedGas(p, s, 1e-3, -0.5), 1 - 0.6 * std::exp(-1), 1e-12);
+}
+
+TEST(AStrokeCountsFromItsOwnWayBack) {
+  Params p;
+  p.trapped_gas_d = 0.6, p.trapped_gas_turn = 1e-3;
+  mrdamp::Stroke s;
+  s.Follow(5e-3, p);
+  s.Follow(4.1e-3, p);
+  CHECK(s.direction == 1);
+  s.Follow(3.9e-3, p);
+  CHECK(s.direction == -1 && s.turn == 5e-3);
+}
+
+// y'' + 2 zeta w y' + w^2 y = w^2 x on a ramp, by small steps of its own.
+TEST(OscillatorIsExactOnRamps) {
+  const double w = 40, zeta = 0.3, end = 0.2;
+  double y = 0.7, v = -3;
+  const int fine = 400000;
+  for (int k = 0; k < fine; k++) {
+    const double h = end / fine, x = 1 + 25 * (k + 0.5) * h;
+    const double ym = y + 0.5 * h * v, vm = v + 0.5 * h * (w * w * (x - y) - 2 * zeta * w * v);
+    y += h * vm;
+    v += h * (w * w * (x - ym) - 2 * zeta * w * vm);
+  }
+  for (const int steps : {1, 5, 64}) {
+    mrdamp::Oscillator o{0.7, -3};
+    for (int k = 0; k < steps; k++) o.Step(w, zeta, 1 + 25 * end * k / steps, 1 + 25 * end * (k + 1) / steps, end / steps);
+    NEAR(o.y, y, 1e-7);
+    NEAR(o.rate, v, 1e-5);
+  }
+}
+
+// A mass on a soft spring feels the rod's mean acceleration only; on a hard one it follows the rod.
+TEST(AMovingMassRingsOnItsSpring) {
+  const Record r = Sine(0.01, 20, 0);
+  const auto load = [&](double hz) {
+    return Run("bingham", {{"c0a", 100}, {"moving_mass_m", 3}, {"moving_mass_hz", hz}, {"moving_mass_ratio", 0.9}}, r, MRDAMP_REFERENCE);
+  };
+  const auto rigid = load(0), hard = load(400), near = load(5);
+  const double w = 2 * M_PI * 5;
+  for (std::size_t i = 400; i < rigid.size(); i++) {
+    const double t = static_cast<double>(i) * kDt;
+    NEAR(hard[i], rigid[i], 0.02 * 3 * 4);
+    // Steady: the spring and dashpot carry m a (1 + 2 i zeta q) / (1 - q^2 + 2 i zeta q), q = 20 / w.
+    const double q = 20 / w, b = 2 * 0.9 * q, size = (1 - q * q) * (1 - q * q) + b * b;
+    const double re = (1 - q * q + b * b) / size, im = (b * (1 - q * q) - b) / size;
+    const double a = -0.01 * 400 * (re * std::sin(20 * t) + im * std::cos(20 * t));
+    NEAR(near[i], 100 * r.v[i] + 3 * a, 0.03);
+  }
 }
 
 TEST(SealFrictionBuildsUpAndSlides) {

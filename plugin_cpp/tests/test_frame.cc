@@ -7,7 +7,8 @@ constexpr double kDt = 1e-3;
 constexpr double kMass = 98.3, kStiffness = 5.16e5, kDamping = 125;  // Dyke et al. 1996, first storey
 
 struct Frame {
-  std::vector<double> mass, stiffness, damping, friction = {}, gain = {}, offset = {}, lag = {}, lag2 = {}, width = {};
+  std::vector<double> mass, stiffness, damping, friction = {}, gain = {}, offset = {}, lag = {}, lag2 = {}, width = {},
+                      one_sided = {}, cubic = {};
   int from = -1, to = -1;
 };
 
@@ -27,7 +28,8 @@ Motion Shake(Frame f, const std::vector<check::Setting>& settings, const std::ve
   const int storeys = static_cast<int>(f.mass.size()), n = static_cast<int>(ground.size());
   const std::vector<double> params = check::Parameters(settings), u(n, command);
   const mrdamp_frame frame{storeys, f.mass.data(), f.stiffness.data(), f.damping.data(), Or(f.friction), f.from, f.to,
-                           Or(f.gain), Or(f.offset), nullptr, Or(f.lag), Or(f.lag2), Or(f.width), nullptr};
+                           Or(f.gain), Or(f.offset), nullptr, Or(f.lag), Or(f.lag2), Or(f.width), nullptr,
+                           Or(f.one_sided), Or(f.cubic)};
   Motion m{storeys, n, std::vector<double>(static_cast<std::size_t>(2 * storeys + 7) * n)};
   char err[300] = "";
   const int failed = mrdamp_run_frame(mrdamp_law_find("bingham"), nullptr, 1, params.data(), &frame, dt, n, ground.data(),
@@ -105,6 +107,17 @@ TEST(ViscousDamperIsDampingOfItsStorey) {
   }
 }
 
+// The same where the floor is so light that its damper alone would stop it within a small part of a step.
+TEST(StiffDamperOfALightFloor) {
+  for (const double c : {20.0, 2000.0}) {
+    Frame with{{0.1}, {1000}, {0}};
+    with.from = 0, with.to = 1;
+    const Motion a = Shake(with, {{"c0a", c}}, Ground(1500)), b = Shake({{0.1}, {1000}, {c}}, {}, Ground(1500));
+    std::printf("     c = %g N s/m: %.1e\n", c, Apart(a, b));
+    CHECK(Apart(a, b) < 2e-2);
+  }
+}
+
 TEST(DamperForceIsThatOfItsStroke) {
   Frame f{{98.3, 98.3}, {5e5, 6e5}, {100, 50}};
   f.from = 0, f.to = 2;  // over both storeys
@@ -172,6 +185,47 @@ TEST(DamperAndFrictionTogether) {  // both act on the first floor: solved one af
   const double apart = Apart(Shake(both, {{"c0a", 3000}}, Ground(1500)), Shake(more, {}, Ground(1500)));
   std::printf("     %.1e\n", apart);
   CHECK(apart < 5e-3);
+}
+
+// A crack that opens under a positive drift: half swings of two springs in turn, each with the same velocity at the middle.
+TEST(OneSidedStorey) {
+  const double soft = 0.36 * kStiffness, omega = std::sqrt(kStiffness / kMass);
+  Frame f{{kMass}, {kStiffness}, {0}};
+  f.one_sided = {soft - kStiffness};
+  std::vector<double> ground(600, 0.0);
+  for (int k = 0; k < 4; k++) ground[k] = -2;  // a push that ends long before the floor turns
+  const Motion m = Shake(f, {}, ground);
+  double most = 0, least = 0;
+  std::vector<double> through;  // s, of the drift through zero
+  for (int k = 6; k < 600; k++) {
+    const double x0 = m.displacement(1, k - 1), x1 = m.displacement(1, k);
+    most = std::fmax(most, x1), least = std::fmin(least, x1);
+    if (x0 * x1 < 0) through.push_back((k - 1 + x0 / (x0 - x1)) * kDt);
+    NEAR(kMass * m.acceleration(1, k), -(x1 > 0 ? soft : kStiffness) * x1, 1e-6 * kStiffness * 1e-3);
+  }
+  CHECK(through.size() > 8);
+  NEAR(through[2] - through[0], M_PI / omega * (1 + 1 / 0.6), 2e-4);
+  NEAR(through[1] - through[0], M_PI / omega, 2e-4);
+  NEAR(most / -least, 1 / 0.6, 5e-3);
+}
+
+// A spring that hardens keeps m v^2 / 2 + k x^2 / 2 + c x^4 / 4.
+TEST(CubicStorey) {
+  Frame f{{kMass}, {kStiffness}, {0}};
+  f.cubic = {8e10};
+  std::vector<double> ground(800, 0.0);
+  for (int k = 0; k < 4; k++) ground[k] = -40;
+  const Motion m = Shake(f, {}, ground);
+  double least = INFINITY, most = 0, share = 0;
+  for (int k = 10; k < 799; k++) {
+    const double x = m.displacement(1, k), v = (m.displacement(1, k + 1) - m.displacement(1, k - 1)) / (2 * kDt);
+    const double spring = 0.5 * kStiffness * x * x, more = 0.25 * 8e10 * x * x * x * x;
+    NEAR(kMass * m.acceleration(1, k), -kStiffness * x - 8e10 * x * x * x, 1e-3);
+    const double energy = 0.5 * kMass * v * v + spring + more;
+    least = std::fmin(least, energy), most = std::fmax(most, energy), share = std::fmax(share, more / spring);
+  }
+  CHECK(share > 0.2);
+  CHECK(most < 1.06 * least);
 }
 
 TEST(FloorSensors) {

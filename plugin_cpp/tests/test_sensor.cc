@@ -42,6 +42,42 @@ TEST(LeakageIsExactOnRamps) {
   }
 }
 
+TEST(AShareOfTheChargeLeaksByItself) {
+  SensorParams p;
+  p.leakage = 0.05, p.share = 0.3, p.leakage2 = 0.5, p.gain = 1.1;
+  Sensor s;
+  s.Start(p, 80);
+  for (int k = 1; k <= 50; k++) {
+    s.Step(p, 80, 1e-3);
+    const double t = k * 1e-3;
+    NEAR(s.Read(p), 88 * (0.7 * std::exp(-t / 0.05) + 0.3 * std::exp(-t / 0.5)), 1e-11);
+  }
+  p.leakage2 = 0;  // what does not leak stays
+  for (int k = 0; k < 5000; k++) s.Step(p, 80, 1e-3);
+  NEAR(s.Read(p), 0.3 * 88, 1e-9);
+}
+
+// A filter of second order is late by tau on a ramp, whatever its damping, and overshoots a step by exp(-pi z / sqrt(1 - z^2)).
+TEST(AFilterOfSecondOrderIsLateByTau) {
+  SensorParams p;
+  p.lag = 0.01;
+  for (const double ratio : {0.3, 0.7071, 0.9}) {
+    p.ratio = ratio;
+    Sensor s;
+    s.Start(p, 5);
+    for (int k = 1; k <= 1000; k++) s.Step(p, 5 + 2e-3 * k, 1e-3);
+    NEAR(s.Read(p), 5 + 2 * (1 - 0.01), 1e-9);
+    s.Start(p, 0);
+    double most = 0;
+    s.Step(p, 1, 1e-9);
+    for (int k = 0; k < 20000; k++) {
+      s.Step(p, 1, 1e-5);
+      most = std::max(most, s.Read(p));
+    }
+    NEAR(most, 1 + std::exp(-M_PI * ratio / std::sqrt(1 - ratio * ratio)), 1e-4);
+  }
+}
+
 TEST(LeakageForgetsAConstantForce) {
   SensorParams p;
   p.leakage = 0.05;
@@ -116,6 +152,8 @@ TEST(ChannelShiftIsTakenBack) {
     late.push_back({"channel_shift_d", shift});
     const auto wanted = Run("bingham", law, Sine(0), MRDAMP_FORCE), got = Run("bingham", late, Sine(shift), MRDAMP_FORCE);
     for (int i = 10; i < 490; i++) NEAR(got[i], wanted[i], 1e-3);
+    // Where the reading has no motion yet, or no more, it is taken to go on as it went.
+    for (const int i : {0, 1, 2, 498, 499}) NEAR(got[i], wanted[i], 0.05 * 600);
   }
 }
 

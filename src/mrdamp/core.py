@@ -177,6 +177,8 @@ class FrameInput:
     `damper_between`: the two floors (0 the ground), or None without a damper. `friction` (N): dry friction per
     storey; `friction_width` (m/s): the velocity over which it turns as F tanh(v / width), 0: it builds up over
     `friction_presliding` (m) of drift, 0: 10 um.
+    `one_sided` (N/m), `cubic` (N/m3): beside stiffness times drift x a storey pushes back with one_sided x while x is
+    positive, and with cubic x^3; no effect of the catalogue, for a diagnosis to hold the catalogue against.
     `acc_*`: the floors' accelerometers (gain, offset m/s2, leakage s, lag s and its second pole s).
     """
 
@@ -192,6 +194,8 @@ class FrameInput:
     acc_lag2: Array | None = None
     friction_width: Array | None = None
     friction_presliding: Array | None = None
+    one_sided: Array | None = None
+    cubic: Array | None = None
 
 
 def frame_columns(storeys: int) -> tuple[str, ...]:
@@ -251,6 +255,8 @@ def run_frame_many(
             "acc_lag2",
             "friction_width",
             "friction_presliding",
+            "one_sided",
+            "cubic",
         ):
             setattr(row, name, held(name, getattr(frame, name), row.storeys))
         row.damper_from, row.damper_to = frame.damper_between or (-1, -1)

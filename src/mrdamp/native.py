@@ -13,7 +13,7 @@ from mrdamp.library import library_path
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 3
+_ABI = 4
 ERROR_SIZE = 400
 
 
@@ -37,6 +37,8 @@ class Frame(ctypes.Structure):
         ("acc_lag2", double_p),
         ("friction_width", double_p),
         ("friction_presliding", double_p),
+        ("one_sided", double_p),
+        ("cubic", double_p),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from mrdamp.between import Fine, between, mended_ends
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
-from mrdamp.diagnosis.outside import command_rivals, commanded, force_rivals, forced, grouped, inside_of
+from mrdamp.diagnosis.outside import command_rivals, commanded, force_rivals, forced, grouped, inside_of, read
 from mrdamp.diagnosis.problem import SKIP
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
@@ -31,10 +31,14 @@ _COARSE, _COARSE_MOUNT, _FINE = 1e-3, 2e-3, 5e-4
 
 @dataclass(frozen=True, eq=False)
 class DamperRig:
-    """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.rig.Rig`)."""
+    """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.rig.Rig`).
+
+    rough: in a search a mount is solved for once a step, not twice.
+    """
 
     nominal_model: Model
     records: tuple[Record, ...]
+    rough: bool = False
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -100,7 +104,16 @@ class DamperRig:
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
         step = (_COARSE_MOUNT if mount else _COARSE) if coarse else _FINE
-        return self._run(settings, self._fine(record, step))
+        pieces = 0.5 if coarse and mount and self.rough else 1.0  # the chain halves a step behind a mount
+        return self._run(settings, self._fine(record, step), pieces=pieces)
+
+    def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
+        """The same with longer steps behind a mount in a search."""
+        return self._rough if any(t.stage == "mount" for t in terms) else None
+
+    @cached_property
+    def _rough(self) -> DamperRig | None:
+        return None if self.rough else replace(self, rough=True)
 
     def through(self, record: int, command: Array, settings: Settings) -> dict[str, Array]:
         """Forces (n,) N of a record's motion with another command: `force` of the own sensor, `reference`."""
@@ -125,7 +138,9 @@ class DamperRig:
     def _inputs(self) -> dict[tuple[int, int], Fine]:
         return {}
 
-    def _run(self, settings: Sequence[Settings], inputs: Fine, columns: Sequence[str] = ()) -> Array:
+    def _run(
+        self, settings: Sequence[Settings], inputs: Fine, columns: Sequence[str] = (), pieces: float = 1.0
+    ) -> Array:
         law = self.nominal_model.law
         names = columns or [_COLUMNS[c] for c in self.channels]
         out = np.empty((len(settings), len(names), len(inputs.x)))
@@ -138,11 +153,13 @@ class DamperRig:
                 commanded(outside, inputs.u, inputs.sample_time),
                 v=inputs.v,
                 a=inputs.a,
-                substep=inputs.sample_time,
+                substep=inputs.sample_time / pieces,
                 narx=self.nominal_model.narx,
                 columns=names,
             )
-            out[rows] = forced(outside, run, inputs.x, inputs.v)
+            run = forced(outside, run, inputs.x, inputs.v)
+            for k, name in enumerate(names):
+                out[rows, k] = read(outside, name, run[:, k], inputs.u)
         return np.ascontiguousarray(out[:, :, :: inputs.factor])
 
     def input_noise(self, settings: Settings, record: int) -> Array:

@@ -43,6 +43,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     k = s.force / s.stroke
     inertia = s.force / s.acceleration
     dt = s.sample_time
+    turn = positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0)
     return (
         Term(
             "driver_lag",
@@ -92,6 +93,31 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ),
         ),
         Term(
+            "remanence",
+            "magnetics",
+            (
+                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
+                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+            ),
+            ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
+            form="risen from zero",
+            fixed={"remanence_rise": 1.0},
+        ),
+        *(
+            Term(
+                "remanence",
+                "magnetics",
+                (
+                    linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
+                    positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                ),
+                ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
+                form=form,
+                fixed={"remanence_stops": 1.0, "remanence_rise": risen},
+            )
+            for form, risen in (("closing loops", 0.0), ("closing loops, risen from zero", 1.0))
+        ),
+        Term(
             "heating",
             "fluid",
             (
@@ -101,6 +127,21 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ),
             ((0.02, 0.02, 0.01 * s.heat / 10), (0.03, 0.0, 0.2 * s.heat / 10)),
             fixed={"heating_capacity": s.heat / 10},  # then the rise in the hottest record is about 10 K
+        ),
+        Term(
+            "heating",
+            "fluid",
+            (
+                linear("heating_kappa", 0.02, 0.0, 1.0),
+                linear("heating_kappa_yield", 0.02, 0.0, 1.0),
+                positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
+                positive("heating_link", 0.3 * s.heat / 10, 0.01 * s.heat / 10, 10 * s.heat / 10),
+                positive("heating_body", 2 * s.heat / 10, 0.1 * s.heat / 10, 100 * s.heat / 10),
+                positive("heating_shape", 3.0, 0.5, 30.0, 0.5),
+            ),
+            ((0.03, 0.02, 0.01 * s.heat / 10, 0.3 * s.heat / 10, 2 * s.heat / 10, 3.0),),
+            form="two bodies",
+            fixed={"heating_capacity": s.heat / 10},
         ),
         Term(
             "asymmetry",
@@ -150,8 +191,9 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                     linear("trapped_gas_d", 0.1, 0.0, 1.0),
                     positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
                     positive("trapped_gas_shape", 2.0, 0.5, 10.0, 0.3),
+                    turn,
                 ),
-                ((0.3, 0.1 * s.stroke, 2.0), (0.3, 0.4 * s.stroke, 2.0)),
+                tuple((0.3, share * s.stroke, 2.0, back) for share in (0.1, 0.4) for back in (5e-6, 2e-5)),
                 form=form,
                 fixed={"trapped_gas_direction": direction},
             )
@@ -165,10 +207,15 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                     linear("trapped_gas_d", 0.1, 0.0, 1.0),
                     positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
                     positive("trapped_gas_reach", 0.2 * s.stroke, 0.01 * s.stroke, 2 * s.stroke),
+                    positive("trapped_gas_shape", 1.5, 0.5, 10.0, 0.3),
+                    positive("trapped_gas_width", 0.02 * s.velocity, 1e-3 * s.velocity, s.velocity),
                 ),
-                ((0.3, 0.1 * s.stroke, 0.2 * s.stroke), (0.3, 0.3 * s.stroke, 0.5 * s.stroke)),
+                (
+                    (0.3, 0.1 * s.stroke, 0.2 * s.stroke, 1.5, 0.02 * s.velocity),
+                    (0.3, 0.3 * s.stroke, 0.5 * s.stroke, 1.5, 0.02 * s.velocity),
+                ),
                 form=f"{form}, a pocket",
-                fixed={"trapped_gas_direction": direction, "trapped_gas_shape": 1.0},
+                fixed={"trapped_gas_direction": direction},
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0))
         ),
@@ -218,6 +265,17 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ((0.1 * inertia,),),
         ),
         Term(
+            "moving_mass",
+            "mechanics",
+            (
+                linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),
+                positive("moving_mass_hz", 80.0, 10.0, 0.45 / dt, 0.2),
+                positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
+            ),
+            tuple((0.1 * inertia, hz, 0.05) for hz in (40.0, 70.0, 100.0, 140.0, 190.0) if hz < 0.4 / dt),
+            form="on a spring",
+        ),
+        Term(
             "mount_compliance",
             "mount",
             (positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),),
@@ -255,6 +313,17 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "sensor_leakage", "sensor", (positive("sensor_leakage_tau", 2.0, 0.02, 200.0),), ((2.0,), (0.3,))
         ),
         Term(
+            "sensor_leakage",
+            "sensor",
+            (
+                positive("sensor_leakage_tau", 1.0, 0.02, 200.0),
+                linear("sensor_leakage_share", 0.1, 0.0, 0.9),
+                positive("sensor_leakage_tau2", 10.0, 0.05, 1000.0),
+            ),
+            ((1.0, 0.2, 10.0), (0.2, 0.2, 2.0)),
+            form="two shares",
+        ),
+        Term(
             "sensor_lag",
             "sensor",
             (
@@ -262,6 +331,16 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 positive("sensor_lag_tau2", 0.3 * dt, 0.05 * dt, 25 * dt),
             ),
             ((2 * dt, 0.2 * dt), (5 * dt, dt)),
+        ),
+        Term(
+            "sensor_lag",
+            "sensor",
+            (
+                positive("sensor_lag_tau", 2 * dt, 0.1 * dt, 50 * dt),
+                positive("sensor_lag_ratio", 0.8, 0.3, 0.98, 0.2),
+            ),
+            ((dt, 0.8), (3 * dt, 0.8), (8 * dt, 0.8)),
+            form="second order",
         ),
         Term(
             "channel_shift",
@@ -301,9 +380,9 @@ def _size(name: str, parameters: Settings, command: float) -> float:
     """What a parameter that is zero or negative is measured by: itself, or its partner at the largest command."""
     value = abs(parameters[name])
     if name.endswith("b") and name[:-1] + "a" in parameters:
-        return max(value, abs(parameters[name[:-1] + "a"]) / max(command, 1e-9))
-    if name.endswith("a") and name[:-1] + "b" in parameters:
-        return max(value, abs(parameters[name[:-1] + "b"]) * command)
+        value = max(value, abs(parameters[name[:-1] + "a"]) / max(command, 1e-9))
+    elif name.endswith("a") and name[:-1] + "b" in parameters:
+        value = max(value, abs(parameters[name[:-1] + "b"]) * command)
     return value or 1.0
 
 

@@ -13,10 +13,14 @@ from mrdamp.diagnosis.terms import Hypothesis, Settings
 
 #: What the priors' sum of squares counts in units of a cost (gap squared): they settle what records leave open.
 PRIOR_WEIGHT = 3e-6
-#: Dampings tried at once, times the present one.
-_DAMPINGS = (0.03, 1.0, 30.0)
+#: Dampings tried at once, times the present one; the first of them.
+_DAMPINGS, _DAMPING = (0.03, 1.0, 30.0), 1e-2
 #: Iterations after which a fit has to be below its bar.
 _PATIENCE = 4
+#: Descents in rough runs, each from where the full step stands; a cost that the rough runs got right to this share.
+_ROUNDS, _AGREEMENT = 3, 0.02
+#: Share of a residual's sum of squares above which what a rough run is off by is not taken off: it holds nearby alone.
+_NEARBY = 0.1
 #: Gauss-Newton steps are no longer than this in any coordinate, in units of search.
 _LONGEST = 8.0
 
@@ -76,37 +80,123 @@ def fit(
     them where `frozen` (signatures of the nominal parameters change little with an effect). bar: a fit whose cost is
     still above this after a few iterations is given up.
     """
-    low, high = hypothesis.bounds()
-    prior = np.sqrt(PRIOR_WEIGHT) * hypothesis.prior()
-    q = np.clip(start, low, high)
-    r = problem.residuals(hypothesis, q)[0]
-    total = float(r @ r) + float(np.sum((prior * q) ** 2))
-    damping, converged, fresh, iterations = 1e-2, most == 0, known is None, 0
-    at, j = q, _jacobian(problem, hypothesis, q, r, known)
-    while iterations < most:
-        iterations += 1
-        steps = np.array([_step(j, r, prior, q, low, high, damping * d) for d in _DAMPINGS])
-        trials = np.clip(q + steps, low, high)
-        rows = problem.residuals(hypothesis, trials)
-        totals = np.sum(rows**2, axis=1) + np.sum((prior * trials) ** 2, axis=1)
-        best = int(np.argmin(totals))
-        gain = 1 - totals[best] / total if total > 0 else 0.0
-        if gain > 0:
-            q, r, total = trials[best], rows[best], float(totals[best])
-            damping = float(np.clip(damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
-        if iterations == _PATIENCE and total > bar:
+    descent = _Descent(problem, hypothesis, start, known, frozen)
+    for _ in range(_ROUNDS):
+        descent.run(most, tolerance, bar)
+        if descent.arrived(most, bar):
             break
-        if gain < tolerance:
-            if fresh or frozen:
-                if damping >= 1e3 or gain > 0:
-                    converged = True
-                    break
-                damping *= 1e3
-                continue
-            known, fresh = None, True  # the known columns may be what holds it up
-        at, j = q, _jacobian(problem, hypothesis, q, r, known if frozen or not fresh else None)
-        fresh = known is None
-    return Fit(hypothesis, q, float(r @ r), r, j, iterations, converged, at)
+    return descent.fit(most)
+
+
+class _Descent:
+    """A fit under way. Its steps are tried in rough runs, each less what such a run was off by where the full step was
+    last taken; where they end, the full step is taken again. Where rough runs lead no further, full ones do."""
+
+    def __init__(
+        self, problem: Problem, hypothesis: Hypothesis, start: Array, known: Array | None, frozen: bool
+    ) -> None:
+        self.problem, self.hypothesis, self.frozen = problem, hypothesis, frozen
+        self.rough = self.stepper = problem.rougher(hypothesis)
+        self.low, self.high = hypothesis.bounds()
+        self.prior = np.sqrt(PRIOR_WEIGHT) * hypothesis.prior()
+        self.q = np.clip(start, self.low, self.high)
+        self.r: Array = problem.residuals(hypothesis, self.q)[0]
+        self.total = self.cost(self.r, self.q)
+        self.own = self.rough_run()  # without what is taken off it
+        self.full = (self.q, self.r, self.own, self.total)
+        off = self.r - self.own
+        if float(off @ off) > _NEARBY * self.total:
+            self.r, self.total = self.own, self.cost(self.own, self.q)
+        self.known, self.fresh = known, known is None
+        self.damping, self.iterations, self.converged = _DAMPING, 0, False
+        self.steps_there = 0  # iterations up to where the full step was last taken
+        self.look()
+
+    def cost(self, r: Array, q: Array) -> float:
+        """Sum of squares with the priors' share."""
+        return float(r @ r) + float(np.sum((self.prior * q) ** 2))
+
+    def rough_run(self) -> Array:
+        """The rough run's residual where it stands."""
+        if self.rough is self.problem:
+            return self.r
+        return np.asarray(self.rough.residuals(self.hypothesis, self.q)[0])
+
+    def look(self) -> None:
+        """The Jacobian where it stands."""
+        known = self.known if self.frozen or not self.fresh else None
+        before = self.own if self.stepper is self.rough else self.r
+        self.at, self.j = self.q, _jacobian(self.stepper, self.hypothesis, self.q, before, known)
+        self.fresh = known is None
+
+    def run(self, most: int, tolerance: float, bar: float) -> None:
+        """Steps until they gain little."""
+        self.converged = False
+        while self.iterations < most:
+            self.iterations += 1
+            gain = self.step()
+            if self.iterations == _PATIENCE and self.total > bar:
+                return
+            if gain < tolerance:
+                if self.fresh or self.frozen:
+                    if self.damping >= 1e3 or gain > 0:
+                        self.converged = True
+                        return
+                    self.damping *= 1e3
+                    continue
+                self.known, self.fresh = None, True  # the known columns may be what holds it up
+            self.look()
+
+    def step(self) -> float:
+        """The best of some trial steps; the relative fall of the cost."""
+        steps = np.array(
+            [
+                _step(self.j, self.r, self.prior, self.q, self.low, self.high, self.damping * d)
+                for d in _DAMPINGS
+            ]
+        )
+        trials = np.clip(self.q + steps, self.low, self.high)
+        runs = self.stepper.residuals(self.hypothesis, trials)
+        rows = runs if self.stepper is self.problem else runs + (self.r - self.own)
+        totals = np.sum(rows**2, axis=1) + np.sum((self.prior * trials) ** 2, axis=1)
+        best = int(np.argmin(totals))
+        gain = float(1 - totals[best] / self.total) if self.total > 0 else 0.0
+        if gain > 0:
+            self.q, self.r, self.own, self.total = trials[best], rows[best], runs[best], float(totals[best])
+            self.damping = float(np.clip(self.damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
+        return gain
+
+    def arrived(self, most: int, bar: float) -> bool:
+        """True where the full step finds what the rough runs led to, or there is no going on; that is then taken."""
+        if self.stepper is self.problem:
+            return True
+        expected, q = self.total, self.q
+        r = self.problem.residuals(self.hypothesis, q)[0]
+        total = self.cost(r, q)
+        if total < self.full[-1]:
+            self.r, self.total = r, total
+            self.full = (q, r, self.own, total)
+            self.steps_there = self.iterations
+            agreed = abs(total - expected) <= _AGREEMENT * total
+        else:
+            self.q, self.r, self.own, self.total = self.full
+            agreed, self.stepper = False, self.problem
+            self.iterations = self.steps_there
+        if agreed or self.iterations >= most or self.total > bar:
+            return True
+        self.damping = min(self.damping, _DAMPING)
+        self.look()
+        return False
+
+    def fit(self, most: int) -> Fit:
+        """What was found."""
+        converged = self.converged or most == 0
+        point, cost = self.q, float(self.r @ self.r)
+        if self.stepper is not self.rough:  # the Jacobian as `taken_up` will have it
+            self.stepper, self.q = self.rough, self.at
+            self.own = self.rough_run()
+            self.look()
+        return Fit(self.hypothesis, point, cost, self.r, self.j, self.iterations, converged, self.at)
 
 
 def taken_up(
@@ -114,8 +204,9 @@ def taken_up(
 ) -> Fit:
     """The fit that ended at a point, to the last bit. at: of its Jacobian; known: the columns that it had frozen."""
     residual = problem.residuals(hypothesis, point)[0]
-    before = problem.residuals(hypothesis, at)[0]
-    jacobian = _jacobian(problem, hypothesis, at, before, known)
+    rough = problem.rougher(hypothesis)
+    before = rough.residuals(hypothesis, at)[0]
+    jacobian = _jacobian(rough, hypothesis, at, before, known)
     return Fit(hypothesis, point, float(residual @ residual), residual, jacobian, 0, converged, at)
 
 

@@ -18,6 +18,7 @@ from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinat
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
 from mrdamp.diagnosis.outside import command_rivals, commanded, grouped, inside_of
+from mrdamp.diagnosis.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.terms import Coordinate, Settings, Term
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
@@ -27,6 +28,8 @@ from mrdamp.structures import ShearFrame
 
 #: s, the chain's inner step while searching and for the last fit; the frame is stepped with half of it.
 _COARSE, FINE = 2e-3, 1e-3
+#: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
+_ROUGH, _ROUGHER = 4e-3, 3.0
 #: The law's numbers are free within so many times the damper's ranges.
 _WIDER = 4.0
 #: Hz, of the sines of a proposed test.
@@ -80,9 +83,14 @@ class FrameRig:
         )
 
     @cached_property
+    def _free_runs(self) -> list[dict[str, Array]]:
+        """Of the nominal simulator, one for each record."""
+        return [self._run([{}], k, coarse=True)[0] for k in range(len(self.raw))]
+
+    @cached_property
     def sizes(self) -> Sizes:
         """What the damper goes through in the nominal simulator's free runs."""
-        runs = [self._run([{}], k, coarse=True)[0] for k in range(len(self.raw))]
+        runs = self._free_runs
         x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
         dt = max(r.sample_time for r in self.raw)
         heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o in runs)
@@ -136,8 +144,14 @@ class FrameRig:
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:
-        """Causes outside the catalogue."""
-        return command_rivals(self.sizes)
+        """Causes outside the catalogue, where blocks are at fault that they act in."""
+        floors = range(1, self.structure.storeys + 1)
+        places = [j for j in floors if f"storey {j}" not in self.clean]
+        x = np.hstack([[o[f"displacement_{j}"] for j in floors] for o in self._free_runs])
+        drift = np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1])))
+        size, largest = np.sqrt(np.mean(drift**2, axis=1)), np.abs(drift).max(axis=1)
+        storeys = storey_rivals(self.structure, places, size, largest)
+        return storeys if "damper" in self.clean else (*command_rivals(self.sizes), *storeys)
 
     def measured(self, record: int) -> Array:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
@@ -154,6 +168,15 @@ class FrameRig:
                 for k in late:
                     row[k] = np.interp(t - shift, t, row[k])
         return block_means(out, self.block)
+
+    def rougher(self, terms: Sequence[Term]) -> FrameRig | None:
+        """The same with longer steps in a search."""
+        return self._rough
+
+    @cached_property
+    def _rough(self) -> FrameRig | None:
+        step = min(_ROUGH, _ROUGHER * self.coarse_step)
+        return replace(self, coarse_step=step) if step > self.coarse_step else None
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,), nothing: a table's motion and the command are taken as they were sent."""
@@ -215,7 +238,8 @@ class FrameRig:
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a test that has not been made."""
         channels = {"ground_acceleration_m_s2": signal.motion, "command": signal.command}
-        trial = replace(self, raw=(Record("trial", None, self.sizes.sample_time, channels),), block=1)
+        record = Record("trial", None, self.sizes.sample_time, channels)
+        trial = replace(self._rough or self, raw=(record,), block=1)
         runs = trial._run(settings, 0, coarse=True)
         return np.array([[o[c] for c in self.columns] for o in runs])
 
@@ -235,7 +259,7 @@ class FrameRig:
             runs = core.run_frame_many(
                 self.nominal_model.law,
                 np.array(vectors),
-                [self._frame(s) for s in own],
+                [bent(outside, self._frame(s)) for s in own],
                 r.sample_time,
                 r.channel("ground_acceleration_m_s2"),
                 commanded(outside, np.asarray(r.command), r.sample_time),

@@ -27,10 +27,11 @@ from mrdamp.diagnosis.frame_where import (
     place_shares,
     shares_by_stage,
 )
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.result import Diagnosis
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.settle import settle
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis
@@ -43,7 +44,7 @@ Progress = Callable[[str, float], None]
 
 #: s, samples are averaged over this; Hz, the band that stays is half of its inverse.
 _AVERAGE = 0.008
-LIMITS = Limits(singles=5, beam=2, additions=3, depth=2, polished=2, base=4)
+LIMITS = Limits(singles=5, beam=2, additions=3, depth=2, polished=2, base=4, exchanged=0)
 #: Fits with free numbers, the best of each number of causes, whose structure is looked at for what stands out.
 _LOOKED_AT = 3
 #: Share of the excess that may be left before the structure's numbers are freed, where several storeys are at fault.
@@ -192,7 +193,8 @@ def _search(
     if not _enough(search, rig, at_fault):
         search.reform(best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if "damper" in at_fault and not search.solved(best):
+    asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
+    if asked and not search.solved(best):
         search.outside()
     return search, floor
 

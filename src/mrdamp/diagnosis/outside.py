@@ -27,7 +27,17 @@ PLAIN: Mapping[str, str] = {
     "force_limit": "a valve or a cavity that limits the force",
     "worn_bore": "a bore that is worn at one place",
     "side_load": "friction that grows with the distance from a position",
+    "cross_talk": "the command in the reading of the force",
+    "settled_particles": "particles that have settled and are stirred up by the motion",
+    "storey_crack": "a crack that opens and closes",
+    "storey_yield": "a spring that yields",
+    "storey_hardening": "a spring that hardens or softens with the drift",
 }
+
+
+def plain(term: Term) -> str:
+    """What a rival is, in plain words, with its storey."""
+    return PLAIN[term.effect] + ("" if term.place is None else f" in storey {term.place}")
 
 
 def command_rivals(s: Sizes) -> tuple[Term, ...]:
@@ -82,10 +92,26 @@ def force_rivals(s: Sizes) -> tuple[Term, ...]:
         linear("outside_side_x", 0.3 * s.stroke, -s.stroke, s.stroke),
     )
     slip = {"outside_side_v": 0.03 * s.velocity}
+    heard = s.force / s.command
     return (
         *out,
         Term("worn_bore", "fluid", wear, spots),
         Term("side_load", "mechanics", load, ((0.2 * k, 0.0),), fixed=slip),
+        Term(
+            "settled_particles",
+            "fluid",
+            (
+                linear("outside_settled_loss", 0.1, 0.0, 0.95),
+                positive("outside_settled_path", 5 * s.stroke, 0.3 * s.stroke, 300 * s.stroke),
+            ),
+            ((0.2, 3 * s.stroke), (0.2, 20 * s.stroke)),
+        ),
+        Term(
+            "cross_talk",
+            "sensor",
+            (linear("outside_talk", 0.05 * heard, -4 * heard, 4 * heard),),
+            ((0.1 * heard,),),
+        ),
     )
 
 
@@ -121,6 +147,9 @@ def commanded(settings: Mapping[str, float], command: Array, sample_time: float)
 def forced(settings: Mapping[str, float], force: Array, x: Array, v: Array) -> Array:
     """The force (..., n) of a rig with a rival, from the chain's and the motion x (m), v (m/s), (n,) each."""
     out = force
+    if "outside_settled_loss" in settings:
+        path = np.cumsum(np.abs(np.diff(x, prepend=x[0])))
+        out = out * (1 - settings["outside_settled_loss"] * np.exp(-path / settings["outside_settled_path"]))
     if "outside_stop_k" in settings:
         beyond = _one_side(x, settings["outside_stop_side"]) - settings["outside_stop_x"]
         out = out + settings["outside_stop_k"] * np.sign(x) * np.maximum(beyond, 0.0)
@@ -137,6 +166,12 @@ def forced(settings: Mapping[str, float], force: Array, x: Array, v: Array) -> A
         away = np.abs(x - settings["outside_side_x"])
         out = out + settings["outside_side_force"] * away * np.tanh(v / settings["outside_side_v"])
     return out
+
+
+def read(settings: Mapping[str, float], name: str, force: Array, command: Array) -> Array:
+    """What column `name` of a rig with a rival reads, (..., n), of its force: the damper's own sensor may hear more."""
+    talk = settings.get("outside_talk", 0.0) if name == "force" else 0.0
+    return force + talk * command
 
 
 def _one_side(values: Array, side: float) -> Array:

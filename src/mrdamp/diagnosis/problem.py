@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +76,16 @@ class Problem:
         for b in self.blocks:
             n = b.span.stop - b.span.start
             self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
+
+    def rougher(self, hypothesis: Hypothesis) -> Problem:
+        """The same residuals in cheaper runs, to find the way by: those of a search instead of the full step's, with
+        longer steps yet where this hypothesis takes long; this problem itself where there are none."""
+        rig = self.rig.rougher(hypothesis.terms)
+        if rig is None and self.coarse:
+            return self
+        out = copy(self)
+        out.rig, out.coarse = rig or self.rig, True
+        return out
 
     def outputs(self, settings: Sequence[Settings]) -> Array:
         """Simulated channels of all records in a row (sets, samples), in the channels' units."""

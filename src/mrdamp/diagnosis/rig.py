@@ -49,6 +49,10 @@ class Rig(Protocol):
         """
         ...
 
+    def rougher(self, terms: Sequence[Term]) -> Rig | None:
+        """The same with longer steps yet in a search, where runs with these terms take long; None where they do not."""
+        ...
+
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,): RMS change of the simulated channels by the noise that is on the measured inputs."""
         ...

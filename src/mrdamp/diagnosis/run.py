@@ -16,15 +16,17 @@ from mrdamp.diagnosis.ceiling import of_fit
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.damper_where import Parts, parts
 from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.next_test import next_test
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable, trust
-from mrdamp.diagnosis.outside import PLAIN
+from mrdamp.diagnosis.outside import plain
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, spread
 from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
 from mrdamp.diagnosis.rig import Rig, models_of
-from mrdamp.diagnosis.search import Limits, Search
+from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.settle import Settled, heldout, settle
+from mrdamp.diagnosis.size import Sizes
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
@@ -185,9 +187,11 @@ def assemble(
     residual = settled.fit.residual
     conditions, halves = _conditions(search.problem)
     put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
+    unknown = decision.verdict == "unknown"
+    sizes = Sizes.of(search.problem, search.base, float(noise.levels[0])) if unknown else None
     where = Where(
-        stages=stage_shares(search, chosen, decision.verdict, put_in.found),
-        intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn),
+        stages=stage_shares(search, chosen, decision.verdict, put_in.found, sizes),
+        intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, sizes),
         measured=put_in.found,
         records=record_shares(search.problem, search.residual),
         regimes=regimes(conditions, search.residual, halves),
@@ -248,7 +252,7 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
         "cause": term.cause,
         "form": term.form,
         "stage": term.stage,
-        "what": PLAIN[term.cause],
+        "what": plain(term),
         "gap": pooled(search.problem.gaps(found.residual)),
         "nearest_gap": pooled(search.problem.gaps(chosen.residual)),
     }

@@ -7,7 +7,6 @@ causes that a free law would blur; free is what counts where he is not.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -18,6 +17,7 @@ from joblib import Parallel, delayed
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import Fit, fit, taken_up
+from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis, Term
@@ -37,27 +37,6 @@ _FLOOR_DOUBT = 0.3
 
 
 @dataclass(frozen=True)
-class Limits:
-    """How wide the search goes.
-
-    singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
-    to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base:
-    iterations for the nominal parameters alone; rivals: causes outside the catalogue fitted.
-    """
-
-    singles: int = 8
-    beam: int = 3
-    additions: int = 4
-    forms: int = 2
-    depth: int = 2
-    polished: int = 3
-    freed: int = 2
-    base: int = 15
-    rivals: int = 3
-
-
-@dataclass(frozen=True)
 class Promise:
     """Cost that a term promises, with its start and the factor that its signature is stretched by."""
 
@@ -65,6 +44,12 @@ class Promise:
     term: Term
     start: int
     by: float
+
+
+def first_forms(ranked: Sequence[Promise]) -> list[Promise]:
+    """Of what is promised, best first, the best form of each cause."""
+    first = {p.term.cause: p for p in reversed(ranked)}
+    return [p for p in ranked if first[p.term.cause] is p]
 
 
 @dataclass
@@ -125,10 +110,14 @@ class Search:
         coordinates can make themselves, stretched to the residual (backwards too, where the term has two signs).
         """
         jobs = [(term, k) for term in terms for k in range(len(term.starts))]
+        rough = self.problem.rougher(found.hypothesis)
+        before = found.residual
+        if rough is not self.problem:
+            before = rough.residuals(found.hypothesis, found.point)[0]
 
         def change(term: Term, k: int) -> Array:
             hypothesis, point = self.start_from(found, term, k)
-            return np.asarray(self.problem.residuals(hypothesis, point)[0] - found.residual)
+            return np.asarray(rough.residuals(hypothesis, point)[0] - before)
 
         basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else found.jacobian
         left = found.residual - basis @ (basis.T @ found.residual)
@@ -168,6 +157,7 @@ class Search:
             best = self.best(free)
             if best is not None and not self.solved(best):
                 self.reform(best)
+        self.exchange()
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
 
@@ -209,25 +199,45 @@ class Search:
     def reform(self, found: Fit) -> None:
         """The other forms of each cause of a fit in its place."""
         tasks = []
-        at = len(found.hypothesis.nominal)
         for term in found.hypothesis.terms:
             others = [t for t in self.problem.rig.terms if t.cause == term.cause and t.name != term.name]
-            kept = np.ones(len(found.point), dtype=bool)
-            kept[at : at + len(term.coordinates)] = False
-            at += len(term.coordinates)
             if not others:
                 continue
-            rest = Hypothesis(
-                found.hypothesis.nominal, tuple(t for t in found.hypothesis.terms if t is not term)
-            )
-            residual = self.problem.residuals(rest, found.point[kept])[0]
-            cost = float(residual @ residual)
-            parent = Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
+            parent = self.lacking(found, term)
             for promise in self.screen(parent, others):
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 tasks.append((hypothesis, start))
         for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
             self.keep(again)
+
+    def exchange(self) -> None:
+        """Other causes in place of the lesser one of the best pair, from where the pair's fit stands: what was added
+        on top of a law that was held, or of the other cause in another form, may have mended those."""
+        pairs = [f for free in (False, True) for f in self.ranked(free)[:1] if len(f.hypothesis.terms) > 1]
+        if not pairs or not self.limits.exchanged:
+            return
+        best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
+        parents = [self.lacking(best, term) for term in best.hypothesis.terms]
+        parent = min(parents, key=lambda f: (f.cost, f.hypothesis.name))
+        taken = set(best.hypothesis.causes)
+        ranked = self.screen(parent, [t for t in self.problem.rig.terms if t.cause not in taken])
+        chosen = first_forms(ranked)[: self.limits.exchanged]
+        tasks = [self.start_from(parent, p.term, p.start, p.by) for p in chosen]
+        for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" exchanged"), tasks):
+            self.keep(again)
+
+    def lacking(self, found: Fit, term: Term) -> Fit:
+        """A fit without one of its terms, the other numbers where they stand."""
+        hypothesis = found.hypothesis
+        at, kept = len(hypothesis.nominal), np.ones(len(found.point), dtype=bool)
+        for t in hypothesis.terms:
+            if t is term:
+                kept[at : at + len(t.coordinates)] = False
+            at += len(t.coordinates)
+        rest = Hypothesis(hypothesis.nominal, tuple(t for t in hypothesis.terms if t is not term))
+        residual = self.problem.residuals(rest, found.point[kept])[0]
+        cost = float(residual @ residual)
+        return Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
 
     def outside(self) -> None:
         """Causes outside the catalogue, the most promising alone, with the nominal parameters held and free."""
@@ -235,8 +245,7 @@ class Search:
         ranked = [
             p for p in self.screen(held, self.problem.rig.rivals) if p.cost < (1 - _PROMISE) * held.cost
         ]
-        first = {p.term.cause: p for p in reversed(ranked)}  # the best form of each
-        chosen = [p for p in ranked if first[p.term.cause] is p][: self.limits.rivals]
+        chosen = first_forms(ranked)[: self.limits.rivals]
         tasks = [(*self.start_from(held, p.term, p.start, p.by), None, np.inf) for p in chosen]
         self.rivals = [f for f in self._map(self._try, tasks) if f is not None]
         self.rivals.sort(key=lambda f: (f.cost, f.hypothesis.name))
@@ -342,10 +351,11 @@ class Search:
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
         if known is None and hypothesis.nominal:
             # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
-            known = self.problem.jacobian(
+            rough = self.problem.rougher(hypothesis)
+            known = rough.jacobian(
                 hypothesis,
                 start,
-                self.problem.residuals(hypothesis, start)[0],
+                rough.residuals(hypothesis, start)[0],
                 range(len(hypothesis.nominal)),
             )
         kept = self.store.get(name)
@@ -387,12 +397,3 @@ class Search:
             return [function(*task) for task in tasks]
         # The work is done in the C entry, outside the interpreter's lock.
         return list(Parallel(n_jobs=self.jobs, prefer="threads")(delayed(function)(*task) for task in tasks))
-
-
-def evidence(unexplained: float, resolution: float, numbers: int, independent: float, price: float) -> float:
-    """Log evidence (nats) of a fit: what it leaves unexplained, at the price of its free numbers.
-
-    The misfit is a form error of unknown size, so its logarithm counts, once for each of `independent` samples, down
-    to the resolution below which shares cannot be told apart.
-    """
-    return -0.5 * independent * math.log(unexplained + resolution) - price * numbers

@@ -52,7 +52,10 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
             if promise.cost > (1 - _WORTH / 3) * best.cost:
                 continue
             hypothesis, start = search.start_from(best, promise.term, promise.start, promise.by)
-            found = search.fitted(hypothesis, start, most=8, known=search.law_columns(best), stage=" mended")
+            key = (bool(hypothesis.nominal), frozenset(t.name for t in hypothesis.terms))
+            found = search.fits.get(key) or search.fitted(
+                hypothesis, start, most=8, known=search.law_columns(best), stage=" mended"
+            )
             trials.append((found, (*corrections, promise.term.name)))
         scored = [(_cost(search, f), f, c) for f, c in trials]
         if not scored:

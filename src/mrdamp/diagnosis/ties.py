@@ -64,12 +64,14 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     """
     base = search.base
     basis = np.linalg.qr(base.jacobian)[0] if base.jacobian.shape[1] else base.jacobian
+    rough = search.problem.rougher(base.hypothesis)
+    before = rough.residuals(base.hypothesis, base.point)[0]
     out = []
     for term in search.problem.rig.terms:
         if term.cause in chosen.hypothesis.causes:
             continue
         hypothesis, point = search.start_from(base, term, 0)
-        change = search.problem.residuals(hypothesis, point)[0] - base.residual
+        change = rough.residuals(hypothesis, point)[0] - before
         own = change - basis @ (basis.T @ change)
         size = float(np.linalg.norm(own)) / max(float(np.sqrt(chosen.cost)), 1e-12)
         if size < _SEEN:

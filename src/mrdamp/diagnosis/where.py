@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -13,44 +14,115 @@ from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, draws, group_sums, interval, seconds
 from mrdamp.diagnosis.result import Measured, Regime
 from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import STAGES
+from mrdamp.diagnosis.size import Sizes
+from mrdamp.diagnosis.terms import STAGES, Settings
 from mrdamp.diagnosis.verdict import shapley
 
 #: Without a cause that explains it, a stage counts by this power of what its effects explain best.
 _SHARPNESS = 3.0
+#: Where no effect and no numbers explain this share, the error follows no state of the chain: its size tells the stage.
+_TOUCHED = 0.3
 #: Where the law's own numbers act: they stand between the field and the mechanics.
 LAW_STAGE = "fluid"
 
 
 def stage_shares(
-    search: Search, chosen: Fit, verdict: str, measured: Sequence[Measured] = ()
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    measured: Sequence[Measured] = (),
+    sizes: Sizes | None = None,
 ) -> dict[str, float]:
     """Shares (adding up to 1) of the gap by stage.
 
-    With causes named, their Shapley shares in the fall of the cost; free numbers of the law count as fluid. Without
-    a cause (`unknown`), what the effects of each stage explain at best, sharpened: the stage whose effects come
-    nearest is where the cause most likely sits; what was measured between stages (`measured`) goes before. Where a
-    cause outside the catalogue explains the gap, the stage is its own.
+    With causes named, what each changes in the simulated channels with the numbers it was fitted with, and the law's
+    own numbers, which count as fluid: their covariances with the whole change. Without a cause (`unknown`), what the
+    effects of each stage explain at best, sharpened: the stage whose effects come nearest is where the cause most
+    likely sits, or what the error's size goes with (`sizes`) where none comes near; what was measured between stages
+    (`measured`) goes before. Where a cause outside the catalogue explains the gap, the stage is its own.
     """
-    return _shares(search, chosen, verdict, [m.share for m in measured], measured, lambda f: f.cost)
+    if verdict == "effect" and chosen.hypothesis.terms:
+        return _of_changes(search, Changes.of(search, chosen).table.sum(axis=0), chosen)
+    shares = [m.share for m in measured]
+    return _shares(search, verdict, shares, measured, lambda f: f.cost, sizes.at() if sizes else {})
 
 
 def stage_intervals(
-    search: Search, chosen: Fit, verdict: str, measured: Sequence[Measured] = (), drawn: Array | None = None
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    measured: Sequence[Measured] = (),
+    drawn: Array | None = None,
+    sizes: Sizes | None = None,
 ) -> dict[str, Interval]:
     """95 % intervals of `stage_shares`, seconds of the records drawn again; none where the shares are by definition.
 
     drawn (draws, measured): the measured shares under the same draws. Fits stay where they are: at its optimum a cost
     does not change with the parameters to first order.
     """
-    if verdict != "unknown" and not (verdict == "effect" and chosen.hypothesis.terms):
+    if verdict == "effect" and chosen.hypothesis.terms:
+        table = Changes.of(search, chosen).table
+        rows = [_of_changes(search, sums, chosen) for sums in draws(len(table)) @ table]
+    elif verdict == "unknown":
+        costs = DrawnCosts.of(search)
+        parts = drawn if measured and drawn is not None else np.zeros((costs.count, len(measured)))
+        rows = [
+            _shares(search, verdict, parts[k].tolist(), measured, costs.at(k), sizes.at(k) if sizes else {})
+            for k in range(costs.count)
+        ]
+    else:
         return {}
-    costs = DrawnCosts.of(search)
-    parts = drawn if measured and drawn is not None else np.zeros((costs.count, len(measured)))
-    rows = [
-        _shares(search, chosen, verdict, parts[k].tolist(), measured, costs.at(k)) for k in range(costs.count)
-    ]
     return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What the parts of a corrected simulator change: its causes in their order, then the law's own numbers.
+
+    table (seconds, parts): sums of a part's change times the whole change, over samples weighted as residuals are. A
+    part's change is the mean over all orders of switching the parts on with the numbers they were fitted with
+    (Shapley): nothing is fitted again, since a law bent to do without a cause is not what the cause is shared with.
+    """
+
+    table: Array
+
+    @classmethod
+    def of(cls, search: Search, chosen: Fit) -> Changes:
+        """Of a fit with causes."""
+        hypothesis = chosen.hypothesis
+        values = [c.value(float(q)) for c, q in zip(hypothesis.coordinates, chosen.point, strict=True)]
+        settings: dict[str, Settings] = {cause: {} for cause in hypothesis.causes}
+        at = len(hypothesis.nominal)
+        law = {c.name: v for c, v in zip(hypothesis.nominal, values[:at], strict=True)}
+        for term in hypothesis.terms:
+            count = len(term.coordinates)
+            own = dict(zip([c.name for c in term.coordinates], values[at : at + count], strict=True))
+            settings[term.cause] |= dict(term.fixed) | own
+            at += count
+        parts = [*settings.values(), law]
+        n = len(parts)
+        sets: list[Settings] = [
+            {k: v for i, p in enumerate(parts) if bits >> i & 1 for k, v in p.items()} for bits in range(2**n)
+        ]
+        rows = search.problem.of_settings(sets)
+        change = np.zeros((search.problem.samples, n))
+        for i in range(n):
+            for bits in (b for b in range(2**n) if not b >> i & 1):
+                inside = bits.bit_count()
+                weight = math.factorial(inside) * math.factorial(n - inside - 1) / math.factorial(n)
+                change[:, i] += weight * (rows[bits | 1 << i] - rows[bits])
+        whole = rows[-1] - rows[0]
+        return cls(group_sums(change * whole[:, None], seconds(search.problem)))
+
+
+def _of_changes(search: Search, sums: Array, chosen: Fit) -> dict[str, float]:
+    """Shares of the stages from sums (parts,) of `Changes`."""
+    shares = dict.fromkeys((s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)), 0.0)
+    stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
+    for name, value in zip([*(stage[c] for c in chosen.hypothesis.causes), LAW_STAGE], sums, strict=True):
+        shares[name] = shares.get(name, 0.0) + max(float(value), 0.0)
+    total = sum(shares.values())
+    return {s: v / total if total > 0 else 1 / len(shares) for s, v in shares.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,36 +162,31 @@ def cause_shares(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> d
 
 def _shares(
     search: Search,
-    chosen: Fit,
     verdict: str,
     parts: Sequence[float],
     measured: Sequence[Measured],
     cost: Callable[[Fit], float],
+    sized: Mapping[str, float],
 ) -> dict[str, float]:
     stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
-    if verdict in ("none", "parameters") or (verdict == "effect" and not chosen.hypothesis.terms):
+    if verdict != "unknown":
         return {s: float(s == LAW_STAGE) for s in stages}
-    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
-    if verdict == "unknown" and search.looks_like is not None:
+    if search.looks_like is not None:
         (term,) = search.looks_like.hypothesis.terms
         return {s: float(s == term.stage) for s in stages}
-    if verdict == "unknown":
-        return _within(_nearest(search, stages, nominal, base, cost), parts, measured)
-    shares = dict.fromkeys(stages, 0.0)
-    if chosen.hypothesis.nominal:
-        shares[LAW_STAGE] += 0.5 * max(nominal - base, 0.0)
-    stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
-    for cause, share in cause_shares(search, chosen, cost).items():
-        shares[stage[cause]] += max(share, 0.0)
-    total = sum(shares.values())
-    if not total > 0:
-        return {s: 1 / len(stages) for s in stages}
-    return {s: value / total for s, value in shares.items()}
+    explained = _explained(search, stages, cost)
+    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
+    recalibrated = (nominal - base) / max(nominal - search.floor, 1e-30)
+    weights = {s: value**_SHARPNESS for s, value in explained.items()}
+    if sized and max(recalibrated, *explained.values()) < _TOUCHED:
+        weights = {s: sized.get(s, 0.0) for s in stages}
+    total = sum(weights.values())
+    return _within({s: value / total for s, value in weights.items()}, parts, measured)
 
 
-def _nearest(
-    search: Search, stages: Sequence[str], nominal: float, base: float, cost: Callable[[Fit], float]
-) -> dict[str, float]:
+def _explained(search: Search, stages: Sequence[str], cost: Callable[[Fit], float]) -> dict[str, float]:
+    """Share of what is beyond the noise that a stage's effects explain at best, with the law held or free."""
+    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
     explained = dict.fromkeys(stages, 1e-3)
     for free in (False, True):
         before = base if free else nominal
@@ -129,9 +196,7 @@ def _nearest(
                 share = (before - cost(f)) / (before - search.floor)
                 only = of.pop()
                 explained[only] = max(explained[only], share)
-    weights = {s: value**_SHARPNESS for s, value in explained.items()}
-    total = sum(weights.values())
-    return {s: value / total for s, value in weights.items()}
+    return explained
 
 
 def _within(
