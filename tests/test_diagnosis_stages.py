@@ -14,7 +14,7 @@ from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.fit import fit
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.size import Sizes
+from mrdamp.diagnosis.size import ErrorSizes
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.diagnosis.where import Changes, stage_shares
 from mrdamp.model import Model
@@ -82,7 +82,7 @@ def test_the_size_of_an_error_tells_its_stage(error: Callable[[Array, Array], Ar
         records.append(Record(f"{k}", None, DT, {"displacement_m": scale * X, "command": U, "force_N": read}))
     problem = Problem(DamperRig(Model("bingham", LAW), tuple(records)))
     plain = fit(problem, Hypothesis(()), np.zeros(0), most=0)
-    sizes = Sizes.of(problem, plain, NOISE)
+    sizes = ErrorSizes.of(problem, plain, NOISE)
     assert sizes is not None
     shares = sizes.at()
     assert sum(shares.values()) == pytest.approx(1.0)
@@ -107,4 +107,4 @@ def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:
 
 def test_another_rig_has_no_such_sizes() -> None:
     problem = Problem(replace(toy({}), rivals=()))
-    assert Sizes.of(problem, fit(problem, Hypothesis(()), np.zeros(0), most=0), 1.0) is None
+    assert ErrorSizes.of(problem, fit(problem, Hypothesis(()), np.zeros(0), most=0), 1.0) is None

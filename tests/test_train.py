@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mrdamp.cli import main
 from mrdamp.control.following import ForceController
@@ -28,6 +29,8 @@ from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import ALGORITHMS, Options, settings
 from mrdamp.train.sweep import points, sweep
 from mrdamp.train.worlds import world
+
+Array = NDArray[np.float64]
 
 FRAME = "mrdamp/Frame-v0"
 #: An evolution strategy that takes a second or two.
@@ -287,13 +290,30 @@ def test_a_least_command_is_searched_from_where_it_begins_and_never_above_the_la
     assert len(none.cma.mean) == len(run.cma.mean) - 2
 
 
+def test_noise_is_the_same_for_every_candidate_and_in_every_run(tmp_path: Path) -> None:
+    def scores(noise: float, candidates: Array | None = None) -> Array:
+        options = small(0, f"noise={noise}")
+        run = EvolutionRun(options, settings(options), tmp_path)
+        return run._scores(run.cma.ask() if candidates is None else candidates)
+
+    exact, noisy = scores(0.0), scores(0.5)
+    assert np.abs(noisy - exact).max() > 1e-3
+    assert (scores(0.5) == noisy).all()
+    one = EvolutionRun(small(), settings(small()), tmp_path).cma.ask()[:1]
+    alike = scores(0.5, np.repeat(one, len(noisy), axis=0))
+    assert alike == pytest.approx(np.full(len(noisy), alike[0]), rel=1e-12)
+    with pytest.raises(InputError, match=r"noise is -1\.0"):
+        scores(-1.0)
+
+
 def acting(policy: Policy, task: Task) -> Act:
     """A policy on the rows of a task."""
     return lambda seen: policy.commands(seen, forces(task, seen))
 
 
 def test_candidates_are_scored_as_the_policies_they_become(tmp_path: Path) -> None:
-    run = EvolutionRun(small(0, "current=0"), settings(small(0, "current=0")), tmp_path)
+    exact = small(0, "current=0", "noise=0")
+    run = EvolutionRun(exact, settings(exact), tmp_path)
     candidates = run.cma.ask()
     scores = run._scores(candidates)
     drawn = np.random.SeedSequence(run.draws.entropy, spawn_key=(*run.draws.spawn_key, 0))

@@ -14,6 +14,9 @@ from mrdamp.motions import GroundMotion, embedded_motion
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
 VALIDATION_SEED = 902
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+#: rad/s, of full-size ground from soft to firm; each band has an equal share, so that what is slow beside the frame is
+#: not rare.
+_GROUNDS = ((3.0, 8.0), (8.0, 16.0), (16.0, 40.0))
 _PEAK = 2.5  # m/s2, of a validation motion at amplitude 1, that of the measured ones on average
 
 
@@ -44,18 +47,24 @@ class Pulses:
         return replace(motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse")
 
 
-def _kind(duration: float, plateau: float, pga: tuple[float, float]) -> Pulses:
-    return Pulses(
-        SyntheticMotions(
-            pga=pga, ground_frequency=(4.0, 40.0), ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
-            rise=(1.0, 4.0), decay=(0.25, 1.0), duration=duration,
+def _kinds(duration: float, plateau: float, pga: tuple[float, float]) -> list[Pulses]:
+    """Motions on each of the grounds."""
+    return [
+        Pulses(
+            SyntheticMotions(
+                pga=pga, ground_frequency=ground, ground_damping=(0.2, 0.8), plateau=(1.0, plateau),
+                rise=(1.0, 4.0), decay=(0.25, 1.0), duration=duration,
+            )
         )
-    )  # fmt: skip
+        for ground in _GROUNDS
+    ]  # fmt: skip
 
 
 def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
     """Synthetic ground of every kind, short to long, and the embedded motion: peaks pga in m/s2, evenly in the log."""
-    kinds = [_kind(duration, plateau, pga) for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))]
+    kinds = [
+        MixedMotions(_kinds(duration, plateau, pga)) for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
+    ]
     embedded = RecordedMotions([embedded_motion()], amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25))
     return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))
 
@@ -69,9 +78,10 @@ def validation_motions(count: int = 12, amplitudes: Sequence[float] = AMPLITUDES
 
 
 def some_motions(rng: np.random.Generator, count: int, duration: float = 20.0) -> list[GroundMotion]:
-    """count synthetic motions of `duration` s full-size, AMPLITUDES in turn, for searches that run every candidate
-    under all of them."""
-    drawn = [_kind(duration, 0.4 * duration, (1.0, 1.0)).draw(rng) for _ in range(count)]
+    """count synthetic motions of `duration` s full-size, for searches that run every candidate under all of them:
+    AMPLITUDES in turn on soft ground, then on the next."""
+    kinds = _kinds(duration, 0.4 * duration, (1.0, 1.0))
+    drawn = [kinds[k // len(AMPLITUDES) % len(kinds)].draw(rng) for k in range(count)]
     factors = np.resize(AMPLITUDES, count) * _PEAK
     return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,13 @@ from mrdamp.train.settings import Options, Settings
 Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
-#: score's share for the mean current over its largest; a classical controller whose wanted force the search begins at,
+#: score's share for the mean current over its largest; white noise on what candidates see, in the observer's units, so
+#: that what only exact measurements allow is not found; a classical controller whose wanted force the search begins at,
 #: as `clipped-optimal:balance=30`, or nothing to begin at no action; level (A or V) and fade (N) that a least command
 #: begins at, or nothing to have none.
 DEFAULTS: Mapping[str, Any] = {
-    "loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "teacher": "", "least": None,
+    "loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "noise": 0.0, "teacher": "",
+    "least": None,
 }  # fmt: skip
 
 _LESSONS = 6  # loads that a teacher is watched under
@@ -41,7 +44,9 @@ class EvolutionRun(Run):
             raise InputError(f"es: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}")
         own = {**DEFAULTS, **chosen.learner}
         self.population, self.loads_count = int(own["population"]), int(own["loads"])
-        self._current = float(own["current"])
+        self._current, self._noise = float(own["current"]), float(own["noise"])
+        if not 0 <= self._noise < math.inf:
+            raise InputError(f"es: hyperparameters: noise is {self._noise}; allowed: a number >= 0")
         self._sigma, self._least_start = float(own["sigma"]), self._least_of(own["least"])
         super().__init__(options, chosen, out, 1)
         self.task = self.world.searching(self.population * self.loads_count)
@@ -116,10 +121,15 @@ class EvolutionRun(Run):
         least = [self._least(candidate) for candidate in candidates]
         key = (*self.draws.spawn_key, self.cma.generation)
         drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
-        loads = self.world.draw(np.random.default_rng(drawn), many)
+        rng = np.random.default_rng(drawn)
+        loads = self.world.draw(rng, many)
 
         def act(seen: NDArray[np.float32]) -> Array:
-            inputs = seen.astype(np.float64) @ self.matrix.T
+            inputs = seen.astype(np.float64)
+            if self._noise:
+                noise = self._noise * rng.standard_normal((many, seen.shape[1]))
+                inputs = inputs + np.tile(noise, (self.population, 1))  # the same for every candidate
+            inputs = inputs @ self.matrix.T
             action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
             if self.levels is None:
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Kept = TypeVar("Kept")
 
 _STEP = 1e-3  # s, of a twin at most
+_FRAME = 5e-4  # s, of the frame's at least: the engine at .1 ms gives the same peaks within .5 %
 _KEPT = 256  # references of loads
 
 
@@ -31,7 +32,7 @@ class FrameTwins(FrameRows):
     """`FrameRows` on twins."""
 
     def _build(self, timestep: float, n: int, threads: int) -> None:
-        inner, structure = whole_steps(self.period, min(timestep, _STEP)), self.structure
+        inner, structure = whole_steps(self.period, min(max(timestep, _FRAME), _STEP)), self.structure
         self.twins = TwinPlants(plant(structure), -structure.gamma, self.models[0], inner, self.period / inner, n)
         self.plants = cast(Any, self.twins)  # it has what a task asks of `Plants`
         floors = range(1, structure.storeys + 1)

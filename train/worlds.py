@@ -103,7 +103,7 @@ class FrameWorld(World):
     """
 
     arguments: Mapping[str, Any]
-    weight: float = 0.5
+    weight: float = 0.3
     option: ClassVar[str] = "motion"
     measures: ClassVar[tuple[str, ...]] = ("drift_ratio", "acceleration_ratio", "mean_current")
 

@@ -26,7 +26,7 @@ from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Wher
 from mrdamp.diagnosis.rig import Rig, models_of
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.settle import Settled, heldout, settle
-from mrdamp.diagnosis.size import Sizes
+from mrdamp.diagnosis.size import ErrorSizes
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
@@ -188,7 +188,7 @@ def assemble(
     conditions, halves = _conditions(search.problem)
     put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
     unknown = decision.verdict == "unknown"
-    sizes = Sizes.of(search.problem, search.base, float(noise.levels[0])) if unknown else None
+    sizes = ErrorSizes.of(search.problem, search.base, float(noise.levels[0])) if unknown else None
     where = Where(
         stages=stage_shares(search, chosen, decision.verdict, put_in.found, sizes),
         intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, sizes),

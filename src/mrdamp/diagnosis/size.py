@@ -26,7 +26,7 @@ _INDEPENDENT = 14.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sizes:
+class ErrorSizes:
     """Log likelihoods of an error by stage: table (seconds, stages) of sums, and the samples that it is of."""
 
     table: Array
@@ -34,7 +34,7 @@ class Sizes:
     drawn: Array
 
     @classmethod
-    def of(cls, problem: Problem, found: Fit, noise: float) -> Sizes | None:
+    def of(cls, problem: Problem, found: Fit, noise: float) -> ErrorSizes | None:
         """Of a fit's residual in the damper's own force (noise: standard deviation, N); None for another rig."""
         if not isinstance(problem.rig, DamperRig):
             return None

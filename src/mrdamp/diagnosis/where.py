@@ -14,7 +14,7 @@ from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, draws, group_sums, interval, seconds
 from mrdamp.diagnosis.result import Measured, Regime
 from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.size import Sizes
+from mrdamp.diagnosis.size import ErrorSizes
 from mrdamp.diagnosis.terms import STAGES, Settings
 from mrdamp.diagnosis.verdict import shapley
 
@@ -31,7 +31,7 @@ def stage_shares(
     chosen: Fit,
     verdict: str,
     measured: Sequence[Measured] = (),
-    sizes: Sizes | None = None,
+    sizes: ErrorSizes | None = None,
 ) -> dict[str, float]:
     """Shares (adding up to 1) of the gap by stage.
 
@@ -53,7 +53,7 @@ def stage_intervals(
     verdict: str,
     measured: Sequence[Measured] = (),
     drawn: Array | None = None,
-    sizes: Sizes | None = None,
+    sizes: ErrorSizes | None = None,
 ) -> dict[str, Interval]:
     """95 % intervals of `stage_shares`, seconds of the records drawn again; none where the shares are by definition.
 
