@@ -57,7 +57,10 @@ def records(seed: int = 1) -> dict[str, Record]:
     ):
         a = ground(t, seed + number)
         run = frame_reference.solve(partial(_at, t, a), commands, HOLD, DT)
-        held = np.append(np.repeat(commands, round(HOLD / DT)), commands[-1])
+        each = round(HOLD / DT)
+        held = np.append(np.repeat(commands, each), commands[-1])
+        # Half way at a jump: a line between samples that only begins to rise before it would be early by half a sample.
+        held[each::each] = 0.5 * (held[each - 1 : -1 : each] + held[each::each])
         for again in (name, "repeat") if name == "steps" else (name,):
             out[again] = _noisy(again, t, a, held, run, rng)
     return out
