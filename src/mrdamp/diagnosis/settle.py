@@ -16,6 +16,8 @@ from mrdamp.diagnosis.terms import Hypothesis
 #: A correction of form stays where it takes this share off the held-out excess.
 _WORTH = 0.15
 _ROUNDS = 2
+#: Other fits of the same causes that are settled where the chosen one is worse than nothing.
+_OTHERS = 3
 
 
 @dataclass(frozen=True)
@@ -70,13 +72,38 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
 def settle(
     search: Search, chosen: Fit, tell: Callable[[str], None] = lambda text: None, *, mend: bool = True
 ) -> Settled:
-    """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs."""
+    """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs.
+
+    Where that is worse than the nominal simulator (a form that the full step cannot follow), the same causes in other
+    forms or with the law held or free are settled in its place, and the least bad is handed over.
+    """
     best, corrections = refine(search, chosen) if mend else (chosen, ())
     tell("final fit")
+    settled = _settled(search, best, corrections)
+    nominal = _square(search.problem.gaps(search.residual))
+    if not mend or _square(settled.heldout) <= nominal:
+        return settled
+    causes = set(chosen.hypothesis.causes)
+    fits = sorted((f for free in (False, True) for f in search.ranked(free)), key=lambda f: f.cost)
+    others = [f for f in fits if set(f.hypothesis.causes) == causes and f is not best]
+    for other in others[:_OTHERS]:
+        again = _settled(search, other, ())
+        if _square(again.heldout) < _square(settled.heldout):
+            settled = again
+        if _square(settled.heldout) <= nominal:
+            break
+    return settled
+
+
+def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settled:
     coarse = search.problem
     fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
-    final = fit(fine, best.hypothesis, best.point, most=2)
+    final = fit(fine, found.hypothesis, found.point, most=2)
     return Settled(final, corrections, heldout(fine, final), fine)
+
+
+def _square(gaps: Array) -> float:
+    return float(np.mean(gaps**2))
 
 
 def _cost(search: Search, found: Fit) -> float:
