@@ -50,8 +50,8 @@ def drive_rig(
     shift = model.attributes.get("channel_shift_d", 0.0)
     if shift:  # the displacement is read late or early: the rod moves as it really did
         path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
-        inside = moved == t + shift
-        x, v, a = path(moved), path(moved, 1) * inside, np.interp(moved, t, a) * inside
+        beyond = t + shift - moved  # the record's ends; the motion goes on at its velocity there
+        x, v, a = path(moved) + path(moved, 1) * beyond, path(moved, 1), np.interp(moved, t, a) * (beyond == 0)
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), np.interp(fine, t, u)
