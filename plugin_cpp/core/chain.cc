@@ -150,7 +150,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
                          double to, double guess) {
     const ChainState start = s->c;
     if (s->past) past = *s->past;
-    double tried = guess, held = 0, own = start.piston_slope;  // where the state in s stands, force, its slope
+    double tried = guess, own = start.piston_slope;  // where the state in s stands; d(force)/dv
     const auto attempt = [&](double v) {
       const double near = s->c.r;
       s->c = start;
@@ -161,13 +161,10 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     };
     const auto residual = [&](double v) {
       const double x = attempt(v);
-      double slope, fluid;
-      const double force = PistonForce(d, *s, to, x, v, &slope, &fluid);
-      const double dv = v - tried;
-      if (!(own > 0)) own = slope;
-      else if (std::fabs(dv) > 1e-6 * std::fabs(v)) own = (force - held) / dv;
+      double fluid;
+      // No secant: where the force jumps (trapped gas at a turn) that is a slope the next solve would not get away from.
+      const double force = PistonForce(d, *s, to, x, v, &own, &fluid);
       tried = v;
-      held = force;
       return force + mass * (v - base_velocity) / h - MountForce(p, rod - x);
     };
     if (!(own > 0)) {

@@ -92,17 +92,6 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 (0.1 * s.command, 0.1 * s.command, 1.0),
             ),
         ),
-        Term(
-            "remanence",
-            "magnetics",
-            (
-                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
-                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
-            ),
-            ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
-            form="risen from zero",
-            fixed={"remanence_rise": 1.0},
-        ),
         *(
             Term(
                 "remanence",
@@ -113,9 +102,13 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 ),
                 ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
                 form=form,
-                fixed={"remanence_stops": 1.0, "remanence_rise": risen},
+                fixed={"remanence_stops": stops, "remanence_rise": risen},
             )
-            for form, risen in (("closing loops", 0.0), ("closing loops, risen from zero", 1.0))
+            for form, stops, risen in (
+                ("risen from zero", 0.0, 1.0),
+                ("closing loops", 1.0, 0.0),
+                ("closing loops, risen from zero", 1.0, 1.0),
+            )
         ),
         Term(
             "heating",
