@@ -43,7 +43,9 @@ class FrameRig:
 
     raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
     the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
-    clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there.
+    clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there. quiet: no
+    block is at fault, so that what there is is small; storeys are then sought after all: a resonance shows in a free
+    run what their own balance has in its noise.
     free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
     coarse_step: s, the chain's inner step while searching.
     """
@@ -54,6 +56,7 @@ class FrameRig:
     clean: frozenset[str] = frozenset()
     free_structure: bool = False
     placed: bool = False
+    quiet: bool = False
     coarse_step: float = _COARSE
 
     @cached_property
@@ -128,10 +131,8 @@ class FrameRig:
         out = []
         for term in (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes)):
             if term.place is not None:
-                at_fault = (
-                    f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
-                    not in self.clean
-                )
+                block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
+                at_fault = block not in self.clean or (self.quiet and term.stage == "structure")
             else:
                 at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.clean
             if term.effect == "channel_shift":

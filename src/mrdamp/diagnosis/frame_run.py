@@ -64,7 +64,8 @@ _RECORDS = 4
 def reduced(case: Case, found: Sequence[Block] = ()) -> tuple[Case, FrameRig]:
     """The case at the rate of the comparison, and its rig."""
     block = max(1, round(_AVERAGE / case.records[0].sample_time))
-    rig = FrameRig(case.model, case.records, block, frozenset(b.name for b in found if b.clean))
+    clean = frozenset(b.name for b in found if b.clean)
+    rig = FrameRig(case.model, case.records, block, clean, quiet=len(clean) == len(found) > 0)
     repeats = tuple((averaged(r, block), k) for r, k in case.repeats)
     return replace(case, records=rig.records, repeats=repeats), rig
 
