@@ -196,7 +196,12 @@ def _search(
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
     if asked and not search.solved(best):
-        search.outside()
+        # A rival's law is freed: what it is held against has the same.
+        if best.hypothesis.terms and not best.hypothesis.nominal:
+            best = _freed(search, rig, best)
+            search.keep(best)
+        if not search.solved(best):
+            search.outside()
     return search, floor
 
 
