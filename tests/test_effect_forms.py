@@ -148,6 +148,9 @@ def test_a_moving_mass_rings_on_its_own_spring() -> None:
     np.testing.assert_allclose(added[20:], mass * felt[20:], atol=0.01 * mass * np.abs(rod).max())
     assert rms(added - mass * rod) > 0.02 * mass * rms(rod)  # a mass held rigidly is another force
     assert run("true", **hung) == pytest.approx(run("true"))  # the damper itself feels nothing of it
+    parted = run("reference", **hung, moving_mass_share=0.3) - run("reference")
+    both = mass * (0.3 * felt + 0.7 * rod)
+    np.testing.assert_allclose(parted[20:], both[20:], atol=0.01 * mass * np.abs(rod).max())
 
 
 def test_a_share_of_the_charge_leaks_by_itself() -> None:

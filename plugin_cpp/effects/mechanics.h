@@ -15,7 +15,9 @@ inline double GasSpring(const Params& p, double x) {
 }
 
 // moving_mass: what of it follows the rod rigidly (kg).
-inline double RigidMass(const Params& p) { return p.moving_mass_hz > 0 ? 0 : p.moving_mass_m; }
+inline double RigidMass(const Params& p) {
+  return p.moving_mass_hz > 0 ? p.moving_mass_m * (1 - p.moving_mass_share) : p.moving_mass_m;
+}
 
 // The rod's acceleration a (m/s2) over dt as a mass on a spring of its own feels it.
 inline void Ring(const Params& p, Oscillator* felt, double a, double dt) {
@@ -25,7 +27,7 @@ inline void Ring(const Params& p, Oscillator* felt, double a, double dt) {
 // What a mass on a spring and dashpot of its own pulls with (N), from the acceleration that it feels.
 inline double RingingForce(const Params& p, const Oscillator& felt) {
   if (!(p.moving_mass_hz > 0)) return 0;
-  return p.moving_mass_m * (felt.y + p.moving_mass_ratio / (kPi * p.moving_mass_hz) * felt.rate);
+  return p.moving_mass_m * p.moving_mass_share * (felt.y + p.moving_mass_ratio / (kPi * p.moving_mass_hz) * felt.rate);
 }
 
 // seal_friction: a bristle q (m) that follows the path, q' = v - |v| q sigma / g(v), with

@@ -264,8 +264,9 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),
                 positive("moving_mass_hz", 80.0, 10.0, 0.45 / dt, 0.2),
                 positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
+                linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
             ),
-            tuple((0.1 * inertia, hz, 0.05) for hz in (40.0, 70.0, 100.0, 140.0, 190.0) if hz < 0.4 / dt),
+            tuple((0.1 * inertia, hz, 0.05, 0.9) for hz in (40.0, 70.0, 100.0, 140.0, 190.0) if hz < 0.4 / dt),
             form="on a spring",
         ),
         Term(
