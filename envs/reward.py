@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,8 @@ def reference_run(
     Raises InputError where the ground does not move.
     """
     frame = model.frame
-    ideal = replace(frame, acc_gain=None, acc_offset=None, acc_leakage=None, acc_lag=None, acc_lag2=None)
+    sensors: dict[str, Any] = {f.name: None for f in fields(frame) if f.name.startswith("acc_")}
+    ideal = replace(frame, **sensors)
     if kind == "uncontrolled":
         ideal = replace(ideal, damper_between=None)
     out = core.run_frame(model.law, model.attributes, ideal, dt, ground, command_max, narx=model.narx)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrdamp.core import FrameInput
 from mrdamp.errors import InputError
+from mrdamp.stepping import second_order_step
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,30 @@ class OnePole:
         return new
 
 
+class TwoPoles:
+    """A second-order low-pass of damping ratio (channels,), 0 where there is none, late by tau (s); else as OnePole."""
+
+    def __init__(self, tau: Array, ratio: Array, period: float, n: int) -> None:
+        self.on = ratio > 0
+        steps = [
+            second_order_step(period, t, r) if r > 0 else (np.zeros(2), np.zeros(2), np.zeros((2, 2)))
+            for t, r in zip(tau, ratio, strict=True)
+        ]
+        self.first, self.second, self.state = (np.array(each) for each in zip(*steps, strict=True))
+        self.past = np.zeros((n, 3, len(tau)))  # last input, last output and its rate
+
+    def __call__(self, signal: Array, fresh: Sequence[int] | None) -> Array:
+        """(n, channels) out for (n, channels) in, one period later; or of `fresh` rows, which rest with this one."""
+        if fresh is not None:
+            self.past[list(fresh)] = np.stack([signal, signal, np.zeros_like(signal)], axis=1)
+            return signal
+        last, inner = self.past[:, 0], self.past[:, 1:]
+        new = np.einsum("cij,njc->nic", self.state, inner)
+        new += self.first.T * last[:, None] + self.second.T * signal[:, None]
+        self.past = np.concatenate([signal[:, None], new], axis=1)
+        return np.where(self.on, new[:, 0], signal)
+
+
 class FloorSensors:
     """Accelerometers of n frames: gain, leakage, lag and offset as in the C entry, at the control period."""
 
@@ -57,20 +82,34 @@ class FloorSensors:
             return np.full(storeys, neutral) if values is None else np.asarray(values, dtype=np.float64)
 
         self.gain, self.offset = given(frame.acc_gain, 1.0), given(frame.acc_offset, 0.0)
-        poles = ((frame.acc_leakage, True), (frame.acc_lag, False), (frame.acc_lag2, False))
-        self.filters = [
-            OnePole(given(tau, 0.0), period, n, high=high)
-            for tau, high in poles
-            if tau is not None and tau.any()
-        ]
+        share, ratio = given(frame.acc_leakage_share, 0.0), given(frame.acc_ratio, 0.0)
+        lag, lag2 = given(frame.acc_lag, 0.0), given(frame.acc_lag2, 0.0)
+        ratio = np.where(lag > 0, ratio, 0.0)
+        leaks = [given(frame.acc_leakage, 0.0)]
+        if share.any():
+            leaks.append(given(frame.acc_leakage2, 0.0))
+        self.share = share
+        self.leaks = [OnePole(tau, period, n, high=True) for tau in leaks if len(leaks) > 1 or tau.any()]
+        poles = [np.where(ratio > 0, 0.0, tau) for tau in (lag, lag2)]
+        self.lags: list[OnePole | TwoPoles] = [OnePole(tau, period, n, high=False) for tau in poles if tau.any()]
+        if ratio.any():
+            self.lags.append(TwoPoles(lag, ratio, period, n))
         self.ideal = not (self.filters or self.offset.any() or (self.gain != 1.0).any())
+
+    @property
+    def filters(self) -> list[OnePole | TwoPoles]:
+        """All that remember something."""
+        return [*self.leaks, *self.lags]
 
     def read(self, acceleration: Array, fresh: Sequence[int] | None) -> Array:
         """(n, storeys) as read; or (rows, storeys) of rows that have just started."""
         if self.ideal:
             return acceleration
         signal = acceleration * self.gain
-        for each in self.filters:
+        if self.leaks:
+            charges = [each(signal, fresh) for each in self.leaks]
+            signal = charges[0] if len(charges) == 1 else charges[0] + self.share * (charges[1] - charges[0])
+        for each in self.lags:
             signal = each(signal, fresh)
         return signal + self.offset
 

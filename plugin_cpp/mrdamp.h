@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 4 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 5 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -104,6 +104,12 @@ typedef struct {
    * plugin stand for them. Force per storey beside stiffness times drift x; NULL, 0: none. */
   const double* one_sided; /* N/m: one_sided x while x is positive, above minus the stiffness */
   const double* cubic;     /* N/m3: cubic x^3 */
+  const double* damping2;  /* N s2/m2 per storey, damping2 |v| v beside damping v; NULL, 0: none */
+  /* per floor accelerometer, NULL: none: share of the charge that leaks with another time constant, that (s; 0 it does
+   * not leak), damping ratio of a second-order lag in place of the two poles (0: the poles) */
+  const double* acc_leakage_share;
+  const double* acc_leakage2;
+  const double* acc_ratio;
 } mrdamp_frame;
 
 /* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements

@@ -40,6 +40,8 @@ PLACED = (
     Effect("storey_stiffness", {"e": -0.25}, 2),
     Effect("joint_friction", {"coulomb": 40.0, "width": 0.003}, 3),
     Effect("floor_mass", {"dm": 20.0}, 3),
+    Effect("storey_damping", {"e": 1.0, "quadratic": 8000.0}, 1),
+    Effect("sensor_lag", {"tau": 0.008, "ratio": 0.7}, 2),
     Effect("sensor_gain", {"g": 1.2}, 3),
     Effect("driver_lag", {"tau": 0.02}),
     Effect("seal_friction", {"coulomb": 80.0, "breakaway": 1.3, "v_s": 0.01, "presliding": 5e-5}),

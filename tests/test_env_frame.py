@@ -139,7 +139,8 @@ def test_seeds_are_exact_and_different() -> None:
 
 
 def test_state_is_saved_and_restored_exactly() -> None:
-    effects = (Effect("sensor_leakage", {"tau": 0.3}, 2), Effect("sensor_lag", {"tau": 0.004}, 1),
+    effects = (Effect("sensor_leakage", {"tau": 0.3, "share": 0.4, "tau2": 2.0}, 2),
+               Effect("sensor_lag", {"tau": 0.004}, 1), Effect("sensor_lag", {"tau": 0.005, "ratio": 0.7}, 3),
                Effect("command_delay", {"d": 0.012}))  # fmt: skip
     base = mrdamp.envs.default_damper()
     model = Model(base.law, base.parameters, (*base.effects, *effects), "frame", dyke1996())

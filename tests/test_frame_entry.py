@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lsim, lti
 
 from mrdamp import core
 from mrdamp.core import Array, FrameInput
@@ -151,6 +152,52 @@ def test_floor_sensors_read_through_gain_offset_and_lag() -> None:
     want2 = solve_ivp(second, (0, TIME[-1]), [want[0]], t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-9).y[0]
     assert off(two, want2) < 2e-4 < off(two, want)
     np.testing.assert_array_equal(a["displacement_2"], b["displacement_2"])
+
+
+def test_floor_sensors_have_a_second_order_lag_and_two_leaks() -> None:
+    plain = frame_of(2, (0, 1))
+    tau, ratio, share, fast, slow = 0.008, 0.7, 0.3, 0.1, 0.5
+    floor = np.array([0.0, 1.0])
+    sensed = replace(plain, acc_gain=np.ones(2), acc_lag=tau * floor, acc_ratio=ratio * floor)
+    true = core.run_frame("bouc_wen", BOUC_WEN, plain, DT, motion(TIME), 1.0)["acceleration_2"]
+    w = 2 * ratio / tau
+    filtered = true[0] + lsim(lti([w**2], [1, 2 * ratio * w, w**2]), true - true[0], TIME)[1]
+    got = core.run_frame("bouc_wen", BOUC_WEN, sensed, DT, motion(TIME), 1.0)
+    assert off(got["acceleration_2"], filtered) < 1e-6 < 0.02 < off(true, filtered)
+    leaking = replace(
+        plain, acc_gain=np.ones(2), acc_leakage=fast * floor, acc_leakage_share=share * floor,
+        acc_leakage2=slow * floor,
+    )  # fmt: skip
+    change = true - true[0]
+    leaks = [true[0] * np.exp(-TIME / tau) + lsim(lti([1, 0], [1, 1 / tau]), change, TIME)[1] for tau in (fast, slow)]
+    got = core.run_frame("bouc_wen", BOUC_WEN, leaking, DT, motion(TIME), 1.0)
+    assert off(got["acceleration_2"], (1 - share) * leaks[0] + share * leaks[1]) < 1e-6
+
+
+def test_a_dashpot_that_grows_with_the_velocity() -> None:
+    """Against SciPy, of a frame without a damper: c v + c2 |v| v in the first storey."""
+    plain = replace(frame_of(2, (0, 1)), damper_between=None)
+    c2 = 40 * float(plain.damping[0])
+    chain = np.eye(2) - np.eye(2, k=-1)
+    k = chain.T @ np.diag(plain.stiffness) @ chain
+
+    def rhs(t: float, s: Array, c2: float) -> Array:
+        rate = chain @ s[2:]
+        force = chain.T @ (plain.damping * rate + np.array([c2 * abs(rate[0]) * rate[0], 0.0])) + k @ s[:2]
+        return np.concatenate([s[2:], -force / plain.mass - float(np.interp(t, TIME, motion(TIME)))])
+
+    want, linear = (
+        solve_ivp(rhs, (0, TIME[-1]), np.zeros(4), args=(c,), t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-10).y
+        for c in (c2, 0.0)
+    )
+    got = core.run_frame("bouc_wen", BOUC_WEN, replace(plain, damping2=np.array([c2, 0.0])), DT, motion(TIME), 1.0)
+    assert off(got["displacement_2"], want[1]) < 2e-3 < 0.05 < off(linear[1], want[1])
+
+
+def test_a_second_order_lag_without_its_damping_is_refused() -> None:
+    bad = replace(frame_of(2, (0, 1)), acc_ratio=np.array([0.0, 1.2]))
+    with pytest.raises(InputError, match=r"acc_ratio of floor 2 is 1.2"):
+        core.run_frame("bouc_wen", BOUC_WEN, bad, DT, motion(TIME), 1.0)
 
 
 def test_without_a_damper_the_frame_is_linear() -> None:

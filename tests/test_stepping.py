@@ -89,6 +89,12 @@ FRAME_EFFECTS = {
         Effect("sensor_offset", {"f": 0.1}, 2),
         Effect("channel_shift", {"d": 0.002}),
     ),
+    "other forms": (
+        Effect("storey_damping", {"e": 0.5, "quadratic": 2000.0}, 1),
+        Effect("sensor_lag", {"tau": 0.006, "ratio": 0.6}, 1),
+        Effect("sensor_leakage", {"tau": 0.2, "share": 0.4, "tau2": 1.0}, 2),
+        Effect("sensor_leakage", {"tau": 0.2, "share": 0.4}, 3),
+    ),
 }
 
 

@@ -28,7 +28,8 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
   } rows[] = {{"mass_kg", f.mass, 0, true},        {"stiffness_n_m", f.stiffness, 0, true},
               {"damping_n_s_m", f.damping, 0, false}, {"friction", f.friction, 0, false},
               {"friction_width", f.friction_width, 0, false},
-              {"friction_presliding", f.friction_presliding, 0, false}};
+              {"friction_presliding", f.friction_presliding, 0, false},
+              {"damping2", f.damping2, 0, false}};
   for (const auto& row : rows) {
     for (int i = 0; row.value && i < n; i++) {
       const double v = row.value[i];
@@ -43,6 +44,12 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
     if (std::isfinite(side) && std::isfinite(cubic) && f.stiffness[i] + side > 0) continue;
     std::snprintf(error, error_size, "structure: one_sided, cubic of storey %d are %g, %g; allowed are finite numbers that"
                   " leave a stiffness above 0", i + 1, side, cubic);
+    return false;
+  }
+  for (int i = 0; f.acc_ratio && i < n; i++) {
+    if (f.acc_ratio[i] >= 0 && f.acc_ratio[i] < 1) continue;
+    std::snprintf(error, error_size, "structure: acc_ratio of floor %d is %g; allowed are 0 up to, not including, 1", i + 1,
+                  f.acc_ratio[i]);
     return false;
   }
   if (f.damper_to >= 0 && (f.damper_from < 0 || f.damper_from == f.damper_to || f.damper_from > n || f.damper_to > n)) {
@@ -141,12 +148,14 @@ double Dry(const mrdamp_frame& f, int storey, double v, double dx, double* q) {
 }
 
 bool IsBent(const mrdamp_frame& f, int storey) {
-  return (f.one_sided && f.one_sided[storey] != 0) || (f.cubic && f.cubic[storey] != 0);
+  return (f.one_sided && f.one_sided[storey] != 0) || (f.cubic && f.cubic[storey] != 0) ||
+         (f.damping2 && f.damping2[storey] > 0);
 }
 
-// What a storey's spring has besides its stiffness at the drift x.
-double Bent(const mrdamp_frame& f, int storey, double x) {
-  return (f.one_sided ? f.one_sided[storey] * std::max(x, 0.0) : 0) + (f.cubic ? f.cubic[storey] * x * x * x : 0);
+// What a storey has besides its stiffness and damping at the drift x and its rate v.
+double Bent(const mrdamp_frame& f, int storey, double x, double v) {
+  return (f.one_sided ? f.one_sided[storey] * std::max(x, 0.0) : 0) + (f.cubic ? f.cubic[storey] * x * x * x : 0) +
+         (f.damping2 ? f.damping2[storey] * std::fabs(v) * v : 0);
 }
 
 }  // namespace
@@ -178,6 +187,9 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
     if (f.acc_leakage) floor_params[i].leakage = f.acc_leakage[i];
     if (f.acc_lag) floor_params[i].lag = f.acc_lag[i];
     if (f.acc_lag2) floor_params[i].lag2 = f.acc_lag2[i];
+    if (f.acc_leakage_share) floor_params[i].share = f.acc_leakage_share[i];
+    if (f.acc_leakage2) floor_params[i].leakage2 = f.acc_leakage2[i];
+    if (f.acc_ratio) floor_params[i].ratio = f.acc_ratio[i];
   }
   if (damped) {
     Start(d, &state.s, 0, 0, u[0]);
@@ -251,7 +263,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
               return Observe(d, trial.s, x, v, (v - v0) / h, u1).force;
             }
             double q = bristle[e.input - 2];
-            return Dry(f, e.input - 2, v, x - x0, &q) + Bent(f, e.input - 2, x);
+            return Dry(f, e.input - 2, v, x - x0, &q) + Bent(f, e.input - 2, x, v);
           };
           const auto residual = [&](double v) {
             const double along = (v - fv) / wv;
@@ -301,7 +313,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
           acceleration_along = (v1 - v0) / h;
           e.force = e.next;
         } else {
-          e.force = Dry(f, e.input - 2, v1, x1 - x0, &bristle[e.input - 2]) + Bent(f, e.input - 2, x1);
+          e.force = Dry(f, e.input - 2, v1, x1 - x0, &bristle[e.input - 2]) + Bent(f, e.input - 2, x1, v1);
         }
       }
       q.swap(next);

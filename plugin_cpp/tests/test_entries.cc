@@ -32,7 +32,7 @@ Record Motion(int n = 400, double dt = 1e-3) {
 }
 
 TEST(NumbersOfTheInterface) {
-  CHECK(mrdamp_abi() == 4);
+  CHECK(mrdamp_abi() == 5);
   CHECK(mrdamp_law_count() == 5);
   for (int law = 0; law < 5; law++) CHECK(mrdamp_law_find(mrdamp_law_name(law)) == law);
   CHECK(mrdamp_law_find("") == -1 && mrdamp_law_find("dahl") == -1);
@@ -140,12 +140,13 @@ TEST(AShortBufferIsTerminated) {
 
 TEST(AFrameIsChecked) {
   double mass[] = {90, 90}, stiffness[] = {5e5, 5e5}, damping[] = {50, 0}, friction[] = {0, 10};
-  double one_sided[] = {0, -4e5};
+  double one_sided[] = {0, -4e5}, ratio[] = {0, 0.7}, damping2[] = {0, 300};
   const std::vector<double> ground(10, 0.5), u(10, 0.0), params = Parameters({{"c0a", 100}});
   std::vector<double> out(11 * 10);
   const auto refused = [&](int storeys, int from, int to, int n = 10, double dt = 1e-3) {
     const mrdamp_frame f{storeys, mass, stiffness, damping, friction, from, to,
-                         nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr, nullptr, one_sided, nullptr};
+                         nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr, nullptr, one_sided, nullptr,
+                         damping2, nullptr, nullptr,   ratio};
     char err[300] = "";
     mrdamp_run_frame(0, nullptr, 1, params.data(), &f, dt, n, ground.data(), u.data(), nullptr, out.data(), err, sizeof err);
     return std::string(err);
@@ -154,6 +155,12 @@ TEST(AFrameIsChecked) {
   one_sided[0] = -5e5;
   HAS(refused(2, 0, 1), "one_sided, cubic of storey 1 are -500000, 0; allowed are finite numbers that leave a stiffness");
   one_sided[0] = 0;
+  ratio[1] = 1;
+  HAS(refused(2, 0, 1), "acc_ratio of floor 2 is 1; allowed are 0 up to, not including, 1");
+  ratio[1] = 0.7;
+  damping2[1] = -1;
+  HAS(refused(2, 0, 1), "damping2 of storey 2 is -1");
+  damping2[1] = 300;
   HAS(refused(0, 0, 1), "0 storeys; allowed are 1 to 200");
   HAS(refused(201, 0, 1), "201 storeys");
   HAS(refused(2, 1, 1), "damper_between: [1, 1]");
@@ -216,7 +223,7 @@ TEST(FramesOnThreadsDoNotChangeABit) {
   std::size_t size = 0;
   for (int k = 0; k < sets; k++) {
     frames.push_back({1 + k % 3, mass, stiffness, damping, k % 2 ? friction : nullptr, 0, 1, nullptr, nullptr, nullptr, nullptr,
-                      nullptr, nullptr, nullptr, nullptr, nullptr});
+                      nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr});
     const std::vector<double> one = Parameters(And(kSpencer, {{"c0a", 1000.0 + 100 * k}}));
     params.insert(params.end(), one.begin(), one.end());
     size += static_cast<std::size_t>(2 * (1 + k % 3) + 7) * n;

@@ -179,7 +179,10 @@ class FrameInput:
     `friction_presliding` (m) of drift, 0: 10 um.
     `one_sided` (N/m), `cubic` (N/m3): beside stiffness times drift x a storey pushes back with one_sided x while x is
     positive, and with cubic x^3; no effect of the catalogue, for a diagnosis to hold the catalogue against.
-    `acc_*`: the floors' accelerometers (gain, offset m/s2, leakage s, lag s and its second pole s).
+    `damping2` (N s2/m2): damping2 |v| v beside damping times the rate v of the drift.
+    `acc_*`: the floors' accelerometers (gain, offset m/s2, leakage s, lag s and its second pole s; the share of the
+    charge that leaks with another time constant, and that in s; the damping ratio of a lag of second order in place of
+    the two poles).
     """
 
     mass: Array
@@ -196,6 +199,10 @@ class FrameInput:
     friction_presliding: Array | None = None
     one_sided: Array | None = None
     cubic: Array | None = None
+    damping2: Array | None = None
+    acc_leakage_share: Array | None = None
+    acc_leakage2: Array | None = None
+    acc_ratio: Array | None = None
 
 
 def frame_columns(storeys: int) -> tuple[str, ...]:
@@ -257,6 +264,10 @@ def run_frame_many(
             "friction_presliding",
             "one_sided",
             "cubic",
+            "damping2",
+            "acc_leakage_share",
+            "acc_leakage2",
+            "acc_ratio",
         ):
             setattr(row, name, held(name, getattr(frame, name), row.storeys))
         row.damper_from, row.damper_to = frame.damper_between or (-1, -1)

@@ -133,7 +133,10 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
         joint = _find(body, "joint")
         joint.set("name", f"storey{j}")
         joint.set("stiffness", repr(float(frame.stiffness[j - 1])))
-        joint.set("damping", repr(float(frame.damping[j - 1])))
+        damping = [float(frame.damping[j - 1])]
+        if frame.damping2 is not None:
+            damping.append(float(frame.damping2[j - 1]))  # the engine's next coefficient is that of |v| v
+        joint.set("damping", " ".join(map(repr, damping)))
         if frame.friction is not None and frame.friction[j - 1] > 0:
             width, presliding = (
                 0.0 if row is None else float(row[j - 1]) for row in (frame.friction_width, frame.friction_presliding)

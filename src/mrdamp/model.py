@@ -26,7 +26,10 @@ RIGS = ("damper", "frame")
 #: Effects of the structure: parameter -> (unit, meaning); their place is a storey, or a floor for the mass.
 STRUCTURE_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "storey_stiffness": {"e": "relative change of the storey's stiffness"},
-    "storey_damping": {"e": "relative change of the storey's damping"},
+    "storey_damping": {
+        "e": "relative change of the storey's damping",
+        "quadratic": "N s2/m2, times |v| v beside it",
+    },
     "joint_friction": {
         "coulomb": "N, dry friction in the storey",
         "width": "m/s, velocity over which it turns; 0: it builds up over a drift",
@@ -38,8 +41,8 @@ STRUCTURE_EFFECTS: Mapping[str, Mapping[str, str]] = {
 FLOOR_SENSOR_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "sensor_gain": {"g": "acc_gain"},
     "sensor_offset": {"f": "acc_offset"},
-    "sensor_leakage": {"tau": "acc_leakage"},
-    "sensor_lag": {"tau": "acc_lag", "tau2": "acc_lag2"},
+    "sensor_leakage": {"tau": "acc_leakage", "share": "acc_leakage_share", "tau2": "acc_leakage2"},
+    "sensor_lag": {"tau": "acc_lag", "tau2": "acc_lag2", "ratio": "acc_ratio"},
 }
 
 
@@ -119,7 +122,7 @@ class Model:
             raise InputError(f"{self.name}: rig damper has no structure")
         s = self.structure
         mass, stiffness, damping = s.mass.copy(), s.stiffness.copy(), s.damping.copy()
-        friction, width, presliding = (np.zeros(s.storeys) for _ in range(3))
+        friction, width, presliding, quadratic = (np.zeros(s.storeys) for _ in range(4))
         sensors = {"acc_gain": np.ones(s.storeys)}
         for effect in self.effects:
             if effect.place is None:
@@ -129,6 +132,7 @@ class Model:
                 stiffness[k] *= 1 + p.get("e", 0.0)
             elif effect.name == "storey_damping":
                 damping[k] *= 1 + p.get("e", 0.0)
+                quadratic[k] = p.get("quadratic", 0.0)
             elif effect.name == "joint_friction":
                 friction[k] += p.get("coulomb", 0.0)
                 width[k], presliding[k] = p.get("width", 0.0), p.get("presliding", 0.0)
@@ -146,6 +150,7 @@ class Model:
             friction if friction.any() else None,
             friction_width=width if width.any() else None,
             friction_presliding=presliding if presliding.any() else None,
+            damping2=quadratic if quadratic.any() else None,
             **sensors,
         )
 

@@ -13,7 +13,7 @@ from mrdamp.library import library_path
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 4
+_ABI = 5
 ERROR_SIZE = 400
 
 
@@ -39,6 +39,10 @@ class Frame(ctypes.Structure):
         ("friction_presliding", double_p),
         ("one_sided", double_p),
         ("cubic", double_p),
+        ("damping2", double_p),
+        ("acc_leakage_share", double_p),
+        ("acc_leakage2", double_p),
+        ("acc_ratio", double_p),
     )
 
 

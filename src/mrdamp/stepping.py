@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import expm
 
 from mrdamp.control.base import Controller
 from mrdamp.core import Array
@@ -216,14 +217,59 @@ def _through_floor_sensors(model: Model, out: dict[str, Array], dt: float) -> No
         a = out[f"acceleration_{j + 1}"]
         if frame.acc_gain is not None:
             a = a * frame.acc_gain[j]
-        if frame.acc_leakage is not None and frame.acc_leakage[j] > 0:
-            a = _first_order(a, dt, frame.acc_leakage[j], high=True)
-        for lag in (frame.acc_lag, frame.acc_lag2):
-            if lag is not None and lag[j] > 0:
-                a = _first_order(a, dt, lag[j], high=False)
+        leakage, lag, lag2, share, leakage2, ratio = (
+            0.0 if row is None else float(row[j])
+            for row in (
+                frame.acc_leakage,
+                frame.acc_lag,
+                frame.acc_lag2,
+                frame.acc_leakage_share,
+                frame.acc_leakage2,
+                frame.acc_ratio,
+            )
+        )
+        if share > 0:
+            a = (1 - share) * _leaked(a, dt, leakage) + share * _leaked(a, dt, leakage2)
+        else:
+            a = _leaked(a, dt, leakage)
+        if ratio > 0 and lag > 0:
+            a = second_order(a, dt, lag, ratio)
+        else:
+            for tau in (lag, lag2):
+                a = _first_order(a, dt, tau, high=False) if tau > 0 else a
         if frame.acc_offset is not None:
             a = a + frame.acc_offset[j]
         out[f"acceleration_{j + 1}"] = a
+
+
+def _leaked(signal: Array, dt: float, tau: float) -> Array:
+    return _first_order(signal, dt, tau, high=True) if tau > 0 else signal
+
+
+def second_order(signal: Array, dt: float, tau: float, ratio: float) -> Array:
+    """A low-pass (n,) of two complex poles, late by tau (s), of a signal (n,) that runs straight between samples."""
+    a, b, state = second_order_step(dt, tau, ratio)
+    out, past = np.empty_like(signal), np.array([signal[0], 0.0])
+    out[0] = signal[0]
+    for k in range(1, len(signal)):
+        past = state @ past + a * signal[k - 1] + b * signal[k]
+        out[k] = past[0]
+    return out
+
+
+def second_order_step(dt: float, tau: float, ratio: float) -> tuple[Array, Array, Array]:
+    """What the samples at both ends add to output and rate, (2,) each, and what becomes of those, (2, 2).
+
+    y'' + 2 ratio w y' + w^2 y = w^2 x with w = 2 ratio / tau; exact for an x that runs straight over dt.
+    """
+    w = 2 * ratio / tau
+    system = np.zeros((4, 4))  # output, rate, input, its slope
+    system[0, 1] = 1
+    system[1] = -(w**2), -2 * ratio * w, w**2, 0
+    system[2, 3] = 1
+    moved = expm(system * dt)
+    slope = moved[:2, 3] / dt
+    return moved[:2, 2] - slope, slope, moved[:2, :2]
 
 
 def _first_order(signal: Array, dt: float, tau: float, *, high: bool) -> Array:

@@ -43,9 +43,9 @@ class FrameRig:
 
     raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
     the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
-    clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there. quiet: no
-    block is at fault, so that what there is is small; storeys are then sought after all: a resonance shows in a free
-    run what their own balance has in its noise.
+    clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there.
+    quiet: no block is at fault, so that what there is is small; storeys are asked after all, since a resonance shows
+    in a free run what their own balance has in its noise.
     free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
     coarse_step: s, the chain's inner step while searching.
     """

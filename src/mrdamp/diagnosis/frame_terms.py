@@ -28,16 +28,18 @@ def frame_terms(s: ShearFrame, records: Sequence[Record], sizes: Sizes) -> tuple
     out: list[Term] = []
     for j in range(1, s.storeys + 1):
         shear, acceleration = _sizes(s, records, j)
-        out += _storey(j, float(s.mass[j - 1]), shear)
+        dashpot = float(s.damping[j - 1]) / (sizes.velocity or 1.0)
+        out += _storey(j, float(s.mass[j - 1]), shear, dashpot)
         out += _accelerometer(j, acceleration, sizes.sample_time)
     # A relative change of no damping is none.
     return tuple(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
 
 
-def _storey(j: int, mass: float, shear: float) -> tuple[Term, ...]:
-    """mass (kg) of floor j, shear (N) that its storey carries."""
+def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ...]:
+    """mass (kg) of floor j, shear (N) that its storey carries, dashpot (N s2/m2): its damping over a velocity."""
     stiffness = (linear(f"storey_stiffness_e@{j}", 0.05, -0.8, 3.0),)
     damping = (linear(f"storey_damping_e@{j}", 0.3, -0.99, 60.0),)
+    quadratic = (damping[0], linear(f"storey_damping_quadratic@{j}", 0.3 * dashpot, 0.0, 300 * dashpot))
     friction = (
         linear(f"joint_friction_coulomb@{j}", 0.02 * shear, 0.0, 2 * shear),
         positive(f"joint_friction_width@{j}", 2e-3, 5e-5, 0.1),
@@ -46,6 +48,10 @@ def _storey(j: int, mass: float, shear: float) -> tuple[Term, ...]:
     return (
         _placed("storey_stiffness", "structure", j, stiffness, (0.05,), (-0.2,)),
         _placed("storey_damping", "structure", j, damping, (0.3,), (3.0,), (-0.4,)),
+        replace(
+            _placed("storey_damping", "structure", j, quadratic, (0.3, 0.3 * dashpot), (1.0, 3 * dashpot)),
+            form="quadratic",
+        ),
         _placed("joint_friction", "structure", j, friction, (0.02 * shear, 2e-3), (0.1 * shear, 2e-3)),
         replace(
             _placed("joint_friction", "structure", j, bristle, (0.02 * shear, 3e-5), (0.1 * shear, 1e-4)),
@@ -66,11 +72,23 @@ def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
         positive(f"sensor_lag_tau@{j}", 2 * dt, 0.1 * dt, 50 * dt),
         positive(f"sensor_lag_tau2@{j}", 0.3 * dt, 0.05 * dt, 25 * dt),
     )
+    shares = (
+        leakage,
+        linear(f"sensor_leakage_share@{j}", 0.1, 0.0, 0.9),
+        positive(f"sensor_leakage_tau2@{j}", 10.0, 0.05, 1000.0),
+    )
+    filtered = (lag[0], positive(f"sensor_lag_ratio@{j}", 0.8, 0.3, 0.98, 0.2))
     return (
         _placed("sensor_gain", "sensor", j, (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),), (1.05,), (0.95,)),
         _placed("sensor_offset", "sensor", j, (offset,), (0.02 * acceleration,), (-0.02 * acceleration,)),
         _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
+        replace(
+            _placed("sensor_leakage", "sensor", j, shares, (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)), form="two shares"
+        ),
         _placed("sensor_lag", "sensor", j, lag, (2 * dt, 0.2 * dt), (5 * dt, dt)),
+        replace(
+            _placed("sensor_lag", "sensor", j, filtered, (dt, 0.8), (4 * dt, 0.8)), form="second order"
+        ),
     )
 
 
