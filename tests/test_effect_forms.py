@@ -10,6 +10,7 @@ from scipy.signal import lsim, lti
 from dampers import attributes, rms, sample
 from excitation import multisine, wave
 from mrdamp import core
+from mrdamp.errors import InputError
 from twins import simulate
 
 BINGHAM = {"c0a": 800.0, "c0b": 300.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.004}
@@ -47,6 +48,40 @@ def test_current_rises_no_faster_than_its_rate() -> None:
     assert np.abs(slope).max() <= rate * (1 + 1e-9)
     ramp = (T > 0.22) & (T < 0.31)
     np.testing.assert_allclose(current[ramp], rate * (T[ramp] - 0.2), atol=0.02)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.7])
+def test_a_controlled_current_overshoots(ratio: float) -> None:
+    """Against SciPy, and the overshoot against its formula."""
+    tau, u = 0.02, 0.3 + 0.4 * STEP
+    w = 2 * ratio / tau
+    expected = 0.3 + lsim(lti([w**2], [1, tau * w**2, w**2]), 0.4 * STEP, T, interp=False)[1]
+    current = run("current", u, driver_lag_tau=tau, driver_lag_ratio=ratio)
+    np.testing.assert_allclose(current, expected, atol=0.02)  # the command jumps within a sample
+    overshoot = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
+    assert current.max() == pytest.approx(0.7 + 0.4 * overshoot, abs=2e-3)
+    slow = {"driver_lag_tau2": 0.1, "driver_lag_share": 0.4}
+    both = run("current", u, driver_lag_tau=tau, driver_lag_ratio=ratio, **slow)
+    behind = lsim(lti([1], [0.1, 1]), current - 0.3, T)[1] + 0.3
+    np.testing.assert_allclose(both, 0.6 * current + 0.4 * behind, atol=1e-3)
+
+
+def test_a_share_of_the_field_is_slower() -> None:
+    """Against SciPy's transfer function: eddy currents hold back a share of the field, the rest follows the current."""
+    tau, slow, share = 0.01, 0.15, 0.6
+    u = np.sin(2 * np.pi * 3 * T) * T
+    system = lti([(1 - share) * slow, 1], np.polymul([tau, 1], [slow, 1]))
+    lag = {"driver_lag_tau": tau, "driver_lag_tau2": slow}
+    field = run("field", u, driver_lag_share=share, **lag)
+    np.testing.assert_allclose(field, lsim(system, u, T)[1], atol=1e-3)
+    assert rms(field - run("field", u, **lag)) > 0.1 * rms(field)
+    alone = run("field", u, driver_lag_tau2=slow, driver_lag_share=share)  # no first pole
+    np.testing.assert_allclose(alone, (1 - share) * u + share * lsim(lti([1], [slow, 1]), u, T)[1], atol=1e-3)
+
+
+def test_a_pair_of_poles_has_no_rate() -> None:
+    with pytest.raises(InputError, match="driver_lag_ratio with driver_lag_rate"):
+        run("current", STEP, driver_lag_tau=0.01, driver_lag_ratio=0.5, driver_lag_rate=5.0)
 
 
 @pytest.mark.parametrize("shape", [1.0, 2.0, 6.0])

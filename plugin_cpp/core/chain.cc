@@ -36,7 +36,7 @@ Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
   return f;
 }
 
-double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil, c.magnet.branch); }
+double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil.current, c.magnet.branch); }
 
 LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v) {
   const ChainState& c = s.c;
@@ -190,7 +190,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
 void Start(const Damper& d, State* s, double x, double v, double u) {
   ChainState& c = s->c;
   c = ChainState();
-  c.coil1 = c.coil = d.Clamp(u);
+  c.coil.Start(d.Clamp(u));
   c.magnet.Start(d.p, d.Clamp(u));
   c.heat = c.body = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
@@ -225,11 +225,9 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     }
     ChainState& c = s->c;
     const double field0 = FieldNow(d, c);
-    const double first = Drive(c.coil1, from, to, p, dt);
-    const double coil = Lag(c.coil, HasFirstPole(p) ? c.coil1 : from, first, p.driver_lag_tau2, dt);
-    if (p.remanence_b > 0) c.magnet.Follow(p, c.coil, coil);
-    c.coil1 = first;
-    c.coil = coil;
+    const double before = c.coil.current;
+    c.coil.Step(p, from, to, dt);
+    if (p.remanence_b > 0) c.magnet.Follow(p, before, c.coil.current);
     const double field1 = FieldNow(d, c);
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
     const bool jump = d.hold && !HasLag(p);
@@ -254,8 +252,8 @@ ChainState Commanded(const Damper& d, const State& s, double u) {
   if (HasLag(p)) return c;
   double now = d.Clamp(u);
   if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
-  if (p.remanence_b > 0) c.magnet.Follow(p, c.coil, now);
-  c.coil = now;
+  if (p.remanence_b > 0) c.magnet.Follow(p, c.coil.current, now);
+  c.coil.current = now;
   return c;
 }
 
@@ -275,7 +273,7 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   const Params& p = d.p;
   Observation o{};
   const ChainState c = Commanded(d, s, u);
-  o.current = c.coil;
+  o.current = c.coil.current;
   o.field = FieldNow(d, c);
   o.temperature = c.heat;
   double fluid;

@@ -28,7 +28,7 @@ struct Damper {
 // Inner state of the chain; plain doubles.
 struct ChainState {
   double time = 0;             // s since the start
-  double coil1 = 0, coil = 0;  // current behind the driver's first and second pole
+  Coil coil;                   // the driver's lag
   Magnet magnet;               // remanence
   double heat = 0, body = 0;   // K, of the fluid and of the body around it
   double z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'

@@ -25,6 +25,11 @@ bool Check(const Damper& d, char* error, int error_size) {
     std::snprintf(error, error_size, "command_min = %g is above command_max = %g", p.command_min, p.command_max);
     return false;
   }
+  if (p.driver_lag_ratio > 0 && (p.driver_lag_fall > 0 || p.driver_lag_rate > 0)) {
+    std::snprintf(error, error_size, "driver_lag_ratio with %s; a pair of poles has neither a fall nor a rate of its own",
+                  p.driver_lag_fall > 0 ? "driver_lag_fall" : "driver_lag_rate");
+    return false;
+  }
   if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.beta + p.gamma <= 0) {
     std::snprintf(error, error_size, "beta + gamma = %g; it must be above 0, or z grows without bound", p.beta + p.gamma);
     return false;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/params.h"
+#include "effects/oscillator.h"
 
 namespace mrdamp {
 
@@ -15,20 +16,44 @@ inline double Lag(double i, double u0, double u1, double tau, double dt) {
   return u1 - trail + (i - u0 + trail) * std::exp(-dt / tau);
 }
 
-// driver_lag in full: its first pole, slower or faster while the current falls, and no faster than a rate (1/s).
-inline double Drive(double i, double u0, double u1, const Params& p, double dt) {
-  const bool falls = p.driver_lag_fall > 0 && std::fabs(0.5 * (u0 + u1)) < std::fabs(i);
-  const double next = Lag(i, u0, u1, falls ? p.driver_lag_fall : p.driver_lag_tau, dt);
-  if (!(p.driver_lag_rate > 0)) return next;
-  const double most = p.driver_lag_rate * dt;
-  return next > i + most ? i + most : next < i - most ? i - most : next;
-}
-
 inline bool HasFirstPole(const Params& p) {
   return p.driver_lag_tau > 0 || p.driver_lag_fall > 0 || p.driver_lag_rate > 0;
 }
 
 inline bool HasLag(const Params& p) { return HasFirstPole(p) || p.driver_lag_tau2 > 0; }
+
+// driver_lag in full. Plain doubles.
+struct Coil {
+  Oscillator first;    // behind the first pole, or the pair
+  double second = 0;   // behind the second one too
+  double current = 0;  // what magnetises
+
+  void Start(double u) {
+    first = {u, 0};
+    second = current = u;
+  }
+  // Over a command that runs straight from u0 to u1 in dt.
+  void Step(const Params& p, double u0, double u1, double dt) {
+    const double from = HasFirstPole(p) ? first.y : u0;
+    if (p.driver_lag_ratio > 0 && p.driver_lag_tau > 0) {
+      first.Step(2 * p.driver_lag_ratio / p.driver_lag_tau, p.driver_lag_ratio, u0, u1, dt);
+    } else {
+      first.y = Drive(first.y, u0, u1, p, dt);
+    }
+    current = second = Lag(second, from, first.y, p.driver_lag_tau2, dt);
+    if (p.driver_lag_share < 1 && p.driver_lag_tau2 > 0) current = first.y + p.driver_lag_share * (second - first.y);
+  }
+
+ private:
+  // The first pole: slower or faster while the current falls, and no faster than a rate (1/s).
+  static double Drive(double i, double u0, double u1, const Params& p, double dt) {
+    const bool falls = p.driver_lag_fall > 0 && std::fabs(0.5 * (u0 + u1)) < std::fabs(i);
+    const double next = Lag(i, u0, u1, falls ? p.driver_lag_fall : p.driver_lag_tau, dt);
+    if (!(p.driver_lag_rate > 0)) return next;
+    const double most = p.driver_lag_rate * dt;
+    return next > i + most ? i + most : next < i - most ? i - most : next;
+  }
+};
 
 // command_delay: u(t - d) over a store of the latest commands. Plain doubles, so that it can live in MuJoCo's
 // plugin state. Commands closer together than d / (kCapacity - 2) share a slot: the delay is then right to 1 %.

@@ -120,6 +120,19 @@ TEST(ChainLagsAStep) {
   }
 }
 
+TEST(PairOfPolesIsExactForSteps) {
+  const double dt = 1e-3, tau = 0.02, zeta = 0.4, w = 2 * zeta / tau, wd = w * std::sqrt(1 - zeta * zeta);
+  const auto still = [](double) { return 0.0; };
+  const check::Record r = check::Sample(dt, 100, still, still, [](double t) { return t < 0.01 - 1e-9 ? 0.5 : 2.0; });
+  const auto i = check::Run("bingham", {{"c0a", 1}, {"driver_lag_tau", tau}, {"driver_lag_ratio", zeta}}, r, MRDAMP_CURRENT, true);
+  const auto slow = check::Run("bingham", {{"c0a", 1}, {"driver_lag_tau2", tau}, {"driver_lag_share", 0.25}}, r, MRDAMP_CURRENT, true);
+  for (int k = 0; k < 100; k++) {
+    const double t = std::fmax(k - 10, 0) * dt;
+    NEAR(i[k], 2 - 1.5 * std::exp(-zeta * w * t) * (std::cos(wd * t) + zeta * w / wd * std::sin(wd * t)), 1e-12);
+    if (k > 10) NEAR(slow[k], 2 - 0.25 * 1.5 * std::exp(-t / tau), 1e-12);
+  }
+}
+
 TEST(DelayAndLagAddUp) {
   const double dt = 1e-3, tau = 0.01, delay = 0.02;
   const auto still = [](double) { return 0.0; };

@@ -65,8 +65,26 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 positive("driver_lag_tau", 0.005, 1e-4, 0.5),
                 positive("driver_lag_rate", 50 * s.command, 0.5 * s.command, 5000 * s.command),
             ),
-            ((0.005, 50 * s.command), (0.005, 15 * s.command), (0.005, 4 * s.command)),
+            ((5e-4, 300 * s.command), (0.005, 50 * s.command), (0.005, 10 * s.command)),
             form="slew",
+        ),
+        Term(
+            "driver_lag",
+            "driver",
+            (positive("driver_lag_tau", 0.01, 3e-4, 0.5), positive("driver_lag_ratio", 0.6, 0.1, 0.98, 0.2)),
+            ((0.006, 0.6), (0.02, 0.6)),
+            form="overshooting",
+        ),
+        Term(
+            "driver_lag",
+            "driver",
+            (
+                positive("driver_lag_tau", 0.01, 3e-4, 0.5),
+                positive("driver_lag_tau2", 0.1, 1e-3, 1.0),
+                positive("driver_lag_share", 0.4, 0.02, 1.0),
+            ),
+            ((0.005, 0.05, 0.4), (0.02, 0.15, 0.4)),
+            form="fast and slow",
         ),
         Term("command_delay", "driver", (positive("command_delay_d", 0.01, 3e-4, 0.3),), ((0.006,), (0.02,))),
         Term(
