@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -287,3 +289,63 @@ def test_small_loops_of_a_magnetic_circuit_close() -> None:
     assert field[999] == pytest.approx(field[799], abs=1e-9)
     open_loop = run("field", current, remanence_b=b, remanence_d=d)
     assert abs(open_loop[999] - open_loop[799]) > 1e-3
+
+
+UP_AND_DOWN = np.interp(T, [0, 0.25, 0.4, 0.55, 0.7, 0.99], [-0.3, 1.0, 0.2, 0.6, 0.0, 0.9])  # A
+
+
+def test_loops_of_a_magnetic_circuit_change_with_the_current() -> None:
+    """Against SciPy: the equation with bounds that grow on the way down and shrink on the way up."""
+    b, d, up, down = 0.1, 0.2, -0.5, 1.4
+    slope = np.gradient(UP_AND_DOWN, T)
+
+    def rate(t: float, h: np.ndarray) -> np.ndarray:
+        i, way = (
+            np.interp(t, T, UP_AND_DOWN),
+            np.interp(t + 1e-6, T, UP_AND_DOWN) - np.interp(t, T, UP_AND_DOWN),
+        )
+        bound = 1 + (up if way * i > 0 else down) * abs(i)
+        return np.asarray((way / 1e-6 / d) * (bound - np.sign(way) * h))
+
+    expected = solve_ivp(rate, (0, T[-1]), [0.0], t_eval=T, rtol=1e-6, atol=1e-7, max_step=1e-3).y[0]
+    level = {"remanence_up": up, "remanence_down": down}
+    field = run("field", UP_AND_DOWN, remanence_b=b, remanence_d=d, **level)
+    smooth = np.abs(slope) > 0
+    np.testing.assert_allclose(field[smooth], (UP_AND_DOWN - b * expected)[smooth], atol=1e-3)
+    plain = run("field", UP_AND_DOWN, remanence_b=b, remanence_d=d)
+    assert np.abs(field - plain).max() > 0.03
+
+
+@pytest.mark.parametrize(("up", "down"), [(0.0, 1.8), (-0.5, -0.6), (-2.0, 0.5)])
+def test_stops_of_a_magnetic_circuit_change_with_the_current(up: float, down: float) -> None:
+    """Against stops written out, whose bounds follow the current and close where they would turn round."""
+    b, d = 0.1, 0.1
+    widths, stops, branch = d * 2 * np.arange(1, 7) / 7, np.zeros(6), [0.0]
+    fine = np.interp(np.arange(0, T[-1] + 1e-9, DT / 10), T, UP_AND_DOWN)
+    for was, i in pairwise(fine):
+        above, below = (up, down) if i > 0 else (down, up)
+        high, low = max(1 + above * abs(i), 0.0), max(1 + below * abs(i), 0.0)
+        stops = np.clip(stops + i - was, -widths * low, widths * high)
+        branch.append(float(np.mean(stops) / d))
+    field = run(
+        "field",
+        UP_AND_DOWN,
+        remanence_b=b,
+        remanence_d=d,
+        remanence_stops=1.0,
+        remanence_up=up,
+        remanence_down=down,
+    )
+    np.testing.assert_allclose(field, UP_AND_DOWN - b * np.array(branch)[::10], atol=2e-3)
+
+
+def test_a_magnetic_circuit_begins_on_its_bound() -> None:
+    b, up, down = 0.1, -0.4, 0.9
+    for start, rise, bound in ((1.0, 0.0, 1 + 0.5 * up), (-1.0, 0.0, -(1 + 0.5 * down)), (0.0, 1.0, 0.5)):
+        field = run("field", 0.5, remanence_b=b, remanence_d=1.0, remanence_start=start, remanence_rise=rise,
+                    remanence_stops=1.0, remanence_up=up, remanence_down=down)  # fmt: skip
+        if rise == 0:
+            np.testing.assert_allclose(field, 0.5 - b * bound, atol=1e-12)
+        else:  # stops that are not met yet move with the current
+            limits = 2 * np.arange(1, 7) / 7 * (1 + 0.5 * up)
+            np.testing.assert_allclose(field, 0.5 - b * np.mean(np.minimum(0.5, limits)), atol=1e-12)

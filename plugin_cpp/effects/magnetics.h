@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/params.h"
+#include "effects/driver.h"
 
 namespace mrdamp {
 
@@ -16,10 +17,16 @@ inline double Saturate(const Params& p, double i) {
   return i / std::pow(1 + std::pow(std::fabs(q), p.saturation_shape), 1 / p.saturation_shape);
 }
 
-// remanence: h' = (i' / D)(1 - sgn(i') h), a function of the path of i alone.
+// Bound of the branch at the current i on the side of `sign`, which the way up (1) or down (-1) from zero leads to.
+inline double Bound(const Params& p, double i, double sign) {
+  const double growth = sign * i < 0 ? p.remanence_down : p.remanence_up;
+  return std::fmax(1 + growth * std::fabs(i), 0);
+}
+
+// remanence: h' = (i' / D)(L(i) - sgn(i') h), a function of the path of i alone; exact where the bound L runs straight.
 inline double Branch(const Params& p, double h, double from, double to) {
-  const double sign = to > from ? 1 : -1;
-  return sign + (h - sign) * std::exp(-std::fabs(to - from) / p.remanence_d);
+  const double sign = to > from ? 1 : -1, way = to - from;
+  return Lag(h, sign * Bound(p, from, sign), sign * Bound(p, to, sign), p.remanence_d, std::fabs(way));
 }
 
 // Where on its hysteresis a magnetic circuit is. Plain doubles.
@@ -30,14 +37,19 @@ struct Magnet {
 
   // At rest with the first command u.
   void Start(const Params& p, double u) {
-    branch = p.remanence_start;
+    const double before = (1 - p.remanence_rise) * u;
+    branch = p.remanence_start * Bound(p, before, p.remanence_start);
     for (int k = 0; k < kStops; k++) stop[k] = branch * Width(p, k);
-    Follow(p, 0, p.remanence_rise * u);
+    Follow(p, before, u);
   }
   // Along a path of the current. With stops (Prandtl and Ishlinskii) small loops close where they began, which those
   // of the equation do not; demagnetised, both begin with the slope 1 / D.
   void Follow(const Params& p, double from, double to) {
     if (to == from) return;
+    if (from * to < 0 && (p.remanence_up != 0 || p.remanence_down != 0)) {  // the bounds have a corner at zero
+      Follow(p, from, 0);
+      from = 0;
+    }
     if (!(p.remanence_stops > 0)) {
       branch = Branch(p, branch, from, to);
       return;
@@ -45,7 +57,7 @@ struct Magnet {
     branch = 0;
     for (int k = 0; k < kStops; k++) {
       const double width = Width(p, k);
-      stop[k] = std::fmin(std::fmax(stop[k] + to - from, -width), width);
+      stop[k] = std::fmin(std::fmax(stop[k] + to - from, -width * Bound(p, to, -1)), width * Bound(p, to, 1));
       branch += stop[k] / (kStops * p.remanence_d);
     }
   }

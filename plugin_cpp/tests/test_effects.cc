@@ -89,6 +89,29 @@ TEST(SmallLoopsOfStopsClose) {
   NEAR(m.branch, 1, 1e-12);
 }
 
+// Far along a path the branch is at its bound, however the path is cut, and turned round it is the same with its sign.
+TEST(BoundsOfRemanenceFollowTheCurrent) {
+  Params p;
+  p.remanence_d = 0.05, p.remanence_up = 0.3, p.remanence_down = -0.2;
+  const double path[] = {0, 2, 0.5, -1.5, -0.5};
+  // The equation's branch trails its bound by d times the bound's slope.
+  const double bound[] = {0, 1.6, -0.9, -1.45, 0.9}, trail[] = {0, -0.015, 0.01, 0.015, -0.01};
+  for (const double stops : {0.0, 1.0}) {
+    p.remanence_stops = stops;
+    mrdamp::Magnet whole, cut, other;
+    for (mrdamp::Magnet* m : {&whole, &cut, &other}) m->Start(p, 0);
+    for (int k = 1; k < 5; k++) {
+      const double from = path[k - 1], to = path[k];
+      whole.Follow(p, from, to);
+      other.Follow(p, -from, -to);
+      for (int j = 0; j < 7; j++) cut.Follow(p, from + (to - from) * j / 7, from + (to - from) * (j + 1) / 7);
+      NEAR(whole.branch, bound[k] + (stops == 0 ? trail[k] : 0), 1e-6);
+      NEAR(cut.branch, whole.branch, 1e-12);
+      NEAR(other.branch, -whole.branch, 1e-12);
+    }
+  }
+}
+
 TEST(RemanenceBeginsAsAfterARiseFromZero) {
   const auto still = [](double) { return 0.0; };
   const Record r = Sample(kDt, 3, still, still, [](double) { return 0.3; });

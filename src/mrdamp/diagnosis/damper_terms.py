@@ -129,6 +129,22 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             )
         ),
         Term(
+            "remanence",
+            "magnetics",
+            (
+                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
+                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                linear("remanence_up", 0.3 / s.command, -2 / s.command, 4 / s.command),
+                linear("remanence_down", 0.3 / s.command, -2 / s.command, 4 / s.command),
+            ),
+            (
+                (0.08 * s.command, 0.1 * s.command, 0.0, 0.5 / s.command),
+                (0.08 * s.command, 0.2 * s.command, -0.3 / s.command, -0.3 / s.command),
+            ),
+            form="closing loops, by the current",
+            fixed={"remanence_stops": 1.0},
+        ),
+        Term(
             "heating",
             "fluid",
             (
