@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.case import read_case
-from mrdamp.diagnosis.damper_terms import Sizes
 from mrdamp.diagnosis.outside import (
     PLAIN,
     command_rivals,
@@ -24,6 +23,7 @@ from mrdamp.diagnosis.outside import (
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import diagnose, judge
 from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.terms import Sizes
 from mrdamp.diagnosis.verdict import Decision, Scored, decide
 from mrdamp.diagnosis.where import stage_shares
 from mrdamp.record_csv import render

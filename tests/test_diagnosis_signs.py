@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mrdamp import core
-from mrdamp.diagnosis.damper_terms import Sizes, damper_terms
+from mrdamp.diagnosis.damper_terms import damper_terms
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.frame_structure import deviations
 from mrdamp.diagnosis.frame_terms import structure_coordinates
-from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.terms import Hypothesis, Sizes
 from mrdamp.structures import dyke1996
 
 SIZES = Sizes(500.0, 0.01, 0.1, 2.0, 2.0, 50.0, 2e-3)

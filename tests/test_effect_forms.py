@@ -253,6 +253,41 @@ def test_a_pocket_loses_by_the_velocity() -> None:
     assert expected.min() < 0.5
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_pocket_opens_in_its_own_time(side: float) -> None:
+    """Against SciPy, by the share of the pocket that is open: pressed shut by the stroke, back by its time constant."""
+    loss, length, width, time = 0.6, 0.016, 0.02, 0.3
+    gas = {"trapped_gas_d": loss, "trapped_gas_s_g": length, "trapped_gas_time": time, "trapped_gas_end": 1.0,
+           "trapped_gas_shape": 1.0, "trapped_gas_width": width, "trapped_gas_direction": side}  # fmt: skip
+    v = 0.03 * np.pi * np.cos(3 * np.pi * T)
+
+    def rate(t: float, share: np.ndarray) -> np.ndarray:
+        speed = side * 0.03 * np.pi * np.cos(3 * np.pi * t)
+        return np.where(speed > 0, -speed / length * (share > 0), (1 - share) / time)
+
+    share = solve_ivp(rate, (0, T[-1]), [1.0], t_eval=T, max_step=1e-3, rtol=1e-6).y[0]
+    expected = 1 - loss * np.tanh(np.maximum(side * v, 0) / width) * np.maximum(share, 0)
+    plain = core.run("bingham", BINGHAM, DT, X, v, u=0.5, columns=("force",))["force"]
+    force = core.run("bingham", BINGHAM | gas, DT, X, v, u=0.5, columns=("force",))["force"]
+    np.testing.assert_allclose(force[5:-5], (plain * expected)[5:-5], atol=0.005 * plain.max())
+    assert share[T > 0.4].min() < 0.1
+    assert share[T > 0.4].max() < 0.9  # it does not open whole in half a period
+
+
+def test_gas_carries_its_pressure_until_it_is_pressed_together() -> None:
+    limit, length, exponent = 60.0, 0.008, 1.3
+    gas = {"trapped_gas_force": limit, "trapped_gas_s_g": length, "trapped_gas_shape": exponent}
+    plain, with_gas = run("force"), run("force", **gas)
+    pocket = [0.0]
+    for step in np.diff(X):
+        pocket.append(min(max(pocket[-1] + step, 0.0), length))
+    room = 1 - np.array(pocket) / length
+    carried = np.where(room > 0, limit / np.maximum(room, 1e-12) ** exponent, np.inf)
+    expected = np.where(plain > 0, (np.maximum(plain, 1e-9) ** -4 + carried**-4) ** -0.25, plain)
+    np.testing.assert_allclose(with_gas[5:-5], expected[5:-5], atol=0.005 * plain.max())
+    assert (with_gas - 0.3 * plain)[plain > 1].min() < 0  # it loses most of it
+
+
 def test_a_magnetic_circuit_may_have_risen_from_zero() -> None:
     """A test at a constant current begins on the way up from zero, further the larger the current is."""
     b, d = 0.1, 0.2

@@ -78,6 +78,10 @@ ATTRIBUTES: Mapping[str, tuple[str, Values, tuple[str, ...]]] = {
     ),
     "share above one": ("bingham", {**BINGHAM, "trapped_gas_d": 1.5}, ("trapped_gas_d", "1.5", "[0, 1]")),
     "asymmetry": ("bingham", {**BINGHAM, "asymmetry_a": -1.0}, ("asymmetry_a", "-1", "[-0.99, 0.99]")),
+    "pocket of both sides": (
+        "bingham", {**BINGHAM, "trapped_gas_time": 0.2, "trapped_gas_direction": 0.0},
+        ("trapped_gas_time = 0.2", "trapped_gas_direction"),
+    ),
     "delay too long": ("bingham", {**BINGHAM, "command_delay_d": 11.0}, ("command_delay_d", "11", "[0, 10]")),
     "substep": ("bingham", {**BINGHAM, "substep": 0.0}, ("substep", "0", "[1e-06, 1]")),
     "z without bound": (

@@ -74,10 +74,16 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
     f.fluid *= rate;
   }
   double factor = 1;
-  if (p.trapped_gas_d != 0) {
+  if (HasTrappedGas(p)) {
     Stroke stroke = s.c.stroke;
     stroke.Follow(x, p);
-    factor *= TrappedGas(p, stroke, x, v);
+    if (p.trapped_gas_force > 0) {
+      double limited;
+      f.fluid = LimitedByGas(p, stroke, f.fluid, &limited);
+      rate *= limited;
+    } else {
+      factor *= TrappedGas(p, stroke, x, v);
+    }
   }
   *slope = factor * rate * f.slope;
   *fluid = factor * f.fluid;
@@ -124,7 +130,7 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   c.time += m.dt;
   const double x = m.x + path;
   if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
-  if (p.trapped_gas_d != 0) c.stroke.Follow(x, p);
+  if (HasTrappedGas(p)) c.stroke.Follow(x, p, m.dt);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
     double slope, fluid;
     PistonForce(d, *s, field1, x, m.vb, &slope, &fluid);
@@ -195,7 +201,7 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.heat = c.body = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
   c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
-  if (d.p.trapped_gas_direction < 0) c.stroke.pocket = d.p.trapped_gas_reach;
+  if (d.p.trapped_gas_direction < 0) c.stroke.pocket = PocketReach(d.p);
   c.piston_velocity = HasMount(d.p) ? 0 : v;
   if (s->line) {
     *s->line = DelayLine();

@@ -43,6 +43,10 @@ bool Check(const Damper& d, char* error, int error_size) {
                   p.heating_kappa != 0 ? "heating_kappa" : "shear_thinning_m");
     return false;
   }
+  if (p.trapped_gas_time > 0 && p.trapped_gas_direction == 0) {
+    std::snprintf(error, error_size, "trapped_gas_time = %g needs a trapped_gas_direction: the pocket is of one side", p.trapped_gas_time);
+    return false;
+  }
   if (d.law == Law::kNarx && !d.net) {
     std::snprintf(error, error_size, "law narx needs `weights`: a file, or text:NAME of a <custom><text>");
     return false;

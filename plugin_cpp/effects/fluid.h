@@ -44,6 +44,14 @@ inline double AsymmetryByForce(const Params& p, double f, double* rate) {
   return f * (1 + p.asymmetry_a * t);
 }
 
+inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || p.trapped_gas_force > 0; }
+
+// Stroke over which a pocket is pressed shut; 0 where every turn opens it.
+inline double PocketReach(const Params& p) {
+  if (p.trapped_gas_reach > 0) return p.trapped_gas_reach;
+  return p.trapped_gas_time > 0 || p.trapped_gas_force > 0 ? p.trapped_gas_s_g : 0;
+}
+
 // trapped_gas: the stroke since the last turn. A turn counts from some way back, so that the noise of a measured
 // displacement is none.
 struct Stroke {
@@ -53,9 +61,16 @@ struct Stroke {
   double last = 0;       // m
   double pocket = 0;     // m that the gas is pressed together by extension, 0 to its reach
 
-  void Follow(double x, const Params& p) {
-    const double reach = p.trapped_gas_reach, back = p.trapped_gas_turn;
-    pocket = std::fmin(std::fmax(pocket + x - last, 0), reach);
+  // dt: since it was at `last`, in which a pocket with a time of its own opens while it is not pressed.
+  void Follow(double x, const Params& p, double dt = 0) {
+    const double reach = PocketReach(p), back = p.trapped_gas_turn;
+    const bool compressed = p.trapped_gas_direction < 0;
+    if (p.trapped_gas_time > 0 && (compressed ? last - x : x - last) <= 0) {
+      const double open = compressed ? reach : 0;
+      pocket = open + (pocket - open) * std::exp(-dt / p.trapped_gas_time);
+    } else {
+      pocket = std::fmin(std::fmax(pocket + x - last, 0), reach);
+    }
     last = x;
     if (direction == 0) {
       if (std::fabs(x - turn) > back) {
@@ -72,16 +87,33 @@ struct Stroke {
   }
 };
 
+// What is left of the force.
 inline double TrappedGas(const Params& p, const Stroke& stroke, double x, double v) {
-  const bool by_velocity = p.trapped_gas_reach > 0 && p.trapped_gas_width > 0;
+  const double reach = PocketReach(p);
+  const bool by_velocity = reach > 0 && p.trapped_gas_width > 0;
   const double direction = by_velocity ? v : stroke.direction;
   if (p.trapped_gas_d == 0 || direction == 0) return 1;
   if (p.trapped_gas_direction != 0 && direction * p.trapped_gas_direction < 0) return 1;
-  const double pressed = direction > 0 ? stroke.pocket : p.trapped_gas_reach - stroke.pocket;
-  const double s = (p.trapped_gas_reach > 0 ? pressed : x - stroke.turn) / p.trapped_gas_s_g;
+  const double pressed = direction > 0 ? stroke.pocket : reach - stroke.pocket;
+  const double s = (reach > 0 ? pressed : x - stroke.turn) / p.trapped_gas_s_g;
   const double power = p.trapped_gas_shape == 2 ? s * s : std::pow(std::fabs(s), p.trapped_gas_shape);
   const double moving = by_velocity ? std::tanh(std::fabs(v) / p.trapped_gas_width) : 1;
-  return 1 - p.trapped_gas_d * moving * std::exp(-power);
+  return 1 - p.trapped_gas_d * moving * (p.trapped_gas_end > 0 ? std::fmax(1 - power, 0) : std::exp(-power));
+}
+
+// The fluid's force f behind gas that carries no more than its own pressure does until it is pressed together: a
+// polytropic change of its volume, limit = force (1 - s)^-shape, and a minimum of the two that is rounded a little.
+// Its derivative in `rate`.
+inline double LimitedByGas(const Params& p, const Stroke& stroke, double f, double* rate) {
+  *rate = 1;
+  if (f * p.trapped_gas_direction < 0) return f;
+  const double pressed = f > 0 ? stroke.pocket : PocketReach(p) - stroke.pocket;
+  const double left = 1 - pressed / p.trapped_gas_s_g;
+  if (!(left > 0)) return f;
+  const double q = f / p.trapped_gas_force * std::pow(left, p.trapped_gas_shape);
+  const double share = std::pow(1 + q * q * q * q, -0.25);
+  *rate = share / (1 + q * q * q * q);
+  return share * f;
 }
 
 }  // namespace mrdamp

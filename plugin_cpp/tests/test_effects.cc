@@ -240,6 +240,42 @@ TEST(APocketMayLoseByTheVelocity) {
   NEAR(mrdamp::TrappedGas(p, s, 1e-3, -0.5), 1 - 0.6 * std::exp(-1), 1e-12);
 }
 
+TEST(APocketOpensInItsOwnTime) {
+  Params p;
+  p.trapped_gas_d = 0.5, p.trapped_gas_s_g = 0.002, p.trapped_gas_shape = 1, p.trapped_gas_end = 1, p.trapped_gas_time = 0.1;
+  for (const double side : {1.0, -1.0}) {
+    p.trapped_gas_direction = side;
+    mrdamp::Stroke s;
+    s.pocket = side > 0 ? 0 : 0.002;
+    s.Follow(side * 1.5e-3, p, 0.01);  // a quarter open
+    NEAR(mrdamp::TrappedGas(p, s, s.last, 0), 1 - 0.5 * 0.25, 1e-12);
+    s.Follow(s.last, p, 0.1);  // at rest
+    s.Follow(s.last - side * 1e-3, p, 0);  // the way back alone opens nothing
+    s.Follow(s.last + side * 1e-4, p, 0.01);
+    NEAR(mrdamp::TrappedGas(p, s, s.last, 0), 1 - 0.5 * (1 - 0.75 * std::exp(-1.0) - 0.05), 1e-12);
+    s.Follow(s.last + side * 5e-3, p, 0.01);
+    CHECK(mrdamp::TrappedGas(p, s, s.last, 0) == 1);  // shut
+  }
+}
+
+TEST(GasLimitsTheForceByItsPressure) {
+  Params p;
+  p.trapped_gas_force = 50, p.trapped_gas_s_g = 0.002, p.trapped_gas_shape = 1.3;
+  mrdamp::Stroke s;
+  double rate;
+  s.Follow(1e-3, p);
+  const double limit = 50 * std::pow(0.5, -1.3);
+  NEAR(mrdamp::LimitedByGas(p, s, limit, &rate), limit * std::pow(0.5, 0.25), 1e-9);
+  NEAR(rate, std::pow(0.5, 1.25), 1e-12);
+  NEAR(mrdamp::LimitedByGas(p, s, 100 * limit, &rate), limit, 1e-3);
+  CHECK(mrdamp::LimitedByGas(p, s, -300, &rate) == -300 && rate == 1);  // the other direction
+  s.Follow(3e-3, p);
+  CHECK(mrdamp::LimitedByGas(p, s, 300, &rate) == 300);  // pressed together
+  p.trapped_gas_direction = 0;
+  s.Follow(2e-3, p);  // half open to either side
+  NEAR(mrdamp::LimitedByGas(p, s, -100 * limit, &rate), -limit, 1e-3);
+}
+
 TEST(AStrokeCountsFromItsOwnWayBack) {
   Params p;
   p.trapped_gas_d = 0.6, p.trapped_gas_turn = 1e-3;

@@ -11,12 +11,12 @@ import numpy as np
 from mrdamp import core
 from mrdamp.between import Fine, between, mended_ends
 from mrdamp.core import Array
-from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.damper_terms import damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.outside import command_rivals, commanded, force_rivals, forced, grouped, inside_of, read
 from mrdamp.diagnosis.problem import SKIP
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
-from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.model import Model, effects_from
 from mrdamp.records import Record
 from mrdamp.sampling import derivative

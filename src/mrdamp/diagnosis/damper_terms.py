@@ -7,35 +7,11 @@ build-up of friction), so that a cause is judged by what it does and not by one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.terms import Coordinate, Settings, Term
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """What the records span: RMS force (N), stroke amplitude (m), RMS velocity (m/s) and acceleration (m/s2),
-    largest command, most heat dissipated in a record (J), sample time (s)."""
-
-    force: float
-    stroke: float
-    velocity: float
-    acceleration: float
-    command: float
-    heat: float
-    sample_time: float
-
-
-def positive(name: str, start: float, low: float, high: float, scale: float = 0.5) -> Coordinate:
-    """A positive setting, searched by its logarithm."""
-    return Coordinate(name, start, low, high, scale, log=True)
-
-
-def linear(name: str, scale: float, low: float, high: float, start: float = 0.0) -> Coordinate:
-    return Coordinate(name, start, low, high, scale)
+from mrdamp.diagnosis.fluid_terms import fluid_terms
+from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term, linear, positive
 
 
 def damper_terms(s: Sizes) -> tuple[Term, ...]:
@@ -43,7 +19,6 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     k = s.force / s.stroke
     inertia = s.force / s.acceleration
     dt = s.sample_time
-    turn = positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0)
     return (
         Term(
             "driver_lag",
@@ -144,108 +119,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             form="closing loops, by the current",
             fixed={"remanence_stops": 1.0},
         ),
-        Term(
-            "heating",
-            "fluid",
-            (
-                linear("heating_kappa", 0.02, 0.0, 1.0),
-                linear("heating_kappa_yield", 0.02, 0.0, 1.0),
-                positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
-            ),
-            ((0.02, 0.02, 0.01 * s.heat / 10), (0.03, 0.0, 0.2 * s.heat / 10)),
-            fixed={"heating_capacity": s.heat / 10},  # then the rise in the hottest record is about 10 K
-        ),
-        Term(
-            "heating",
-            "fluid",
-            (
-                linear("heating_kappa", 0.02, 0.0, 1.0),
-                linear("heating_kappa_yield", 0.02, 0.0, 1.0),
-                positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
-                positive("heating_link", 0.3 * s.heat / 10, 0.01 * s.heat / 10, 10 * s.heat / 10),
-                positive("heating_body", 2 * s.heat / 10, 0.1 * s.heat / 10, 100 * s.heat / 10),
-                positive("heating_shape", 3.0, 0.5, 30.0, 0.5),
-            ),
-            ((0.03, 0.02, 0.01 * s.heat / 10, 0.3 * s.heat / 10, 2 * s.heat / 10, 3.0),),
-            form="two bodies",
-            fixed={"heating_capacity": s.heat / 10},
-        ),
-        Term(
-            "asymmetry",
-            "fluid",
-            (
-                linear("asymmetry_a", 0.05, -0.9, 0.9),
-                positive("asymmetry_width", 0.1 * s.velocity, 1e-4, 3 * s.velocity),
-            ),
-            ((0.1, 0.05 * s.velocity), (-0.1, 0.3 * s.velocity)),
-        ),
-        Term(
-            "asymmetry",
-            "fluid",
-            (
-                linear("asymmetry_a", 0.05, -0.8, 0.8),
-                positive("asymmetry_force", 0.1 * s.force, 3e-3 * s.force, 3 * s.force),
-            ),
-            ((0.1, 0.05 * s.force), (-0.1, 0.3 * s.force)),
-            form="by the force",
-        ),
-        Term(
-            "shear_thinning",
-            "fluid",
-            (
-                linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
-                positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
-            ),
-            ((0.6, 0.5 * s.velocity), (0.4, 1.5 * s.velocity)),
-        ),
-        Term(
-            "shear_thinning",
-            "fluid",
-            (
-                linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
-                positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
-                positive("shear_thinning_shape", 2.0, 0.5, 8.0, 0.3),
-            ),
-            ((0.6, 0.5 * s.velocity, 2.0), (0.4, 1.5 * s.velocity, 1.2)),
-            form="both dashpots",
-            fixed={"shear_thinning_series": 1.0},
-        ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                (
-                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 2.0, 0.5, 10.0, 0.3),
-                    turn,
-                ),
-                tuple((0.3, share * s.stroke, 2.0, back) for share in (0.1, 0.4) for back in (5e-6, 2e-5)),
-                form=form,
-                fixed={"trapped_gas_direction": direction},
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0), ("both", 0.0))
-        ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                (
-                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_reach", 0.2 * s.stroke, 0.01 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 1.5, 0.5, 10.0, 0.3),
-                    positive("trapped_gas_width", 0.02 * s.velocity, 1e-3 * s.velocity, s.velocity),
-                ),
-                (
-                    (0.3, 0.1 * s.stroke, 0.2 * s.stroke, 1.5, 0.02 * s.velocity),
-                    (0.3, 0.3 * s.stroke, 0.5 * s.stroke, 1.5, 0.02 * s.velocity),
-                ),
-                form=f"{form}, a pocket",
-                fixed={"trapped_gas_direction": direction},
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0))
-        ),
+        *fluid_terms(s),
         Term(
             "gas_spring",
             "mechanics",

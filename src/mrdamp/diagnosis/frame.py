@@ -14,12 +14,12 @@ import numpy as np
 
 from mrdamp import core
 from mrdamp.core import Array, FrameInput
-from mrdamp.diagnosis.damper_terms import Sizes, damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.damper_terms import damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
 from mrdamp.diagnosis.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.outside_storeys import bent, storey_rivals
-from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
 from mrdamp.records import Record

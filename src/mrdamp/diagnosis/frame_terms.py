@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.damper_terms import Sizes, linear, positive, rms
-from mrdamp.diagnosis.terms import Coordinate, Term
+from mrdamp.diagnosis.damper_terms import rms
+from mrdamp.diagnosis.terms import Coordinate, Sizes, Term, linear, positive
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
 
@@ -79,7 +79,14 @@ def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
     )
     filtered = (lag[0], positive(f"sensor_lag_ratio@{j}", 0.8, 0.3, 0.98, 0.2))
     return (
-        _placed("sensor_gain", "sensor", j, (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),), (1.05,), (0.95,)),
+        _placed(
+            "sensor_gain",
+            "sensor",
+            j,
+            (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),),
+            (1.05,),
+            (0.95,),
+        ),
         _placed("sensor_offset", "sensor", j, (offset,), (0.02 * acceleration,), (-0.02 * acceleration,)),
         _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
         replace(
@@ -103,7 +110,10 @@ def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, flo
     floors = range(j, s.storeys + 1)
     shear, acceleration = [], []
     for r in records:
-        a = [r.channels.get(f"floor{k}_acceleration_m_s2", r.channel("ground_acceleration_m_s2")) for k in floors]
+        a = [
+            r.channels.get(f"floor{k}_acceleration_m_s2", r.channel("ground_acceleration_m_s2"))
+            for k in floors
+        ]
         shear.append(rms(np.sum([s.mass[k - 1] * x for k, x in zip(floors, a, strict=True)], axis=0)))
         acceleration.append(rms(np.asarray(a[0])))
     return float(np.mean(shear)), float(np.mean(acceleration))

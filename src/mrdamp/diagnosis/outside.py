@@ -13,8 +13,7 @@ import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.ceiling import memory
-from mrdamp.diagnosis.damper_terms import Sizes, linear, positive
-from mrdamp.diagnosis.terms import Settings, Term
+from mrdamp.diagnosis.terms import Settings, Sizes, Term, linear, positive
 
 #: What the settings' names begin with.
 PREFIX = "outside_"

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamp.core import Array, FrameInput
-from mrdamp.diagnosis.damper_terms import linear, positive
-from mrdamp.diagnosis.terms import Term
+from mrdamp.diagnosis.terms import Term, linear, positive
 from mrdamp.structures import ShearFrame
 
 #: Of the storey's stiffness at its largest drift: what a spring that softens may lose.

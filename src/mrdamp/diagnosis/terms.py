@@ -54,6 +54,29 @@ class Coordinate:
 
 
 @dataclass(frozen=True)
+class Sizes:
+    """What the records span: RMS force (N), stroke amplitude (m), RMS velocity (m/s) and acceleration (m/s2),
+    largest command, most heat dissipated in a record (J), sample time (s)."""
+
+    force: float
+    stroke: float
+    velocity: float
+    acceleration: float
+    command: float
+    heat: float
+    sample_time: float
+
+
+def positive(name: str, start: float, low: float, high: float, scale: float = 0.5) -> Coordinate:
+    """A positive setting, searched by its logarithm."""
+    return Coordinate(name, start, low, high, scale, log=True)
+
+
+def linear(name: str, scale: float, low: float, high: float, start: float = 0.0) -> Coordinate:
+    return Coordinate(name, start, low, high, scale)
+
+
+@dataclass(frozen=True)
 class Term:
     """An effect of the catalogue in one of its forms.
 
