@@ -103,6 +103,48 @@ def test_extension_and_compression_differ_by_the_force() -> None:
     np.testing.assert_allclose(bent, plain * (1 + a * np.tanh(plain / width)), rtol=1e-9, atol=1e-9)
 
 
+def test_extension_and_compression_differ_by_the_part() -> None:
+    """The hyperbolic tangent's equation in SciPy, yield force and viscosity each with a share of its own."""
+    law = {"c0a": 600.0, "c1a": 900.0, "k0a": 700.0, "k1a": 9e4, "f0a": 300.0, "m0": 1.5, "v_ref": 0.02}
+    law |= {f"{name}b": 0.0 for name in ("c0", "c1", "k0", "k1", "f0")}
+    shares = {"asymmetry_yield": -0.2, "asymmetry_viscous": 0.4, "asymmetry_width": 0.004}
+    w = 3 * np.pi
+    v = 0.01 * w * np.cos(w * T)
+
+    def parts(t: float, g: float, rate: float) -> tuple[float, float]:
+        side = np.tanh(0.01 * w * np.cos(w * t) / 0.004)
+        flow = 600 * (1 + 0.4 * side) * rate + 300 * (1 - 0.2 * side) * np.tanh(rate / 0.02) + 700 * g
+        force = 9e4 * (0.01 * np.sin(w * t) - g) + 900 * (0.01 * w * np.cos(w * t) - rate)
+        return float(flow), float(force)
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        flow, force = parts(t, y[0], y[1])
+        return [y[1], (force - flow) / 1.5]
+
+    y = solve_ivp(rates, (0, T[-1]), [0.0, 0.0], "LSODA", t_eval=T, rtol=1e-8, atol=1e-10).y
+    expected = np.array([parts(*row)[1] for row in zip(T, *y, strict=True)])
+    late = (T > 0.05) & (T < 0.99)
+
+    def error(**effect: float) -> float:
+        force = core.run("hyperbolic_tangent", law | effect, DT, X, v, substep=1e-4, columns=("force",))[
+            "force"
+        ]
+        return rms(force[late] - expected[late]) / rms(expected[late])
+
+    assert error(**shares) < 0.005
+    assert error() > 0.1
+    assert error(**shares | {"asymmetry_viscous": 0.0}) > 0.02
+
+
+def test_a_plate_takes_its_stroke_from_stop_to_stop() -> None:
+    a, travel = -0.2, 0.006
+    plate = [0.0]
+    for step in np.diff(X):
+        plate.append(float(np.clip(plate[-1] + 2 * step / travel, -1, 1)))
+    plain, bent = run("force"), run("force", asymmetry_a=a, asymmetry_travel=travel, asymmetry_force=50.0)
+    np.testing.assert_allclose(bent[5:-5], (plain * (1 + a * np.array(plate)))[5:-5], atol=0.5)
+
+
 @pytest.mark.parametrize(("m", "shape"), [(0.4, 0.6), (0.0, 1.0), (0.3, 5.0), (0.3, 2.0)])
 def test_viscosity_falls_by_its_exponent(m: float, shape: float) -> None:
     v_s = 0.03

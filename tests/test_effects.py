@@ -188,7 +188,7 @@ def test_neutral_values_change_nothing(base: str) -> None:
         "remanence_d": 0.7, "heating_capacity": 3.0, "heating_loss": 2.0, "asymmetry_width": 0.1,
         "shear_thinning_v_s": 0.03, "shear_thinning_shape": 1.0, "shear_thinning_series": 1.0,
         "trapped_gas_s_g": 0.02, "trapped_gas_direction": -1.0,
-        "gas_spring_k2": 5.0, "seal_friction_breakaway": 3.0, "seal_friction_v_s": 0.1,
+        "asymmetry_travel": 1e-3, "gas_spring_k2": 5.0, "seal_friction_breakaway": 3.0, "seal_friction_v_s": 0.1,
         "seal_friction_presliding": 1e-3, "saturation_shape": 2.0, "backlash_k": 1e4,
         "remanence_rise": 1.0, "remanence_stops": 1.0, "heating_shape": 2.0, "heating_link": 5.0, "heating_body": 7.0,
         "trapped_gas_turn": 1e-3, "trapped_gas_width": 0.05, "moving_mass_hz": 50.0, "moving_mass_ratio": 0.3,

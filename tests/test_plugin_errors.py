@@ -100,6 +100,7 @@ ATTRIBUTES: Mapping[str, tuple[str, Values, tuple[str, ...]]] = {
         "narx", {"weights": "no/such.txt"}, ("'weights'", "'no/such.txt'", "no such file", "MRDAMP_PATH"),
     ),
     "missing text": ("narx", {"weights": "text:net"}, ("'weights'", "'text:net'", "<custom><text>")),
+    "network's yield": ("narx", {"weights": "{file}", "asymmetry_yield": 0.1}, ("asymmetry_yield", "asymmetry_a")),
     "thinned network": ("narx", {"weights": "{file}", "shear_thinning_m": 0.5}, ("shear_thinning_m", "narx")),
 }  # fmt: skip
 

@@ -67,7 +67,10 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
   const Params& p = d.p;
   LawForce f = ForceOfLaw(d, s, field, x, v);
   double rate = 1;
-  if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
+  if (p.asymmetry_travel > 0) {
+    rate = 1 + p.asymmetry_a * s.c.plate;
+    f.fluid *= rate;
+  } else if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
     f.fluid = AsymmetryByForce(p, f.fluid, &rate);
   } else {
     rate = Asymmetry(p, v);
@@ -130,6 +133,7 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   c.time += m.dt;
   const double x = m.x + path;
   if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
+  if (p.asymmetry_travel > 0) c.plate = FollowPlate(p, c.plate, path);
   if (HasTrappedGas(p)) c.stroke.Follow(x, p, m.dt);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
     double slope, fluid;

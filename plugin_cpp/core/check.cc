@@ -38,6 +38,11 @@ bool Check(const Damper& d, char* error, int error_size) {
     std::snprintf(error, error_size, "c1a = %g; it must be above 0, or no force passes", p.c1a);
     return false;
   }
+  if (d.law == Law::kNarx && (p.asymmetry_yield != 0 || p.asymmetry_viscous != 0)) {
+    std::snprintf(error, error_size, "%s: a narx law has no part of its own to act on; use asymmetry_a",
+                  p.asymmetry_yield != 0 ? "asymmetry_yield" : "asymmetry_viscous");
+    return false;
+  }
   if (d.law == Law::kNarx && (p.shear_thinning_m != 1 || p.heating_kappa != 0)) {
     std::snprintf(error, error_size, "%s: a narx law has no viscous coefficient to act on; use heating_kappa_yield for heat",
                   p.heating_kappa != 0 ? "heating_kappa" : "shear_thinning_m");

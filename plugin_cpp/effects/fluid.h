@@ -44,6 +44,11 @@ inline double AsymmetryByForce(const Params& p, double f, double* rate) {
   return f * (1 + p.asymmetry_a * t);
 }
 
+// asymmetry_travel: a plate that goes along with the stroke from one stop (-1) to the other (1).
+inline double FollowPlate(const Params& p, double plate, double path) {
+  return std::fmin(std::fmax(plate + 2 * path / p.asymmetry_travel, -1), 1);
+}
+
 inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || p.trapped_gas_force > 0; }
 
 // Stroke over which a pocket is pressed shut; 0 where every turn opens it.

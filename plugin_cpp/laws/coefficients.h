@@ -75,6 +75,11 @@ inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v)
         k.beta *= fall;
       }
   }
+  if (p.asymmetry_yield != 0 || p.asymmetry_viscous != 0) {
+    const double side = std::tanh(v / p.asymmetry_width);
+    k.yield *= 1 + p.asymmetry_yield * side;
+    k.c0 *= 1 + p.asymmetry_viscous * side;
+  }
   return k;
 }
 

@@ -3,6 +3,7 @@
 #include "effects/magnetics.h"
 #include "effects/mechanics.h"
 #include "effects/mount.h"
+#include "laws/coefficients.h"
 #include "tests/record_run.h"
 
 using check::Record;
@@ -187,6 +188,25 @@ TEST(AsymmetryStrengthensExtension) {
   NEAR(mrdamp::Asymmetry(p, 1), 1.15, 1e-12);
   NEAR(mrdamp::Asymmetry(p, -1), 0.85, 1e-12);
   CHECK(mrdamp::Asymmetry(p, 0) == 1);
+}
+
+TEST(AsymmetryHasASharePerPart) {
+  Params p;
+  p.c0a = 100, p.fya = 30, p.asymmetry_yield = 0.2, p.asymmetry_viscous = -0.1, p.asymmetry_width = 1e-3;
+  const auto up = mrdamp::Evaluate(p, mrdamp::Law::kBingham, {}, 1), down = mrdamp::Evaluate(p, mrdamp::Law::kBingham, {}, -1);
+  NEAR(up.c0, 90, 1e-9);
+  NEAR(up.yield, 36, 1e-9);
+  NEAR(down.c0, 110, 1e-9);
+  NEAR(down.yield, 24, 1e-9);
+}
+
+TEST(APlateGoesFromStopToStop) {
+  Params p;
+  p.asymmetry_travel = 1e-3;
+  NEAR(mrdamp::FollowPlate(p, 0, 2e-4), 0.4, 1e-12);
+  CHECK(mrdamp::FollowPlate(p, 0.4, 1e-3) == 1);
+  NEAR(mrdamp::FollowPlate(p, 1, -3e-4), 0.4, 1e-12);
+  CHECK(mrdamp::FollowPlate(p, 1, -1) == -1);
 }
 
 TEST(TrappedGasTakesTheStartOfAStroke) {

@@ -55,6 +55,27 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
             form="by the force",
         ),
         Term(
+            "asymmetry",
+            "fluid",
+            (
+                linear("asymmetry_yield", 0.05, -0.9, 0.9),
+                linear("asymmetry_viscous", 0.05, -0.9, 0.9),
+                positive("asymmetry_width", 0.02 * s.velocity, 1e-4, 3 * s.velocity),
+            ),
+            ((0.1, 0.0, 0.02 * s.velocity), (0.0, 0.1, 0.02 * s.velocity)),
+            form="by the part",
+        ),
+        Term(
+            "asymmetry",
+            "fluid",
+            (
+                linear("asymmetry_a", 0.05, -0.8, 0.8),
+                positive("asymmetry_travel", 0.03 * s.stroke, 1e-3 * s.stroke, s.stroke),
+            ),
+            ((0.1, 0.03 * s.stroke), (0.1, 0.2 * s.stroke)),
+            form="along the stroke",
+        ),
+        Term(
             "shear_thinning",
             "fluid",
             (
