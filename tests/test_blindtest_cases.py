@@ -7,18 +7,30 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import mrdamp
-from mrdamp.blindtest import causes, damper_case, deck, frame_case, frame_causes, recorder, unknown
+from mrdamp.blindtest import (
+    bench,
+    causes,
+    damper_case,
+    dampers,
+    deck,
+    excitation,
+    frame_case,
+    frame_causes,
+    recorder,
+    unknown,
+)
 from mrdamp.blindtest.bench import Truth
-from mrdamp.blindtest.make import main
-from mrdamp.blindtest.rig import Array
+from mrdamp.blindtest.make import main, make_one
+from mrdamp.blindtest.rig import Array, BlownUp
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, relative, size_for
+from mrdamp.blindtest.sizing import Faint, Task, goal, must_show, relative, size_for
 from mrdamp.model import Model, damper_effects
 from mrdamp.records import read_record
 
@@ -172,6 +184,78 @@ def test_size_is_found() -> None:
     rng = np.random.default_rng(0)
     assert all(0.015 <= goal(rng, weak=True, noise=0.01) <= 0.03 for _ in range(50))
     assert all(0.05 <= goal(rng, weak=False, noise=0.01) <= 0.3 for _ in range(50))
+
+
+# --- causes that show -------------------------------------------------------------------------------
+def test_cause_must_show_beyond_the_noise() -> None:
+    must_show({"heating": 0.0151, "asymmetry": 0.3}, 0.01)
+    with pytest.raises(Faint, match="heating: opens a gap"):
+        must_show({"heating": 0.0149, "asymmetry": 0.3}, 0.01)
+
+
+def test_share_of_a_cause_in_company() -> None:
+    """Two factors of the force: without one of them the error loses what that one adds to the other."""
+    rng = np.random.default_rng(3)
+    device = dampers.draw(rng)
+    plain = Truth(device.numbers)
+    test = next(t for t in excitation.damper_tests(rng, device.machine, long=False) if t.kind == "random")
+    parts = {"sensor_gain": {"sensor.gain": 0.25}, "nothing": {"sat_form": 1.0, "sat_level": 1e9}}
+    shares = damper_case.shown(plain, parts, [test])
+    assert shares == pytest.approx({"sensor_gain": 0.25 / 1.25, "nothing": 0.0}, abs=1e-4)
+    alone = damper_case.shown(plain, {"sensor_gain": {"sensor.gain": 0.25}}, [test])
+    assert alone["sensor_gain"] == pytest.approx(0.2, abs=1e-4)
+    late = damper_case.shown(plain, {"channel_shift": {"reading.shift": 0.01}}, [test])
+    assert late["channel_shift"] > 0.01
+
+
+def test_dropouts_that_hit_no_command_do_not_show() -> None:
+    rng = np.random.default_rng(4)
+    device = dampers.draw(rng, frame=True)
+    storey = {"mass": 100.0, "stiffness": 4e5, "damping": 50.0}
+    plain = Truth(device.numbers, {}, False, [storey] * 3)
+    tests = excitation.frame_tests(rng, device.machine.command)
+    parts = {"dropouts": {"command.dropouts": 1.0}}
+    off, on = (next(t for t in tests if t.kind == kind) for kind in ("quake_off", "quake_on"))
+    assert frame_case.shown(plain, parts, [off])["dropouts"] == pytest.approx(0.0, abs=1e-9)
+    hit = next(
+        replace(on, seed=k)
+        for k in range(20)
+        if (
+            bench.driven(plain.having(parts["dropouts"]), on.fine(on.command), np.random.default_rng(k)) == 0
+        ).mean()
+        > 0.1
+    )
+    assert frame_case.shown(plain, parts, [hit])["dropouts"] > 0.02
+
+
+def test_faint_case_is_drawn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From another seed, as one that blows up is; in the end the last error stands."""
+    seeds: list[tuple[int, ...]] = []
+
+    def maker(task: Task, case: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, object]:
+        seeds.append(seed.spawn_key)
+        if len(seeds) < 3:
+            raise (Faint, BlownUp)[len(seeds) - 1]("no")
+        return {"label": task.label}
+
+    monkeypatch.setattr(damper_case, "make", maker)
+    task = Task("x", "damper", "heating")
+    assert make_one(task, tmp_path, tmp_path, np.random.SeedSequence(1)) == {"label": "heating"}
+    assert seeds == [(), (0,), (1,)]
+    seeds.clear()
+    monkeypatch.setattr(damper_case, "make", lambda *_: must_show({"heating": 0.0}, 0.01))
+    with pytest.raises(Faint):
+        make_one(task, tmp_path, tmp_path, np.random.SeedSequence(1))
+
+
+def test_run_differs_by_its_seed_alone() -> None:
+    machine = dampers.draw(np.random.default_rng(0)).machine
+    tests = excitation.damper_tests(np.random.default_rng(1), machine, long=True)
+    assert len({test.seed for test in tests}) == len(tests)
+    assert tests[0].rng.random() == tests[0].rng.random()
+    assert excitation.again(tests[0]).rng.random() != tests[0].rng.random()
+    held_back = excitation.held_back_damper_tests(np.random.default_rng(1), machine, long=True)
+    assert [test.duration for test in held_back.values()] == [10, 8, 8, 24]
 
 
 def test_noise_is_as_stated() -> None:

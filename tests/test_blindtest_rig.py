@@ -186,7 +186,7 @@ def test_spring_of_any_power() -> None:
 def test_seal_slides_at_its_dry_friction(form: int) -> None:
     """Far above the Stribeck velocity the seal's force is the Coulomb force against the motion."""
     numbers = {**DASHPOT, "c0a": 0.0, "seal_form": form, "seal_coulomb": 40.0, "seal_static": 1.5}
-    numbers |= {"seal_v": 0.004, "seal_slide": 4e-5}
+    numbers |= {"seal_v": 0.004, "seal_slide": 4e-5, "seal_time": 0.01}
     assert steady(numbers, 0.1)["force"][-1] == pytest.approx(40.0, rel=5e-3)
     assert steady(numbers, -0.1)["force"][-1] == pytest.approx(-40.0, rel=5e-3)
     slow = 60.0 if form != 2 else 40.0  # Dahl has no Stribeck peak
@@ -242,8 +242,6 @@ def test_charge_leaks_away() -> None:
     t = np.arange(RATE_HZ) / RATE_HZ
     step = np.where(t > 0, 100.0, 0.0)
     assert sensed(step, leakage=0.5)[RATE_HZ // 2] == pytest.approx(100 * np.exp(-1), rel=1e-3)
-    slow = sensed(step, leakage=0.5, leakage_slow=0.3)[RATE_HZ // 2]
-    assert slow == pytest.approx(70 * np.exp(-1) + 30 * np.exp(-0.1), rel=1e-3)
 
 
 @pytest.mark.parametrize("form", [1, 2, 3])
@@ -278,7 +276,7 @@ def test_mass_between_damper_and_load_cell() -> None:
 
 
 @pytest.mark.parametrize(
-    ("numbers", "late"), [({"reading.shift": -0.006}, -0.006), ({"reading.bessel": 0.008}, 0.008)]
+    ("numbers", "late"), [({"reading.shift": -0.006}, -0.006), ({"reading.average": 0.008}, 0.008)]
 )
 def test_displacement_is_read_late_or_early(numbers: dict[str, float], late: float) -> None:
     test = wave()
@@ -288,15 +286,10 @@ def test_displacement_is_read_late_or_early(numbers: dict[str, float], late: flo
     assert rms((read - expected)[middle]) < 0.02 * 0.005
 
 
-def test_command_is_delayed_and_held() -> None:
+def test_command_is_delayed() -> None:
     t = half_steps(1.0)
     late = bench.driven(Truth({}, {"command.delay": 0.02}), t, np.random.default_rng(0))
     assert late[-1] == pytest.approx(0.98)
-    held = bench.driven(
-        Truth({}, {"command.delay": 0.02, "command.period": 0.05}), t, np.random.default_rng(0)
-    )
-    assert len(np.unique(np.round(held, 9))) == 20
-    assert np.mean(t - held) == pytest.approx(0.045, abs=2e-3)
 
 
 # --- frame ------------------------------------------------------------------------------------------------

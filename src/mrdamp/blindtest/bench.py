@@ -54,8 +54,9 @@ class Truth:
 def damper_channels(truth: Truth, test: Excitation, rng: np.random.Generator) -> dict[str, Array]:
     """Channels of one test on the damper, free of noise, at 500 Hz; `rng` is for what differs from run to run."""
     motion = test.spline()
-    x, u = motion(test.time), test.fine(test.command)
-    out = rig.run_damper(truth.numbers, x, motion(test.time, 1), driven(truth, u, rng))
+    x, v, u = motion(test.time), motion(test.time, 1), test.fine(test.command)
+    current = _interrupted(truth, driven(truth, u, rng), v, rng)
+    out = rig.run_damper(truth.numbers, x, v, current)
     force = out["force"] + _moving_mass(truth, motion(test.time[::2], 2))
     force = force + out["fluid"] * truth.get("rod.unsteady") * _slow_noise(rng, len(force))
     if truth.get("rod.leaks") > 0:
@@ -79,14 +80,10 @@ def nominal_damper(nominal: Numbers, truth: Truth, test: Excitation) -> Array:
 
 
 def as_read(truth: Truth, test: Excitation) -> Array:
-    """Displacement (m) at half steps as the transducer gives it: late, early, filtered, or on a clock of its own."""
+    """Displacement (m) at half steps as the transducer gives it: late, early, averaged, or on a clock of its own."""
     motion = test.spline()
-    if truth.get("reading.bessel") > 0:
-        sos = bessel(
-            2, 1 / (2 * np.pi * truth.get("reading.bessel")), fs=INPUT_RATE_HZ, norm="delay", output="sos"
-        )
-        x = motion(test.time)
-        return np.asarray(sosfilt(sos, x, zi=sosfilt_zi(sos) * x[0])[0])
+    if truth.get("reading.average") > 0:
+        return _average(motion(test.time), round(2 * truth.get("reading.average") * INPUT_RATE_HZ))
     if truth.get("reading.slack") > 0:
         return test.fine(_play(test.motion, truth.get("reading.slack") / 2))
     late = truth.get("reading.shift") + truth.get("reading.drift") * test.time
@@ -94,39 +91,78 @@ def as_read(truth: Truth, test: Excitation) -> Array:
 
 
 def driven(truth: Truth, u: Array, rng: np.random.Generator) -> Array:
-    """The command (at half steps) as it comes out of the controller: held, late, coarse, or with drop-outs."""
+    """The command (at half steps) as the coil is driven by it: late, coarse, with drop-outs, or of another size."""
     t = np.arange(len(u)) / INPUT_RATE_HZ
-    late = np.full(len(u), truth.get("command.delay"))
-    if truth.get("command.period") > 0:
-        late = late + t % truth.get("command.period")
-    out = np.interp(t - late, t, u)
+    out = np.interp(_sent(truth, t, rng), t, u)
     if truth.get("command.step") > 0:
         out = truth.get("command.step") * np.round(out / truth.get("command.step"))
-    for _ in range(rng.poisson(t[-1] * truth.get("command.dropouts"))):
-        start, length = rng.uniform(0, t[-1]), rng.uniform(0.1, 0.5)
-        out[(t > start) & (t < start + length)] = 0.0
+    for start, end in _spells(rng, t[-1], 0.5, truth.get("command.dropouts"), (0.1, 0.5)):
+        out[(t > start) & (t < end)] = 0.0
+    if truth.get("command.drift") > 0:
+        out = out * (1 + truth.get("command.drift") * rng.uniform(-1, 1))
     return np.asarray(out)
 
 
+def _sent(truth: Truth, t: Array, rng: np.random.Generator) -> Array:
+    """When (s) that was sent which arrives at t: each `command.beat` has a delay of its own, none overtakes another."""
+    delay, beat = truth.get("command.delay"), truth.get("command.beat")
+    if not beat:
+        return t - delay
+    spread = rng.uniform(-1, 1, int(t[-1] / beat) + 1)[(t / beat).astype(int)]
+    return np.asarray(np.maximum.accumulate(t - delay * (1 + truth.get("command.jitter") * spread)))
+
+
+def _interrupted(truth: Truth, u: Array, v: Array, rng: np.random.Generator) -> Array:
+    """The current with a contact that opens in bursts while the rod moves fast."""
+    share = truth.get("command.contact")
+    if not share:
+        return u
+    t, out = np.arange(len(u)) / INPUT_RATE_HZ, u.copy()
+    shakes = np.abs(v) > 0.6 * np.sqrt(np.mean(v**2))
+    for start, end in _spells(rng, t[-1], 15.0, share, (0.005, 0.04)):
+        out[(t > start) & (t < end) & shakes] = 0.0
+    return out
+
+
+def _spells(
+    rng: np.random.Generator, end: float, rate: float, share: float, length: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Start and end (s) of a share of the spells that come at a rate (1/s); those of a smaller share are among them."""
+    if not share:
+        return []
+    number = rng.poisson(end * rate)
+    starts, lengths, lots = rng.uniform(0, end, number), rng.uniform(*length, number), rng.random(number)
+    return [(float(a), float(a + b)) for a, b, lot in zip(starts, lengths, lots, strict=True) if lot < share]
+
+
 def sensor(truth: Truth, name: str, force: Array, rng: np.random.Generator) -> Array:
-    """A sensor's reading (at `RATE_HZ`): gain, range, leakage, low-pass, offset, hum, wander; `name` is its prefix."""
+    """A sensor's reading (at `RATE_HZ`): gain, range, leakage, low-pass, offset, hum, drifts; `name` is its prefix."""
 
     def get(key: str) -> float:
         return truth.get(f"{name}.{key}")
 
-    out = force * (1 + get("gain"))
-    if get("bend"):
-        out = out * (1 + get("bend") * np.abs(force) / get("scale"))
+    t = np.arange(len(force)) / RATE_HZ
+    warm = 1 - get("settle") * np.exp(-t / get("settle_time")) if get("settle") else np.ones(len(t))
+    out = force * (1 + get("gain") * warm)
+    if get("hysteresis") > 0:
+        out = out - get("hysteresis") * (out - _coarse_play(out, get("hysteresis_width")))
+    if get("clip") > 0:
+        out = np.clip(out, -get("clip"), get("clip"))
     if get("range") > 0:
         coarse = _held(np.flatnonzero(np.abs(out) > get("range")), len(out), get("range_hold"))
         out = np.where(coarse, (1 + get("range_gain")) * out, out)
     if get("leakage") > 0:
-        slow = get("leakage_slow")
-        out = (1 - slow) * _high_pass(out, get("leakage")) + slow * _high_pass(out, 10 * get("leakage"))
+        out = _high_pass(out, get("leakage"))
+        if get("leakage_again") > 0:
+            out = _high_pass(out, get("leakage_again") * get("leakage"))
     if get("lag") > 0:
         out = _low_pass(out, get("lag"), round(get("lag_form")))
-    out = out + get("offset") * (1 + get("offset_wander") * rng.normal())
-    t = np.arange(len(force)) / RATE_HZ
+    out = out + get("offset") * warm
+    if get("zero") > 0:
+        out = out + get("zero") * rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.5) * (1 - np.exp(-t / 6.0))
+    for start, end in _spells(rng, t[-1], 1.5, get("hang"), (0.03, 0.15)):
+        hung = (t > start) & (t < end)
+        out = np.where(hung, out[np.argmax(hung)], out)
     hum = np.sin(2 * np.pi * get("hum_hz") * t) + 0.4 * np.sin(6 * np.pi * get("hum_hz") * t + 1)
     return np.asarray(out + get("hum") * hum + get("wander") * _slow_noise(rng, len(out)))
 
@@ -140,22 +176,24 @@ def logged(truth: Truth, values: Array) -> Array:
 
 
 def _moving_mass(truth: Truth, acceleration: Array) -> Array | float:
-    """N; held rigidly, by a spring with little damping, by a rubber bush, or in two parts."""
-    mass, hz, rigid = truth.get("rod.mass"), truth.get("rod.mass_hz"), truth.get("rod.mass_rigid")
-    if not hz or not mass:
+    """N; held rigidly, by one or two springs with little damping, or by something viscous."""
+    mass, hz, second = truth.get("rod.mass"), truth.get("rod.mass_hz"), truth.get("rod.mass_hz2")
+    if not mass:
+        return 0.0
+    if truth.get("rod.mass_time") > 0:
+        return mass * _one_pole(acceleration, truth.get("rod.mass_time"))
+    if not hz:
         return mass * acceleration
-    if truth.get("rod.mass_loss") > 0:
-        return mass * _bush(acceleration, hz, truth.get("rod.mass_loss"), truth.get("rod.mass_time"))
+    share = truth.get("rod.mass_share2") if second else 0.0
+    other = _sprung(acceleration, second) if second else 0.0
+    return mass * ((1 - share) * _sprung(acceleration, hz) + share * other)
+
+
+def _sprung(acceleration: Array, hz: float) -> Array:
+    """Acceleration of a mass on a spring."""
     w = 2 * np.pi * hz / RATE_HZ
     a = [1 + 0.1 * w + w**2, -2 - 0.1 * w, 1.0]  # backward differences of y'' + 2 0.05 w y' + w^2 y = w^2 a
-    return mass * (rigid * acceleration + (1 - rigid) * np.asarray(lfilter([w**2], a, acceleration)))
-
-
-def _bush(acceleration: Array, hz: float, loss: float, time: float) -> Array:
-    """Acceleration of a mass on a spring (of `hz` when slow) beside one `loss` times as stiff behind a dashpot."""
-    k, soft = (2 * np.pi * hz) ** 2, time * (1 + loss)
-    b, a = bilinear([k * soft, k], [time, 1.0, k * soft, k], fs=RATE_HZ)
-    return np.asarray(lfilter(b, a, acceleration))
+    return np.asarray(lfilter([w**2], a, acceleration))
 
 
 def _now_and_then(rng: np.random.Generator, n: int) -> Array:
@@ -183,6 +221,25 @@ def _play(x: Array, half: float) -> Array:
     return out
 
 
+def _coarse_play(values: Array, half: float) -> Array:
+    """A play of a channel at `RATE_HZ`, reckoned at a tenth of that."""
+    at = np.arange(len(values))
+    lag = values[::10] - _play(values[::10], half)
+    return np.asarray(values - np.interp(at, at[::10], lag))
+
+
+def _average(values: Array, width: int) -> Array:
+    """Mean of the last samples."""
+    width = max(1, width)
+    total = np.cumsum(np.concatenate([np.full(width, values[0]), values]))
+    return np.asarray((total[width:] - total[:-width]) / width)
+
+
+def _one_pole(values: Array, tau: float) -> Array:
+    k = 1 / (1 + tau * RATE_HZ)
+    return np.asarray(lfilter([k], [1, k - 1], values, zi=[values[0] * (1 - k)])[0])
+
+
 def _high_pass(values: Array, tau: float) -> Array:
     """Charge that leaks away with tau (s), from a charge that equals the first value."""
     k = 1 / (1 + 1 / (tau * RATE_HZ))
@@ -190,15 +247,13 @@ def _high_pass(values: Array, tau: float) -> Array:
 
 
 def _low_pass(values: Array, tau: float, form: int) -> Array:
-    """1: Butterworth of two poles; 2: moving average; 3: one pole; each late by about tau (s)."""
+    """1: Butterworth of two poles; 2: moving average; 3: Bessel of four poles; each late by about tau (s)."""
     if form == 2:
-        width = max(1, round(2 * tau * RATE_HZ))
-        total = np.cumsum(np.concatenate([np.full(width, values[0]), values]))
-        return np.asarray((total[width:] - total[:-width]) / width)
+        return _average(values, round(2 * tau * RATE_HZ))
     if form == 3:
-        k = 1 / (1 + tau * RATE_HZ)
-        return np.asarray(lfilter([k], [1, k - 1], values, zi=[values[0] * (1 - k)])[0])
-    sos = butter(2, np.sqrt(2) / (2 * np.pi * tau), fs=RATE_HZ, output="sos")
+        sos = bessel(4, min(1 / (2 * np.pi * tau), 0.2 * RATE_HZ), fs=RATE_HZ, norm="delay", output="sos")
+    else:
+        sos = butter(2, np.sqrt(2) / (2 * np.pi * tau), fs=RATE_HZ, output="sos")
     return np.asarray(sosfilt(sos, values, zi=sosfilt_zi(sos) * values[0])[0])
 
 

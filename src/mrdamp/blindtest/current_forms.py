@@ -25,23 +25,27 @@ def _lag_unequal(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _lag_controller(r: np.random.Generator, c: Scale) -> Sized:
-    """A coil under an integral current controller that overshoots a little."""
-    ratio = r.uniform(0.4, 0.75)
-    return lambda s: {"lag_form": 4, "lag_tau": 0.07 * s, "lag_ratio": ratio}
+    """A coil under a proportional and integral current controller, whose supply has little voltage to spare."""
+    gain, reset, spare = r.uniform(0.5, 1.5), r.uniform(0.3, 0.7), r.uniform(1.3, 2.5)
+    fixed = {"lag_form": 4, "lag_gain": gain, "lag_span": spare * c.command}
+    return lambda s: {**fixed, "lag_tau": 0.06 * s * gain / reset, "lag_tau2": 0.06 * s * gain}
 
 
-def _lag_eddies(r: np.random.Generator, c: Scale) -> Sized:
-    """A coil coupled to the eddy currents of its core: part of the field comes soon, part late."""
-    share, ratio = r.uniform(0.35, 0.6), r.uniform(5.0, 9.0)
-    return lambda s: {"lag_form": 5, "lag_tau": 0.018 * s, "lag_tau2": 0.018 * s * ratio, "lag_ratio": share}
+def _lag_diffusion(r: np.random.Generator, c: Scale) -> Sized:
+    """A coil around a solid core, into which the field diffuses against its own eddy currents."""
+    share = r.uniform(0.1, 0.4)
+    return lambda s: {"lag_form": 5, "lag_tau": 0.06 * s, "lag_tau2": 0.06 * s * share}
 
 
 def _delay(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"command.delay": 0.06 * s}
 
 
-def _delay_held(r: np.random.Generator, c: Scale) -> Sized:
-    return lambda s: {"command.delay": 0.05 * s, "command.period": 0.03 * s}
+def _delay_network(r: np.random.Generator, c: Scale) -> Sized:
+    """A network: each packet is under way for a time of its own, and none overtakes another."""
+    spread, beat = r.uniform(0.15, 0.4), r.uniform(0.01, 0.04)
+    fixed = {"command.jitter": spread, "command.beat": beat}
+    return lambda s: {**fixed, "command.delay": 0.06 * s}
 
 
 def _saturation(form: int) -> Form:
@@ -57,20 +61,21 @@ def _relays(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"rem_form": 2, "rem_width": width, "rem_share": s, "rem_span": c.command}
 
 
-def _pinning(r: np.random.Generator, c: Scale) -> Sized:
-    fixed = {"rem_form": 3, "rem_share": r.uniform(0.75, 0.95), "rem_span": c.command}
-    return lambda s: {**fixed, "rem_width": 0.35 * c.command * s}
+def _loop_closes(r: np.random.Generator, c: Scale) -> Sized:
+    """A loop that is widest at small currents and closes where the core saturates."""
+    fixed = {"rem_form": 3, "rem_share": 1.0, "rem_span": c.command}
+    return lambda s: {**fixed, "rem_width": 0.7 * c.command * s}
 
 
-def _plays_widening(r: np.random.Generator, c: Scale) -> Sized:
-    fixed = {"rem_form": 4, "rem_share": 1.0, "rem_span": c.command}
-    return lambda s: {**fixed, "rem_width": 0.5 * c.command * s}
+def _duhem(r: np.random.Generator, c: Scale) -> Sized:
+    fixed = {"rem_form": 4, "rem_share": r.uniform(0.1, 0.4)}
+    return lambda s: {**fixed, "rem_width": 0.3 * c.command * s}
 
 
 #: Effect -> its stage and its forms.
 EFFECTS: Mapping[str, tuple[str, tuple[Form, ...]]] = {
-    "driver_lag": ("driver", (_lag_poles, _lag_limit, _lag_unequal, _lag_controller, _lag_eddies)),
-    "command_delay": ("driver", (_delay, _delay_held)),
+    "driver_lag": ("driver", (_lag_poles, _lag_limit, _lag_unequal, _lag_controller, _lag_diffusion)),
+    "command_delay": ("driver", (_delay, _delay_network)),
     "saturation": ("magnetics", (_saturation(1), _saturation(2), _saturation(3))),
-    "remanence": ("magnetics", (_plays, _relays, _pinning, _plays_widening)),
+    "remanence": ("magnetics", (_plays, _relays, _loop_closes, _duhem)),
 }

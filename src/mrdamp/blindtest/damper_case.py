@@ -15,10 +15,10 @@ from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import RATE_HZ, Array, Numbers, run_damper
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, pooled, relative, size_for
+from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, size_for
 
 #: Causes that only a second force channel tells from the law's own numbers.
-_NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range")
+_NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range", "cell_hysteresis", "clipped_range")
 _TELLING = ("steps", "random", "sine_random")
 
 
@@ -28,22 +28,23 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     device = dampers.draw(rng, mounted=task.mounted)
     heats = "heating" in task.parts
     inputs = excitation.damper_tests(rng, device.machine, long=heats or bool(rng.random() < 0.6))
-    held_back = excitation.held_back_damper_tests(rng, device.machine)
+    held_back = excitation.held_back_damper_tests(rng, device.machine, long=heats)
     plain = Truth(device.numbers, filtered=bool(rng.random() < 0.5))
     scale = measure(device, inputs)
     noise = recorder.damper_noise(rng, scale.force, scale.command)
     few = [test for test in inputs if test.kind in (*_TELLING, *(["long"] if heats else []))]
     level = noise["force_N"].deviation / scale.force
     found = [_cause(rng, task, part, scale) for part in task.parts]
-    numbers = causes.merged(
-        [c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found]
-    )
+    parts = {c.label: c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
+    for tests_of_it in (few, list(held_back.values())):
+        must_show(shown(plain, parts, tests_of_it), level)
+    numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
     parameters = _believed(rng, task, device, plain, few)
     believed = {**plain.numbers, **parameters}
     records = _records(rng, truth, inputs, noise, _channels(rng, task))
     recorder.write_case(folder, "damper", {"law": device.law, "parameters": parameters}, records)
-    clean = {name: _clean(rng, truth, believed, test) for name, test in held_back.items()}
+    clean = {name: _clean(truth, believed, test) for name, test in held_back.items()}
     recorder.write_tests(tests, clean)
     return {
         "label": task.label,
@@ -91,11 +92,29 @@ def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float
         truth = plain.having(cause.sized(size))
         gaps = []
         for test, before in zip(tests, predicted, strict=True):
-            measured = damper_channels(truth, test, np.random.default_rng(0))["force_N"]
+            measured = damper_channels(truth, test, test.rng)["force_N"]
             gaps.append(relative(nominal_damper(plain.numbers, truth, test) if reads else before, measured))
         return pooled(gaps)
 
     return size_for(gap, wanted)
+
+
+def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
+    """The gap (of the RMS) that each of a case's causes opens on tests, by what the residual loses without it."""
+
+    def residuals(names: Sequence[str]) -> list[tuple[Array, Array]]:
+        truth = plain.having(causes.merged([parts[name] for name in names]))
+        forces = [damper_channels(truth, test, test.rng)["force_N"] for test in tests]
+        return [(f, f - nominal_damper(plain.numbers, truth, t)) for f, t in zip(forces, tests, strict=True)]
+
+    everything = residuals(list(parts))
+    found = {}
+    for name in parts:
+        others = [other for other in parts if other != name]
+        left = [rest for _, rest in residuals(others)] if others else [np.zeros(1)] * len(tests)
+        pairs = zip(everything, left, strict=True)
+        found[name] = pooled([relative(force - (error - rest), force) for (force, error), rest in pairs])
+    return found
 
 
 def _believed(
@@ -133,18 +152,18 @@ def _records(
     channels: Sequence[str],
 ) -> dict[str, dict[str, Array]]:
     """Records by file name; the last one repeats the sine with a random command."""
-    again = next(test for test in inputs if test.kind == "sine_random")
+    again = excitation.again(next(test for test in inputs if test.kind == "sine_random"))
     kinds = [*((test.kind, test) for test in inputs), ("repeat", again)]
     records = {}
     for number, (kind, test) in enumerate(kinds, 1):
-        clean = damper_channels(truth, test, rng)
+        clean = damper_channels(truth, test, test.rng)
         records[f"{number:02d}_{kind}.csv.gz"] = {
             name: noise[name].onto(clean[name], rng) if name in noise else clean[name] for name in channels
         }
     return records
 
 
-def _clean(rng: np.random.Generator, truth: Truth, believed: Numbers, test: Excitation) -> dict[str, Array]:
-    channels = damper_channels(truth, test, rng)
+def _clean(truth: Truth, believed: Numbers, test: Excitation) -> dict[str, Array]:
+    channels = damper_channels(truth, test, test.rng)
     kept = {name: channels[name] for name in ("displacement_m", "command", "force_N")}
     return {**kept, "nominal_N": nominal_damper(believed, truth, test)}

@@ -43,16 +43,17 @@ def _asymmetry(form: int) -> Form:
     return draw
 
 
-def _asymmetry_shares(r: np.random.Generator, c: Scale) -> Sized:
-    """Yield force and viscosity differ by direction, each by its own share."""
-    side, ratio = r.choice([-1.0, 1.0]), r.choice([r.uniform(-0.2, 0.4), r.uniform(1.6, 2.2)])
-    return lambda s: {"asym_form": 3, "asym_share": 0.35 * s * side, "asym_visc": 0.35 * s * side * ratio}
+def _asymmetry_faster(r: np.random.Generator, c: Scale) -> Sized:
+    """A bleed that works one way, and the more the faster the piston is."""
+    side, speed = r.choice([-1.0, 1.0]), r.uniform(0.02, 0.08)
+    return lambda s: {"asym_form": 3, "asym_share": 0.5 * s * side, "asym_v": speed}
 
 
 def _asymmetry_check(r: np.random.Generator, c: Scale) -> Sized:
-    """A check valve whose plate takes some of the stroke from stop to stop."""
-    side, travel = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.05, 0.15)
-    return lambda s: {"asym_form": 4, "asym_share": 0.35 * s * side, "asym_width": travel}
+    """A check valve that the pressure moves, in the plate's own time."""
+    side, time, width = r.choice([-1.0, 1.0]), r.uniform(0.005, 0.025), c.force * r.uniform(0.05, 0.3)
+    fixed = {"asym_form": 4, "asym_time": time, "asym_width": width}
+    return lambda s: {**fixed, "asym_share": 0.35 * s * side}
 
 
 def _thin_cross(r: np.random.Generator, c: Scale) -> Sized:
@@ -69,10 +70,10 @@ def _thin_plateau(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"thin_form": 3, "thin_v": 0.015 / s, "thin_m": m, "thin_rest": rest}
 
 
-def _thin_structure(r: np.random.Generator, c: Scale) -> Sized:
-    """A structure that shear takes down and that builds itself up again (Moore 1959)."""
-    time, rest = r.uniform(0.02, 0.08), r.uniform(0.03, 0.15)
-    return lambda s: {"thin_form": 4, "thin_v": 0.02 / s, "thin_time": time, "thin_rest": rest}
+def _thin_crowded(r: np.random.Generator, c: Scale) -> Sized:
+    """Particles that crowd each other, by Quemada."""
+    rest = r.uniform(0.03, 0.15)
+    return lambda s: {"thin_form": 4, "thin_v": 0.015 / (s**2 * rest), "thin_rest": rest}
 
 
 def _gas(form: int) -> Form:
@@ -83,23 +84,23 @@ def _gas(form: int) -> Form:
     return draw
 
 
-def _gas_timed(r: np.random.Generator, c: Scale) -> Sized:
-    """A pocket that is pressed shut by the stroke and comes back in its own time."""
-    side, stroke, time = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.4, 1.0), r.uniform(0.05, 0.2)
-    fixed = {"gas_form": 3, "gas_sign": side, "gas_stroke": stroke, "gas_time": time}
-    return lambda s: {**fixed, "gas_loss": s**0.5}
+def _gas_series(r: np.random.Generator, c: Scale) -> Sized:
+    """A polytropic pocket between piston and fluid: the fluid flows once the gas is pressed together."""
+    side, stroke, force = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.8, 1.6), c.force * r.uniform(0.1, 0.4)
+    return lambda s: {"gas_form": 3, "gas_sign": side, "gas_stroke": stroke * s, "gas_force": force}
 
 
-def _gas_pressed(r: np.random.Generator, c: Scale) -> Sized:
-    """The chamber's pressure is that of the gas in it until the gas is pressed together."""
-    side, stroke, force = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.8, 1.4), c.force * r.uniform(0.1, 0.3)
-    return lambda s: {"gas_form": 4, "gas_sign": side, "gas_stroke": stroke * s, "gas_force": force}
+def _gas_play(r: np.random.Generator, c: Scale) -> Sized:
+    """An empty length that the piston runs through before the fluid takes hold, softly."""
+    side, stroke, free = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.4, 1.0), r.uniform(0.2, 0.6)
+    fixed = {"gas_form": 4, "gas_sign": side, "gas_free": free}
+    return lambda s: {**fixed, "gas_stroke": stroke * s**0.5, "gas_loss": s**0.5}
 
 
 #: Effect -> its stage and its forms.
 EFFECTS: Mapping[str, tuple[str, tuple[Form, ...]]] = {
     "heating": ("fluid", (_heat_arrhenius, _heat_rational)),
-    "asymmetry": ("fluid", (_asymmetry(1), _asymmetry(2), _asymmetry_shares, _asymmetry_check)),
-    "shear_thinning": ("fluid", (_thin_cross, _thin_eyring, _thin_plateau, _thin_structure)),
-    "trapped_gas": ("fluid", (_gas(1), _gas(2), _gas_timed, _gas_pressed)),
+    "asymmetry": ("fluid", (_asymmetry(1), _asymmetry(2), _asymmetry_faster, _asymmetry_check)),
+    "shear_thinning": ("fluid", (_thin_cross, _thin_eyring, _thin_plateau, _thin_crowded)),
+    "trapped_gas": ("fluid", (_gas(1), _gas(2), _gas_series, _gas_play)),
 }

@@ -15,9 +15,9 @@ from mrdamp.blindtest.causes import Cause
 from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.frame_causes import FrameScale
 from mrdamp.blindtest.recorder import Noise
-from mrdamp.blindtest.rig import Array, run_frame
+from mrdamp.blindtest.rig import Array, Numbers, run_frame
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, pooled, relative, size_for
+from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, size_for
 
 #: Masses (kg), stiffnesses (N/m) and damping (N s/m) of the frame of Dyke et al. 1996, doi:10.1088/0964-1726/5/5/006.
 _MASS, _STIFFNESS, _DAMPING = (98.3, 98.3, 98.3), (5.16e5, 6.84e5, 6.84e5), (125.0, 50.0, 50.0)
@@ -38,15 +38,16 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     noise = recorder.frame_noise(rng)
     level = noise[_MEASURED[0]].deviation / float(np.mean(scale.acceleration))
     found = [frame_causes.draw(rng, part, scale, outside=task.outside) for part in task.parts]
-    numbers = causes.merged(
-        [c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found]
-    )
+    parts = {c.label: c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
+    for tests_of_it in (few, list(held_back.values())):
+        must_show(shown(plain, parts, tests_of_it), level)
+    numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
     parameters = _believed(rng, task, device, plain, few)
     believed = replace(plain, numbers={**plain.numbers, **parameters})
     nominal = {"law": device.law, "parameters": parameters, **_structure(plain)}
     recorder.write_case(folder, "frame", nominal, _records(rng, truth, inputs, noise))
-    clean = {name: _clean(rng, truth, believed, test) for name, test in held_back.items()}
+    clean = {name: _clean(truth, believed, test) for name, test in held_back.items()}
     recorder.write_tests(tests, clean)
     return {
         "label": task.label,
@@ -96,6 +97,7 @@ def measure(device: dampers.Device, plain: Truth, inputs: Sequence[Excitation]) 
         tuple(rms([out[f"acceleration{k}"] for out in runs]) for k in floors),
         tuple(s["stiffness"] for s in plain.storeys),
         tuple(s["damping"] for s in plain.storeys),
+        tuple(s["mass"] for s in plain.storeys),
     )
 
 
@@ -123,19 +125,43 @@ def _telling(inputs: Sequence[Excitation]) -> list[Excitation]:
 
 
 def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
-    rng = np.random.default_rng(0)
-    predicted = [frame_channels(plain, test, rng) for test in tests]
+    predicted = [frame_channels(plain, test, test.rng) for test in tests]
     reads = any(name.startswith("ground.") for name in cause.sized(1.0))
 
     def gap(size: float) -> float:
         truth = plain.having(cause.sized(size))
         gaps = []
         for test, before in zip(tests, predicted, strict=True):
-            said = frame_channels(plain, test, rng, felt_ground(truth, test)) if reads else before
-            gaps.append(_error(said, frame_channels(truth, test, rng)))
+            said = frame_channels(plain, test, test.rng, felt_ground(truth, test)) if reads else before
+            gaps.append(_error(said, frame_channels(truth, test, test.rng)))
         return pooled(gaps)
 
     return size_for(gap, wanted)
+
+
+def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
+    """The gap (of the RMS) that each of a case's causes opens on tests, by what the residual loses without it."""
+
+    def run(names: Sequence[str]) -> list[tuple[dict[str, Array], dict[str, Array]]]:
+        truth = plain.having(causes.merged([parts[name] for name in names]))
+        measured = [frame_channels(truth, test, test.rng) for test in tests]
+        said = [frame_channels(plain, test, test.rng, felt_ground(truth, test)) for test in tests]
+        return [(m, {n: m[n] - s[n] for n in _MEASURED}) for m, s in zip(measured, said, strict=True)]
+
+    everything = run(list(parts))
+    found = {}
+    for name in parts:
+        others = [other for other in parts if other != name]
+        left = (
+            [rest for _, rest in run(others)]
+            if others
+            else [dict.fromkeys(_MEASURED, np.zeros(1))] * len(tests)
+        )
+        pairs = list(zip(everything, left, strict=True))
+        found[name] = pooled(
+            [relative(m[n] - (error[n] - rest[n]), m[n]) for (m, error), rest in pairs for n in _MEASURED]
+        )
+    return found
 
 
 def _believed(
@@ -164,17 +190,18 @@ def _records(
 ) -> dict[str, dict[str, Array]]:
     """Records by file name; the last one repeats the last ground motion."""
     records = {}
-    for number, (kind, test) in enumerate([*((t.kind, t) for t in inputs), ("repeat", inputs[-1])], 1):
-        clean = frame_channels(truth, test, rng)
+    kinds = [*((t.kind, t) for t in inputs), ("repeat", excitation.again(inputs[-1]))]
+    for number, (kind, test) in enumerate(kinds, 1):
+        clean = frame_channels(truth, test, test.rng)
         records[f"{number:02d}_{kind}.csv.gz"] = {
             name: noise[name].onto(values, rng) if name in noise else values for name, values in clean.items()
         }
     return records
 
 
-def _clean(rng: np.random.Generator, truth: Truth, believed: Truth, test: Excitation) -> dict[str, Array]:
-    channels = frame_channels(truth, test, rng)
-    nominal = frame_channels(believed, test, rng, felt_ground(truth, test))
+def _clean(truth: Truth, believed: Truth, test: Excitation) -> dict[str, Array]:
+    channels = frame_channels(truth, test, test.rng)
+    nominal = frame_channels(believed, test, test.rng, felt_ground(truth, test))
     said = {name.replace("floor", "nominal_floor").removesuffix("_m_s2"): nominal[name] for name in _MEASURED}
     return {**channels, **said, "nominal_N": nominal["force_N"]}
 

@@ -28,7 +28,7 @@ SENSORS = ("sensor_gain", "sensor_offset", "sensor_leakage", "sensor_lag")
 @dataclass(frozen=True)
 class FrameScale:
     """What sizes are measured by: the damper's, and RMS drift (m), drift rate (m/s), acceleration (m/s2), storey
-    force (N), by storey or floor; storey stiffness (N/m) and damping (N s/m)."""
+    force (N), by storey or floor; storey stiffness (N/m), damping (N s/m) and floor mass (kg)."""
 
     damper: Scale
     drift: tuple[float, ...]
@@ -36,6 +36,7 @@ class FrameScale:
     acceleration: tuple[float, ...]
     stiffness: tuple[float, ...]
     damping: tuple[float, ...]
+    mass: tuple[float, ...]
 
 
 PlacedForm = Callable[[np.random.Generator, FrameScale, int], Sized]
@@ -178,6 +179,34 @@ def _ground_misaligned(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
     return lambda s: {"ground.angle": side * 0.25 * s, "ground.hz": hz}
 
 
+def _sloshing(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """An open tank whose water sways near the frame's first frequency."""
+    hz, ratio = r.uniform(2.5, 5.5), r.uniform(0.005, 0.02)
+    return lambda s: {
+        f"storey{j}.hung_mass": 15 * s,
+        f"storey{j}.hung_hz": hz,
+        f"storey{j}.hung_ratio": ratio,
+    }
+
+
+def _floppy_floor(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """A floor that is not rigid: part of its mass stands on a slab that bends."""
+    hz, mass, part = r.uniform(10.0, 20.0), c.mass[j - 1], r.uniform(0.4, 0.6)
+    fixed = {f"storey{j}.hung_hz": hz, f"storey{j}.hung_ratio": 0.02}
+    return lambda s: {**fixed, f"storey{j}.mass": -part * s, f"storey{j}.hung_mass": part * mass * s}
+
+
+def _slipping_bolts(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """A bolted joint that slips in its holes when the storey is strained enough, and stays where it slipped to."""
+    hold = c.drift[j - 1] * r.uniform(0.6, 1.2)
+    return lambda s: {f"storey{j}.bolt_hold": hold, f"storey{j}.bolt_gap": 1.5 * c.drift[j - 1] * s}
+
+
+def _clipped(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
+    """An accelerometer whose range is too small."""
+    return lambda s: {f"floor{j}.clip": c.acceleration[j - 1] * (0.4 + 0.15 / s)}
+
+
 def _of_damper(name: str) -> PlacedForm:
     form = unknown.DAMPER[name][1]
     return lambda r, c, j: form(r, c.damper)
@@ -191,13 +220,18 @@ _FIRST: Mapping[str, tuple[str, PlacedForm]] = {
     "cross_axis": ("sensor", _cross_axis),
     "dropouts": ("driver", _of_damper("dropouts")),
     "supply_sag": ("driver", _of_damper("supply_sag")),
-}
-_SECOND: Mapping[str, tuple[str, PlacedForm]] = {
     "base_rocking": ("structure", _base_rocking),
     "loose_panel": ("structure", _loose_panel),
     "slack_brace": ("structure", _slack_brace),
     "ground_misaligned": ("sensor", _ground_misaligned),
     "poppet_valve": ("fluid", _of_damper("poppet_valve")),
+}
+_SECOND: Mapping[str, tuple[str, PlacedForm]] = {
+    "sloshing": ("structure", _sloshing),
+    "floppy_floor": ("structure", _floppy_floor),
+    "slipping_bolts": ("structure", _slipping_bolts),
+    "clipped_range": ("sensor", _clipped),
+    "coil_drift": ("driver", _of_damper("coil_drift")),
 }
 #: Cause outside the catalogue -> its stage and its form.
 UNKNOWN: Mapping[str, tuple[str, PlacedForm]] = {**_FIRST, **_SECOND}

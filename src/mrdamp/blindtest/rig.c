@@ -15,33 +15,34 @@ static const double kPi = 3.14159265358979323846;
   /* law: 0 bingham, 1 bouc_wen, 2 hyperbolic_tangent, 3 modified_bouc_wen */                                       \
   X(law) X(c0a) X(c0b) X(c1a) X(c1b) X(k0) X(k1) X(x0) X(alpha_a) X(alpha_b) X(gamma) X(beta) X(A) X(n) X(fya) X(fyb) \
   X(v_ref) X(k0a) X(k0b) X(k1a) X(k1b) X(m0) X(f0a) X(f0b)                                                          \
-  /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2), 4 a coil under an integral           \
-   * controller (lag_ratio: damping), 5 a coil and its core's eddy currents (lag_ratio: share of the slow pole) */    \
-  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(lag_span) X(lag_ratio) X(sag_share) X(sag_time) X(dead_zone)       \
-  /* magnetics: saturation 1 Froehlich, 2 error function, 3 arc tangent; remanence 1 plays, 2 relays, 3 Jiles and     \
-   * Atherton, 4 Prandtl and Ishlinskii with a loop that widens with the current */                                   \
+  /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2), 4 a coil (tau) under a controller    \
+   * with gain, reset time (tau2) and a limited voltage (span), 5 a coil (tau2) whose solid core lets the field in      \
+   * by diffusion (tau: the slowest pole) */                                                                          \
+  X(lag_form) X(lag_tau) X(lag_tau2) X(lag_rate) X(lag_span) X(lag_gain) X(sag_share) X(sag_time) X(dead_zone)        \
+  /* magnetics: saturation 1 Froehlich, 2 error function, 3 arc tangent; remanence 1 plays, 2 relays, 3 plays whose   \
+   * loop closes at the tip, 4 Coleman and Hodgdon */                                                                 \
   X(sat_form) X(sat_level) X(rem_form) X(rem_width) X(rem_share) X(rem_span) X(bias_current)                          \
   X(pull_force) X(pull_x) X(pull_width)                                                                               \
   /* fluid: heating 1 Arrhenius with two bodies, 2 rational with one; shear thinning 1 Cross, 2 Eyring, 3 Carreau     \
-   * and Yasuda with a rest of viscosity, 4 a structure that takes its time (Moore) */                                \
+   * and Yasuda with a rest of viscosity, 4 Quemada */                                                                \
   X(heat_form) X(heat_capacity) X(heat_loss) X(heat_body) X(heat_link) X(heat_visc) X(heat_yield)                     \
-  X(thin_form) X(thin_v) X(thin_m) X(thin_rest) X(thin_time)                                                          \
-  /* asymmetry 1 by velocity, 2 by pressure, 3 yield and viscosity each by its own share, 4 by a check valve that      \
-   * opens along the stroke; trapped gas 1 by stroke, 2 as a pocket that is pressed shut, 3 one that comes back in     \
-   * its own time, 4 one whose pressure limits the force */                                                           \
-  X(asym_form) X(asym_share) X(asym_width) X(asym_visc)                                                               \
-  X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign) X(gas_time) X(gas_force)                                          \
+  X(thin_form) X(thin_v) X(thin_m) X(thin_rest)                                                                      \
+  /* asymmetry 1 by velocity, 2 by pressure, 3 by velocity and the more the faster, 4 by a check valve that takes      \
+   * its time; trapped gas 1 by stroke, 2 as a pocket that is pressed shut, 3 polytropic in series with the fluid,     \
+   * 4 play that is taken up softly */                                                                                \
+  X(asym_form) X(asym_share) X(asym_width) X(asym_v) X(asym_time)                                                     \
+  X(gas_form) X(gas_loss) X(gas_stroke) X(gas_sign) X(gas_free) X(gas_force) X(bypass_force) X(bypass_v)              \
   X(wear_loss) X(wear_x) X(wear_width) X(relief_force) X(cavity_force) X(chatter_share) X(chatter_hz)                 \
   X(settle_loss) X(settle_path) X(poppet_share) X(poppet_force) X(poppet_time) X(peak_gain) X(peak_path)              \
-  /* mechanics: spring 1 polytropic, 2 of any power, 3 gas that warms and cools, 4 of two rates; seal 1 LuGre,         \
-   * 2 Dahl, 3 Coulomb and Stribeck without a state, 4 elastic before it slides (Dupont), 5 elements that slip one     \
-   * after another */                                                                                                 \
-  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_end) X(spring_power) X(spring_time) X(spring_knee) \
-  X(seal_form) X(seal_coulomb) X(seal_static) X(seal_v) X(seal_slide) X(bent_force) X(stop_k) X(stop_x)               \
+  /* mechanics: spring 1 polytropic, 2 of any power, 3 gas on both sides, 4 exponential; seal 1 LuGre, 2 Dahl,         \
+   * 3 Coulomb and Stribeck without a state, 4 elastic before it slides (Dupont), 5 with a memory of its film */       \
+  X(spring_form) X(spring_f0) X(spring_length) X(spring_k) X(spring_end) X(spring_power) X(spring_other)              \
+  X(seal_form) X(seal_coulomb) X(seal_static) X(seal_v) X(seal_slide) X(seal_time) X(bent_force) X(stop_k) X(stop_x)  \
+  X(rub_force) X(rub_x) X(rub_width) X(rub_side)                                                                      \
   X(leak_k) X(leak_time) X(leak_length)                                                                               \
   /* mount: 1 spring and dashpot, 2 stiffening rubber, 3 pin with play, 4 the same with Hertz's contact, 5 of two     \
-   * rates, 6 rubber that rubs within itself (Berg) */                                                                \
-  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_rub) X(mount_mass)
+   * rates, 6 rubber that relaxes (Zener) */                                                                          \
+  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_loss) X(mount_time) X(mount_mass)
 
 typedef struct {
 #define X(name) double name;
@@ -52,12 +53,13 @@ typedef struct {
 /* A storey and the floor on top of it, ground up. k3, c2: stiffness that bends with the drift, quadratic damping.
  * friction: 1 Coulomb, 2 Dahl, 3 elements that slip one after another (Iwan), 4 LuGre. gap, stop: pounding. yield:
  * force at which the storey yields. crack: loss of stiffness in one direction. slack, slack_share: a brace that carries
- * nothing within its clearance. hung_*: a mass that hangs from the floor by a spring and a dashpot, or with hung_gap
+ * nothing within its clearance. bolt_*: a joint that slips at a drift of bolt_hold as far as its holes let it, bolt_gap
+ * either way. hung_*: a mass that hangs from the floor by a spring and a dashpot, or with hung_gap
  * lies on it, rubs (hung_rub, m/s2) and hits its edges. rock_*, of storey 1 only: the foundation tilts; rock_mass and
  * rock_k by the height of a storey squared. */
 #define STOREY_NUMBERS(X)                                                                                           \
   X(mass) X(stiffness) X(damping) X(k3) X(c2) X(friction_form) X(friction) X(friction_travel) X(friction_static)      \
-  X(friction_v) X(gap) X(stop) X(yield) X(crack) X(slack) X(slack_share)                                              \
+  X(friction_v) X(gap) X(stop) X(yield) X(crack) X(slack) X(slack_share) X(bolt_hold) X(bolt_gap)                     \
   X(hung_mass) X(hung_hz) X(hung_ratio) X(hung_gap) X(hung_rub) X(rock_mass) X(rock_k) X(rock_ratio)
 
 typedef struct {
@@ -66,10 +68,11 @@ typedef struct {
 #undef X
 } Storey;
 
-enum { kStoreys = 3, kPlays = 6, kRelays = 150 };
-/* Places in the state vector: two currents, sag, law (2), fluid and body temperature, bristle, piston, structure of the
- * fluid that shears, its peak after a turn, gas temperature, poppet, leaked length, rubber, then the frame. */
-enum { I1, I2, SAG, L1, L2, HEAT, BODY, BRISTLE, XP, VP, THIN, PEAK, WARM, POPPET, LEAK, RUBBER, kDamper };
+enum { kStoreys = 3, kPlays = 6, kRelays = 150, kPoles = 4 };
+/* Places in the state vector: two currents, the core's poles, sag, law (2), fluid and body temperature, bristle, film,
+ * piston, peak of the yield force after a turn, trapped gas, check valve, poppet, leaked length, rubber, the frame. */
+enum { I1, I2, CORE, SAG = CORE + kPoles, L1, L2, HEAT, BODY, BRISTLE, FILM, XP, VP, PEAK, GAS, CHECK, POPPET, LEAK, RUBBER,
+       kDamper };
 enum { FX = kDamper, FV = FX + kStoreys, FQ = FV + kStoreys, HX = FQ + 2 * kStoreys, HV = HX + kStoreys,
        RX = HV + kStoreys, RV, kStates };
 /* Columns of a damper's run: load cell (N), fluid (N), current, field, temperature rise (K), piston (m). */
@@ -84,10 +87,9 @@ typedef struct {
   double furthest;  /* that it has reached */
   int direction;    /* of the stroke */
   double pocket;    /* m that the trapped gas is pressed together */
-  double check;     /* -1 to 1: a check valve's plate */
-  double magnet;    /* the core's share that stays, as a current */
+  double magnet;    /* the core's field, as a current */
   double driven;    /* current that it was last seen with */
-  double slip[kPlays];            /* m: where the seal's elements hold */
+  double bolt[kStoreys];          /* m that a storey's joint has slipped */
   double joint[kStoreys][kPlays]; /* those of a storey's joint */
   int open;         /* poppet */
   double path;      /* m travelled in all */
@@ -104,9 +106,18 @@ static double sign(double c) { return (c > 0) - (c < 0); }
 
 /* --- driver and magnetics ---------------------------------------------------------------------------------------- */
 
+/* Field in a solid cylinder: it comes in by the zeros j of J0, a share of 4 / j^2 each (Carslaw and Jaeger 1959). */
+static const double kZeros[kPoles] = {2.404826, 5.520078, 8.653728, 11.791534};
+
+static double core(const double *y) {
+  double field = 0, all = 0;
+  for (int k = 0; k < kPoles; ++k) field += y[CORE + k] / pow(kZeros[k], 2), all += 1 / pow(kZeros[k], 2);
+  return field / all;
+}
+
 static double current(const Rig *r, const double *y, double u) {
   double i = r->lag_form == 1 ? y[I2] : r->lag_form ? y[I1] : u;
-  if (r->lag_form == 5) i += r->lag_ratio * (y[I2] - y[I1]);
+  if (r->lag_form == 5) i = core(y);
   if (r->sag_share > 0) i /= 1 + r->sag_share * y[SAG];
   return i;
 }
@@ -120,13 +131,14 @@ static void drive(const Rig *r, const double *y, double u, double *dy) {
   } else if (r->lag_form == 3) {
     const double tau = fabs(u) > fabs(y[I1]) ? r->lag_tau : r->lag_tau2;
     dy[I1] = (u - y[I1]) / tau * (r->lag_span > 0 ? 1 + 0.5 * fabs(y[I1]) / r->lag_span : 1); /* an iron core */
-  } else if (r->lag_form == 4) { /* I2: the voltage, as the current that it holds; tau is the delay of both */
-    const double tau = r->lag_tau / (4 * r->lag_ratio * r->lag_ratio);
-    dy[I1] = (y[I2] - y[I1]) / tau;
-    dy[I2] = (u - y[I1]) / r->lag_tau;
+  } else if (r->lag_form == 4) { /* voltages as the currents that they hold; I2: the controller's integral */
+    const double error = u - y[I1], asked = r->lag_gain * error + y[I2], given = clip(asked, -r->lag_span, r->lag_span);
+    dy[I1] = (given - y[I1]) / r->lag_tau;
+    dy[I2] = asked != given && asked * error > 0 ? 0 : r->lag_gain * error / r->lag_tau2; /* no windup */
   } else if (r->lag_form == 5) {
-    dy[I1] = (u - y[I1]) / r->lag_tau;
-    dy[I2] = (u - y[I2]) / r->lag_tau2;
+    dy[I1] = (u - y[I1]) / r->lag_tau2;
+    for (int k = 0; k < kPoles; ++k)
+      dy[CORE + k] = (y[I1] - y[CORE + k]) / fmax(r->lag_tau * pow(kZeros[0] / kZeros[k], 2), 4e-5);
   }
   if (r->sag_share > 0) {
     const double i = current(r, y, u);
@@ -146,26 +158,20 @@ static double play_width(const Rig *r, int k) { return r->rem_width * (k + 1) / 
 static double relay_centre(const Rig *r, int k) { return r->rem_span * (k + 0.5) / kRelays; }
 static double relay_width(const Rig *r, int k) { return r->rem_width * (0.4 + 1.2 * ((k * 37) % kRelays) / kRelays); }
 
-static double rising(const Rig *r, int k) { return play_width(r, k) * 0.5; }
-static double falling(const Rig *r, int k, double i) { return play_width(r, k) * (0.5 + fabs(i) / r->rem_span); }
+/* How far a loop is open: it closes towards the largest current. */
+static double open_loop(const Rig *r, double i) { return 1 / (1 + pow(i / (0.7 * r->rem_span), 4)); }
 
-/* Irreversible magnetisation after Jiles and Atherton 1986, doi:10.1016/0304-8853(86)90066-1, by whose rule it
- * never runs against the field; in units of current, with a pinning that gives way at large currents. */
-static double pinned(const Rig *r, double magnet, double from, double to) {
-  const double way = sign(to - from), pinning = r->rem_width * (1 - 0.6 * fmin(fabs(to) / r->rem_span, 1));
-  double ahead = way * (from - magnet), left = fabs(to - from);
-  const double idle = clip(-ahead, 0, left);
-  ahead += idle, left -= idle;
-  if (ahead >= 0) ahead = pinning + (ahead - pinning) * exp(-left / pinning);
-  return way != 0 ? to - way * ahead : magnet;
+/* Coleman and Hodgdon 1986 (Int. J. Eng. Sci. 24, 897) about a straight line, between two currents: the field
+ * follows by the share that comes back and lags by rem_width in the end. */
+static double drawn_along(const Rig *r, double magnet, double from, double to) {
+  const double lag = sign(to - from) * r->rem_width, fade = exp(-(1 - r->rem_share) * fabs(to - from) / r->rem_width);
+  return to - (lag + (from - magnet - lag) * fade);
 }
 
 static void magnetise(const Rig *r, Memory *m, double i) {
-  if (r->rem_form == 3) m->magnet = pinned(r, m->magnet, m->driven, i);
+  if (r->rem_form == 4) m->magnet = drawn_along(r, m->magnet, m->driven, i);
   m->driven = i;
-  if (r->rem_form == 4)
-    for (int k = 0; k < kPlays; ++k) m->play[k] = clip(m->play[k], i - rising(r, k), i + falling(r, k, i));
-  if (r->rem_form == 1)
+  if (r->rem_form == 1 || r->rem_form == 3)
     for (int k = 0; k < kPlays; ++k) m->play[k] = clip(m->play[k], i - play_width(r, k), i + play_width(r, k));
   if (r->rem_form == 2) {
     m->on = 0;
@@ -186,12 +192,12 @@ static double field(const Rig *r, const Memory *m, double i) {
     b -= r->rem_share * stops;
   } else if (r->rem_form == 2) {
     b = (1 - r->rem_share) * i + r->rem_share * r->rem_span * m->on / kRelays;
-  } else if (r->rem_form == 3) {
-    b -= r->rem_share * (i - m->magnet);
-  } else if (r->rem_form == 4) { /* narrow plays weigh more */
+  } else if (r->rem_form == 3) { /* narrow plays weigh more */
     double stops = 0, all = 0;
-    for (int k = 0; k < kPlays; ++k) stops += exp(-0.2 * k) * (i - m->play[k]), all += exp(-0.2 * k);
-    b -= r->rem_share * stops / all;
+    for (int k = 0; k < kPlays; ++k) stops += exp(-0.3 * k) * (i - m->play[k]), all += exp(-0.3 * k);
+    b -= r->rem_share * open_loop(r, i) * stops / all;
+  } else if (r->rem_form == 4) {
+    b += m->magnet - i;
   }
   if (r->bias_current > 0) b = r->bias_current + fabs(b - r->bias_current); /* the law's numbers hold it */
   return saturate(r, b);
@@ -201,24 +207,26 @@ static double field(const Rig *r, const Memory *m, double i) {
 
 static double side(double v) { return v / sqrt(v * v + 1.6e-5); }
 
-static double viscosity(const Rig *r, double heat, double structure, double v) {
+static double viscosity(const Rig *r, double heat, double v) {
   double factor = 1;
   if (r->heat_form == 1) factor = exp(r->heat_visc * (1 / (293 + heat) - 1 / 293.0));
   if (r->heat_form == 2) factor = 1 / (1 + r->heat_visc * heat);
   if (r->thin_form == 1) factor /= 1 + pow(fabs(v) / r->thin_v, r->thin_m);
   if (r->thin_form == 2 && v != 0) factor *= asinh(v / r->thin_v) * r->thin_v / v;
-  if (r->thin_form == 3) structure = pow(1 + pow(fabs(v) / r->thin_v, 4), (r->thin_m - 1) / 4);
-  if (r->thin_form >= 3) factor *= r->thin_rest + (1 - r->thin_rest) * structure;
-  if (r->asym_form == 3) factor *= 1 + r->asym_visc * side(v);
+  if (r->thin_form == 3)
+    factor *= r->thin_rest + (1 - r->thin_rest) * pow(1 + pow(fabs(v) / r->thin_v, 4), (r->thin_m - 1) / 4);
+  if (r->thin_form == 4) { /* Quemada 1978 (Rheol. Acta 17, 632); thin_rest: what is left of the viscosity */
+    const double root = sqrt(fabs(v) / r->thin_v), rest = sqrt(r->thin_rest);
+    factor *= pow((rest + rest * root) / (rest + root), 2);
+  }
   return factor;
 }
 
-static double yielding(const Rig *r, const Memory *m, double heat, double peak, double v) {
+static double yielding(const Rig *r, const Memory *m, double heat, double peak) {
   double factor = 1;
   if (r->heat_form) factor = positive(1 - r->heat_yield * heat);
   if (r->settle_loss > 0) factor *= 1 - r->settle_loss * exp(-m->path / r->settle_path);
   if (r->peak_gain > 0) factor *= (1 + r->peak_gain * peak) / (1 + 0.3 * r->peak_gain); /* 1 on average */
-  if (r->asym_form == 3) factor *= 1 + r->asym_share * side(v);
   return factor;
 }
 
@@ -255,21 +263,36 @@ static double law(const Rig *r, const double *y, double x, double v, double b, d
 }
 
 /* What is lost or added on the way from the fluid to the rod. */
-static double rod_share(const Rig *r, const Memory *m, double x, double v, double force) {
+static double rod_share(const Rig *r, const Memory *m, const double *y, double x, double v, double force, double *dy) {
   if (r->asym_form == 1) force *= 1 + r->asym_share * side(v);
   if (r->asym_form == 2) force *= 1 + r->asym_share * force / (fabs(force) + r->asym_width);
-  if (r->asym_form == 4) force *= 1 + r->asym_share * m->check;
+  if (r->asym_form == 3) { /* a quarter of it whatever the speed */
+    const double speed = fabs(v) / (fabs(v) + r->asym_v);
+    force *= 1 + r->asym_share * side(v) * (0.25 + 0.75 * speed);
+  }
+  if (r->asym_form == 4) {
+    dy[CHECK] = (tanh(force / r->asym_width) - y[CHECK]) / r->asym_time;
+    force *= 1 + r->asym_share * y[CHECK];
+  }
   if (r->gas_form == 1 && m->direction == r->gas_sign)
     force *= 1 - r->gas_loss * exp(-fabs(x - m->start) / r->gas_stroke);
   if (r->gas_form == 2 && v * r->gas_sign > 0) {
     const double open = 1 - m->pocket / r->gas_stroke;
     force *= 1 - r->gas_loss * open * open * tanh(fabs(v) / 0.002);
   }
-  if (r->gas_form == 3 && v * r->gas_sign > 0)
-    force *= 1 - r->gas_loss * (1 - m->pocket / r->gas_stroke) * tanh(fabs(v) / 0.002);
-  if (r->gas_form == 4 && force * r->gas_sign > 0 && m->pocket < r->gas_stroke) {
-    const double pressure = r->gas_force * pow(1 - m->pocket / r->gas_stroke, -1.3);
-    force /= pow(1 + pow(fabs(force) / pressure, 4), 0.25);
+  if (r->gas_form == 3) { /* the fluid flows by the share of its force that the gas holds against it */
+    const double part = clip(y[GAS] / r->gas_stroke, 0, 0.99), held = r->gas_force * (pow(1 - part, -1.3) - 1);
+    dy[GAS] = fabs(v) * (sign(r->gas_sign * force) - held / fmax(fabs(force), 0.05 * r->gas_force));
+    if (y[GAS] <= 0) dy[GAS] = positive(dy[GAS]);
+    force = r->gas_sign * held + (force * r->gas_sign > 0 ? 0 : force);
+  }
+  if (r->gas_form == 4) {
+    const double way = clip((m->pocket / r->gas_stroke - r->gas_free) / (1 - r->gas_free), 0, 1);
+    force *= 1 - r->gas_loss * (1 - way * way * (3 - 2 * way)) * 0.5 * (1 + side(r->gas_sign * v));
+  }
+  if (r->bypass_v > 0) { /* past the piston goes what an orifice lets through at less than the fluid's own force */
+    const double orifice = r->bypass_force * pow(v / r->bypass_v, 2);
+    force *= orifice / hypot(force, orifice + 1e-9);
   }
   if (r->wear_loss != 0) {
     const double d = (x - r->wear_x) / r->wear_width;
@@ -299,8 +322,9 @@ static void slip(double *held, double x, double widest) {
   }
 }
 
-static double seal(const Rig *r, const Memory *m, double x, double q, double v, double *dq) {
-  const double s = v / r->seal_v;
+static double seal(const Rig *r, const double *y, double v, double *dy) {
+  const double q = y[BRISTLE], s = (r->seal_form == 5 ? y[FILM] : v) / r->seal_v;
+  double *dq = &dy[BRISTLE];
   const double limit = r->seal_coulomb * (1 + (r->seal_static - 1) * exp(-s * s));
   const double stiffness = r->seal_coulomb / r->seal_slide;
   if (r->seal_form == 3) return limit * (2 / kPi) * atan(v / (0.1 * r->seal_v));
@@ -315,22 +339,24 @@ static double seal(const Rig *r, const Memory *m, double x, double q, double v, 
     *dq = v * (1 - slides * sign(v) * q / full);
     return stiffness * q;
   }
-  if (r->seal_form == 5) return limit * slipping(m->slip, x, r->seal_slide);
+  if (r->seal_form == 5) { /* the film is late for the velocity: Armstrong, Dupont, Canudas 1994 */
+    dy[FILM] = (fabs(v) - y[FILM]) / r->seal_time;
+    *dq = v * (1 - q * sign(v) / r->seal_slide);
+    return limit * q / r->seal_slide;
+  }
   *dq = v - stiffness * fabs(v) * q / limit;
   return stiffness * q + 0.1 * sqrt(stiffness) * *dq;
 }
 
-static double springs(const Rig *r, const double *y, double x, double v, double *dy) {
+static double springs(const Rig *r, const double *y, double x, double *dy) {
   double force = 0;
-  if (r->spring_form == 3) { /* gas that takes its time to the wall's temperature: Otis and Pourmovahed 1985 */
-    const double volume = clip(1 - x / r->spring_length, 0.2, 5);
-    dy[WARM] = 0.4 * (1 + y[WARM]) * v / r->spring_length / volume - y[WARM] / r->spring_time;
-    force += r->spring_f0 * (1 + y[WARM]) / volume;
+  if (r->spring_form == 3) { /* gas behind the piston and before it */
+    const double part = clip(x / r->spring_length, -0.8, 0.8);
+    force += r->spring_f0 * (pow(1 - part, -1.2) - r->spring_other * pow(1 + part, -1.2));
   }
-  if (r->spring_form == 4) { /* from one rate to the other around the knee */
-    const double d = x - r->spring_knee, w = r->spring_length, from = r->spring_knee;
-    const double past = 0.5 * (d + sqrt(d * d + w * w)), zero = 0.5 * (-from + sqrt(from * from + w * w));
-    force += r->spring_f0 + r->spring_k * x + r->spring_end * (past - zero);
+  if (r->spring_form == 4) { /* a coil that closes winding by winding */
+    const double part = clip(x / r->spring_length, -4, 4);
+    force += r->spring_f0 + r->spring_k * x + r->spring_end * (exp(part) - 1 - part);
   }
   if (r->leak_k > 0) { /* a spring that lets go through an orifice: by the root of its force */
     const double d = x - y[LEAK];
@@ -347,22 +373,25 @@ static double springs(const Rig *r, const double *y, double x, double v, double 
 static Force piston(const Rig *r, const Memory *m, const double *y, double x, double v, double b, double *dy) {
   double spring;
   Force f;
-  if (r->thin_form == 4) dy[THIN] = (1 - y[THIN] * (1 + fabs(v) / r->thin_v)) / r->thin_time;
   if (r->peak_gain > 0) dy[PEAK] = (exp(-fabs(x - m->start) / r->peak_path) - y[PEAK]) / 0.003;
-  const double thick = viscosity(r, y[HEAT], y[THIN], v), firm = yielding(r, m, y[HEAT], y[PEAK], v);
+  const double thick = viscosity(r, y[HEAT], v), firm = yielding(r, m, y[HEAT], y[PEAK]);
   f.fluid = law(r, y, x, v, b, thick, firm, &spring, dy);
-  f.fluid = f.closed = rod_share(r, m, x, v, f.fluid);
+  f.fluid = f.closed = rod_share(r, m, y, x, v, f.fluid, dy);
   if (r->poppet_share > 0) {
     dy[POPPET] = (m->open - y[POPPET]) / (m->open ? 0.004 : r->poppet_time);
     f.fluid *= 1 - r->poppet_share * y[POPPET];
   }
-  f.load = f.fluid + spring + springs(r, y, x, v, dy);
-  if (r->seal_form) f.load += seal(r, m, x, y[BRISTLE], v, &dy[BRISTLE]);
+  f.load = f.fluid + spring + springs(r, y, x, dy);
+  if (r->seal_form) f.load += seal(r, y, v, dy);
   if (r->pull_force != 0) {
     const double d = (x - r->pull_x) / r->pull_width;
     f.load += r->pull_force * b * b * d * exp(-d * d);
   }
   if (r->bent_force > 0) f.load += r->bent_force * fabs(x) * tanh(v / 0.002);
+  if (r->rub_force > 0) { /* a guide that holds the rod towards one end */
+    const double in = clip((r->rub_side * x - r->rub_x) / r->rub_width, 0, 1);
+    f.load += r->rub_force * in * in * (3 - 2 * in) * tanh(v / 0.002);
+  }
   f.heat = fabs(f.fluid * v);
   if (r->heat_form) {
     const double out = r->heat_form == 1 ? r->heat_link * (y[HEAT] - y[BODY]) : r->heat_loss * y[HEAT];
@@ -377,9 +406,9 @@ static double mount(const Rig *r, double d, double rate, double q, double *dq) {
     const double past = sign(d) * positive(fabs(d) - r->mount_scale);
     return r->mount_k * (d + (r->mount_power - 1) * past) + r->mount_c * rate;
   }
-  if (r->mount_form == 6) { /* elastic, viscous and friction force in parallel, as Berg 1998 has it */
-    *dq = rate * (1 - q * sign(rate)) / r->mount_scale;
-    return r->mount_k * d + r->mount_c * rate + r->mount_rub * q;
+  if (r->mount_form == 6) { /* a second spring that lets go in its own time */
+    *dq = rate - q / r->mount_time;
+    return r->mount_k * (d + r->mount_loss * q) + r->mount_c * rate;
   }
   if (r->mount_form == 1) return r->mount_k * d + r->mount_c * rate;
   if (r->mount_form == 2) return r->mount_k * d * (1 + pow(fabs(d) / r->mount_scale, r->mount_power)) + r->mount_c * rate;
@@ -409,12 +438,7 @@ static void remember(const Rig *r, Memory *m, const double *y, double x, double 
   const double at = r->mount_form ? y[XP] : x, moved = r->mount_form ? y[VP] * dt : v * dt;
   m->time += dt;
   m->path += fabs(moved);
-  if (r->gas_form == 3 && r->gas_sign * moved < 0)
-    m->pocket *= exp(-dt / r->gas_time);
-  else
-    m->pocket = clip(m->pocket + r->gas_sign * moved, 0, r->gas_stroke);
-  if (r->asym_form == 4) m->check = clip(m->check + 2 * moved / r->asym_width, -1, 1);
-  if (r->seal_form == 5) slip(m->slip, at, r->seal_slide);
+  m->pocket = clip(m->pocket + r->gas_sign * moved, 0, r->gas_stroke);
   if (fabs(force) > r->poppet_force) m->open = 1;
   if (fabs(force) < 0.5 * r->poppet_force) m->open = 0;
   if (m->direction * (at - m->furthest) > 0) m->furthest = at;
@@ -430,17 +454,18 @@ static void begin(const Rig *r, Memory *m, double *y, double x, double v, double
   memset(m, 0, sizeof *m);
   memset(y, 0, kStates * sizeof *y);
   y[I1] = y[I2] = u;
+  for (int k = 0; k < kPoles; ++k) y[CORE + k] = u;
   y[L2] = r->law == 3 ? x : 0;
   y[L1] = r->law == 2 ? x : 0;
   y[XP] = x;
   y[VP] = v;
-  y[THIN] = r->thin_v > 0 ? 1 / (1 + fabs(v) / r->thin_v) : 1;
+  y[CHECK] = sign(v);
+  y[FILM] = fabs(v);
   y[PEAK] = 1;
   y[LEAK] = x;
   m->direction = v < 0 ? -1 : 1;
   m->start = m->furthest = x;
   m->magnet = m->driven = u;
-  for (int k = 0; k < kPlays; ++k) m->slip[k] = x;
   for (int k = 0; k < kPlays; ++k) m->play[k] = u; /* as after an alternating field that died out */
   magnetise(r, m, u);                              /* relays: risen from zero */
 }
@@ -456,6 +481,7 @@ typedef struct {
 static double storey_force(const Storey *s, const Memory *m, const double *y, int k, double d, double rate,
                            double *dy) {
   double stiffness = s->stiffness;
+  d -= m->bolt[k];
   if (s->crack > 0 && d > 0) stiffness *= 1 - s->crack;
   const double bend = s->k3 * d * d; /* it takes or gives a quarter of the stiffness at most */
   double force = stiffness * d * (1 + bend / (1 + 4 * fabs(bend))) + s->damping * rate + s->c2 * fabs(rate) * rate;
@@ -488,6 +514,10 @@ static double drift(const double *y, int k) { return y[FX + k] - (k ? y[FX + k -
 static void remember_joints(const Frame *f, Memory *m, const double *y) {
   for (int k = 0; k < kStoreys; ++k)
     if (f->storey[k].friction_form == 3) slip(m->joint[k], drift(y, k), f->storey[k].friction_travel);
+  for (int k = 0; k < kStoreys; ++k) {
+    const double hold = f->storey[k].bolt_hold, gap = f->storey[k].bolt_gap, d = drift(y, k);
+    m->bolt[k] = clip(clip(m->bolt[k], d - hold, d + hold), -gap, gap);
+  }
 }
 
 /* Absolute accelerations of the floors into acc; states are relative to the ground. */

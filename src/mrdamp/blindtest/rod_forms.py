@@ -15,29 +15,31 @@ def _spring_polytropic(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _spring_power(r: np.random.Generator, c: Scale) -> Sized:
-    k, end, power = r.uniform(0.1, 0.3) * c.force / c.stroke, r.uniform(0.05, 0.12) * c.force, r.uniform(2.0, 4.0)
-    f0, fixed = r.uniform(0.0, 0.3) * c.force, {"spring_form": 2, "spring_length": c.stroke, "spring_power": power}
+    k, end, power = (
+        r.uniform(0.1, 0.3) * c.force / c.stroke,
+        r.uniform(0.05, 0.12) * c.force,
+        r.uniform(2.0, 4.0),
+    )
+    f0, fixed = (
+        r.uniform(0.0, 0.3) * c.force,
+        {"spring_form": 2, "spring_length": c.stroke, "spring_power": power},
+    )
     return lambda s: {**fixed, "spring_f0": f0 * s, "spring_k": k * s, "spring_end": end * s}
 
 
-def _spring_thermal(r: np.random.Generator, c: Scale) -> Sized:
-    """Gas that warms when it is pressed and cools down at the wall: between adiabatic and isothermal."""
-    length, time = c.stroke * r.uniform(4.5, 6.5), r.uniform(0.2, 1.5)
-    fixed = {"spring_form": 3, "spring_length": length, "spring_time": time}
+def _spring_chambers(r: np.random.Generator, c: Scale) -> Sized:
+    """Gas on both sides of the piston."""
+    length, other = c.stroke * r.uniform(4.5, 6.5), r.uniform(0.3, 0.9)
+    fixed = {"spring_form": 3, "spring_length": length, "spring_other": other}
     return lambda s: {**fixed, "spring_f0": 0.4 * c.force * s}
 
 
-def _spring_rates(r: np.random.Generator, c: Scale) -> Sized:
-    """Two rates, as of an accumulator that takes fluid above its charge pressure only."""
-    rate = c.force / c.stroke
-    f0, k = r.uniform(0.0, 0.3) * c.force, r.uniform(0.15, 0.35) * rate
-    more = k * r.choice([r.uniform(-0.8, -0.5), r.uniform(1.0, 2.0)])
-    fixed = {
-        "spring_form": 4,
-        "spring_knee": c.stroke * r.uniform(-0.6, 0.6),
-        "spring_length": 0.15 * c.stroke,
-    }
-    return lambda s: {**fixed, "spring_f0": f0 * s, "spring_k": k * s, "spring_end": more * s}
+def _spring_progressive(r: np.random.Generator, c: Scale) -> Sized:
+    """A coil spring that closes winding by winding."""
+    f0, k = r.uniform(0.0, 0.3) * c.force, r.uniform(0.1, 0.25) * c.force / c.stroke
+    end, length = r.uniform(0.1, 0.25) * c.force, c.stroke * r.choice([-1.0, 1.0]) * r.uniform(1.0, 1.6)
+    fixed = {"spring_form": 4, "spring_length": length}
+    return lambda s: {**fixed, "spring_f0": f0 * s, "spring_k": k * s, "spring_end": end * s}
 
 
 def _seal(form: int) -> Form:
@@ -46,7 +48,8 @@ def _seal(form: int) -> Form:
             "seal_form": form,
             "seal_static": r.uniform(1.1, 1.7),
             "seal_v": r.uniform(0.002, 0.01),
-            "seal_slide": r.uniform(15e-6, 60e-6) * {2: 2, 5: 4}.get(form, 1),
+            "seal_slide": r.uniform(15e-6, 60e-6) * {2: 2, 5: 2}.get(form, 1),
+            "seal_time": r.uniform(5e-3, 2e-2),
         }
         return lambda s: {**fixed, "seal_coulomb": 0.4 * c.force * s}
 
@@ -61,17 +64,16 @@ def _mass(form: int) -> Form:
     return draw
 
 
-def _mass_bush(r: np.random.Generator, c: Scale) -> Sized:
-    """Held by a rubber bush that loses much of what it takes up."""
-    hz, loss = r.uniform(25.0, 60.0), r.uniform(1.5, 4.0)
-    time = r.uniform(0.5, 1.5) / (2 * np.pi * hz)
-    fixed = {"rod.mass_hz": hz, "rod.mass_loss": loss, "rod.mass_time": time}
-    return lambda s: {**fixed, "rod.mass": 0.5 * c.force / c.acceleration * s}
+def _mass_coupled(r: np.random.Generator, c: Scale) -> Sized:
+    """Taken along by something viscous: what is fast passes it by."""
+    time = r.uniform(2e-3, 6e-3)
+    return lambda s: {"rod.mass_time": time, "rod.mass": 0.5 * c.force / c.acceleration * s}
 
 
-def _mass_parts(r: np.random.Generator, c: Scale) -> Sized:
-    """One part rigid, one on a spring."""
-    fixed = {"rod.mass_hz": r.uniform(25.0, 60.0), "rod.mass_rigid": r.uniform(0.3, 0.6)}
+def _mass_clamps(r: np.random.Generator, c: Scale) -> Sized:
+    """Two parts, each in a clamp of its own."""
+    first, second = r.uniform(25.0, 45.0), r.uniform(60.0, 110.0)
+    fixed = {"rod.mass_hz": first, "rod.mass_hz2": second, "rod.mass_share2": r.uniform(0.3, 0.7)}
     return lambda s: {**fixed, "rod.mass": 0.5 * c.force / c.acceleration * s}
 
 
@@ -101,16 +103,12 @@ def _mount_rates(r: np.random.Generator, c: Scale) -> Sized:
     return sized
 
 
-def _mount_rubs(r: np.random.Generator, c: Scale) -> Sized:
-    """Filled rubber: stiffer for small motions than for large ones, by friction within."""
-    rub, reach = r.uniform(0.2, 0.4) * c.force, r.uniform(0.1, 0.3)
-    fixed = {"mount_form": 6, "mount_c": 0.2 * c.force, "mount_mass": c.piston, "mount_rub": rub}
-
-    def sized(s: float) -> dict[str, float]:
-        k = c.force / (0.5 * c.stroke * s)
-        return {**fixed, "mount_k": k, "mount_scale": reach * c.force / k}
-
-    return sized
+def _mount_relaxes(r: np.random.Generator, c: Scale) -> Sized:
+    """Rubber that is stiffer for fast motions than for slow ones (Zener)."""
+    loss, time = r.uniform(0.8, 2.0), np.exp(r.uniform(np.log(0.01), np.log(0.1)))
+    fixed = {"mount_form": 6, "mount_c": 0.1 * c.force, "mount_mass": c.piston}
+    fixed |= {"mount_loss": loss, "mount_time": float(time)}
+    return lambda s: {**fixed, "mount_k": c.force / (0.5 * c.stroke * s)}
 
 
 def _play(form: int) -> Form:
@@ -126,9 +124,9 @@ def _play(form: int) -> Form:
 
 #: Effect -> its stage and its forms.
 EFFECTS: Mapping[str, tuple[str, tuple[Form, ...]]] = {
-    "gas_spring": ("mechanics", (_spring_polytropic, _spring_power, _spring_thermal, _spring_rates)),
+    "gas_spring": ("mechanics", (_spring_polytropic, _spring_power, _spring_chambers, _spring_progressive)),
     "seal_friction": ("mechanics", (_seal(1), _seal(2), _seal(3), _seal(4), _seal(5))),
-    "moving_mass": ("mechanics", (_mass(1), _mass(2), _mass_bush, _mass_parts)),
-    "mount_compliance": ("mount", (_mount(1), _mount(2), _mount_rates, _mount_rubs)),
+    "moving_mass": ("mechanics", (_mass(1), _mass(2), _mass_coupled, _mass_clamps)),
+    "mount_compliance": ("mount", (_mount(1), _mount(2), _mount_rates, _mount_relaxes)),
     "backlash": ("mount", (_play(3), _play(4))),
 }

@@ -17,8 +17,9 @@ from typing import Any
 import joblib
 import numpy as np
 
-from mrdamp.blindtest import damper_case, deck, frame_case, score, seal
-from mrdamp.blindtest.rig import Array, BlownUp
+from mrdamp.blindtest import deck, score, seal
+from mrdamp.blindtest.make import make_one
+from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.score import Row
 from mrdamp.blindtest.sizing import Task
 from mrdamp.errors import InputError
@@ -28,8 +29,6 @@ from mrdamp.predict import INPUTS, free_run
 from mrdamp.records import Record
 
 Progress = Callable[[str, float], None]
-#: How often a case is drawn anew whose numbers are too stiff for the rig.
-_REDRAWS = 4
 
 
 @dataclass(frozen=True)
@@ -180,14 +179,5 @@ def sample_time(inputs: Mapping[str, Array]) -> float:
 
 
 def _make_sealed(out: Folders, task: Task, seed: np.random.SeedSequence) -> None:
-    maker = damper_case.make if task.rig == "damper" else frame_case.make
-    draws = [seed, *seed.spawn(_REDRAWS)]
-    for draw in draws:
-        try:
-            label = maker(task, out.cases / task.name, out.tests / f"{task.name}.npz", draw)
-        except BlownUp:
-            if draw is draws[-1]:
-                raise
-        else:
-            seal.seal(out.sealed, task.name, {task.name: label})
-            return
+    label = make_one(task, out.cases, out.tests, seed)
+    seal.seal(out.sealed, task.name, {task.name: label})

@@ -9,30 +9,35 @@ import numpy as np
 from mrdamp.blindtest.scale import Form, Scale, Sized
 
 
+def _settling(r: np.random.Generator, form: int) -> dict[str, float]:
+    """Of form 2: the amplifier is not warm yet when a record begins."""
+    return (
+        {"sensor.settle": r.uniform(0.05, 0.15), "sensor.settle_time": r.uniform(1.0, 4.0)}
+        if form == 2
+        else {}
+    )
+
+
 def _gain(form: int) -> Form:
     def draw(r: np.random.Generator, c: Scale) -> Sized:
-        side, bend = r.choice([-1.0, 1.0]), (0.02 * r.choice([-1.0, 1.0]) if form == 2 else 0.0)
-        return lambda s: {
-            "sensor.gain": 0.35 * s * side,
-            "sensor.bend": bend * s,
-            "sensor.scale": 2 * c.force,
-        }
+        side, settling = r.choice([-1.0, 1.0]), _settling(r, form)
+        return lambda s: {"sensor.gain": 0.35 * s * side, **settling}
 
     return draw
 
 
 def _offset(form: int) -> Form:
     def draw(r: np.random.Generator, c: Scale) -> Sized:
-        side, wander = r.choice([-1.0, 1.0]), (0.1 if form == 2 else 0.0)
-        return lambda s: {"sensor.offset": 0.35 * c.force * s * side, "sensor.offset_wander": wander}
+        side, settling = r.choice([-1.0, 1.0]), _settling(r, form)
+        return lambda s: {"sensor.offset": 0.35 * c.force * s * side, **settling}
 
     return draw
 
 
 def _leakage(form: int) -> Form:
     def draw(r: np.random.Generator, c: Scale) -> Sized:
-        slow = r.uniform(0.2, 0.4) if form == 2 else 0.0
-        return lambda s: {"sensor.leakage": 0.2 / s, "sensor.leakage_slow": slow}
+        again = r.uniform(4.0, 10.0) if form == 2 else 0.0
+        return lambda s: {"sensor.leakage": (0.4 if again else 0.2) / s, "sensor.leakage_again": again}
 
     return draw
 
@@ -46,8 +51,9 @@ def _shift(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"reading.shift": 0.02 * s * side}
 
 
-def _shift_filter(r: np.random.Generator, c: Scale) -> Sized:
-    return lambda s: {"reading.bessel": 0.02 * s}
+def _shift_average(r: np.random.Generator, c: Scale) -> Sized:
+    """A transducer that gives means over some time."""
+    return lambda s: {"reading.average": 0.02 * s}
 
 
 #: Effect -> its stage and its forms.
@@ -56,5 +62,5 @@ EFFECTS: Mapping[str, tuple[str, tuple[Form, ...]]] = {
     "sensor_offset": ("sensor", (_offset(1), _offset(2))),
     "sensor_leakage": ("sensor", (_leakage(1), _leakage(2))),
     "sensor_lag": ("sensor", (_sensor_lag(1), _sensor_lag(2), _sensor_lag(3))),
-    "channel_shift": ("sensor", (_shift, _shift_filter)),
+    "channel_shift": ("sensor", (_shift, _shift_average)),
 }

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamp.blindtest.rig import Array
+from mrdamp.errors import InputError
 
 _SKIP = 50  # samples at the start that no gap counts
 _SMALLEST, _STEPS = 0.004, 8
+#: The least gap that a cause may open, in parts of the noise, and the most that a weak one is to open.
+_WEAK = (1.5, 3.0)
+
+
+class Faint(InputError):
+    """A case with a cause that does not show."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +62,15 @@ def pooled(gaps: list[float]) -> float:
 
 def goal(rng: np.random.Generator, *, weak: bool, noise: float) -> float:
     """The gap to open, of the RMS; `noise`: that of the measurement, of the RMS too."""
-    low, high = (1.5 * noise, 3.0 * noise) if weak else (max(0.05, 4 * noise), 0.3)
+    low, high = (_WEAK[0] * noise, _WEAK[1] * noise) if weak else (max(0.05, 4 * noise), 0.3)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def must_show(shares: Mapping[str, float], noise: float) -> None:
+    """shares: the gap that each cause opens, of the RMS; Faint where one is less than a weak cause is to open."""
+    for cause, share in shares.items():
+        if share < _WEAK[0] * noise:
+            raise Faint(f"{cause}: opens a gap of {share:.4f} at a noise of {noise:.4f}")
 
 
 def size_for(gap: Callable[[float], float], wanted: float) -> float:

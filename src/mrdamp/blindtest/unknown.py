@@ -56,7 +56,7 @@ def _supply_sag(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _dropouts(r: np.random.Generator, c: Scale) -> Sized:
-    return lambda s: {"command.dropouts": 0.5 * s}
+    return lambda s: {"command.dropouts": s}
 
 
 def _hum(r: np.random.Generator, c: Scale) -> Sized:
@@ -130,6 +130,50 @@ def _auto_range(r: np.random.Generator, c: Scale) -> Sized:
     return lambda s: {"sensor.range": level, "sensor.range_gain": 0.5 * side * s, "sensor.range_hold": hold}
 
 
+def _loose_contact(r: np.random.Generator, c: Scale) -> Sized:
+    """A contact that opens in bursts while the rod moves fast."""
+    return lambda s: {"command.contact": s}
+
+
+def _coil_drift(r: np.random.Generator, c: Scale) -> Sized:
+    """A coil under a voltage, whose resistance is another in each record as the room warms and cools."""
+    return lambda s: {"command.drift": 0.6 * s}
+
+
+def _bypass(r: np.random.Generator, c: Scale) -> Sized:
+    """A worn piston seal past which fluid goes by the root of the pressure."""
+    speed = r.uniform(0.03, 0.06)
+    return lambda s: {"bypass_force": c.force, "bypass_v": speed * s**2}
+
+
+def _sticking_guide(r: np.random.Generator, c: Scale) -> Sized:
+    """A guide bush that holds the rod towards one end of the stroke."""
+    side, at, width = r.choice([-1.0, 1.0]), c.stroke * r.uniform(-0.2, 0.5), c.stroke * r.uniform(0.2, 0.6)
+    fixed = {"rub_side": side, "rub_x": at, "rub_width": width}
+    return lambda s: {**fixed, "rub_force": 0.9 * c.force * s}
+
+
+def _cell_hysteresis(r: np.random.Generator, c: Scale) -> Sized:
+    """An overloaded load cell: its reading on the way down is not that on the way up."""
+    width = c.force * r.uniform(0.4, 1.0)
+    return lambda s: {"sensor.hysteresis": 0.9 * s, "sensor.hysteresis_width": width}
+
+
+def _clipped_range(r: np.random.Generator, c: Scale) -> Sized:
+    """A range that is too small for the force."""
+    return lambda s: {"sensor.clip": c.force * (0.5 + 0.15 / s)}
+
+
+def _thermal_zero(r: np.random.Generator, c: Scale) -> Sized:
+    """A zero that creeps up or down as the cell warms or cools, in each record anew."""
+    return lambda s: {"sensor.zero": 0.8 * c.force * s}
+
+
+def _hanging_transmitter(r: np.random.Generator, c: Scale) -> Sized:
+    """A transmitter that stops now and then and gives its last value."""
+    return lambda s: {"sensor.hang": s}
+
+
 _FIRST: Mapping[str, tuple[str, Form]] = {
     "bore_wear": ("fluid", _bore_wear),
     "relief_valve": ("fluid", _relief_valve),
@@ -146,8 +190,6 @@ _FIRST: Mapping[str, tuple[str, Form]] = {
     "wander": ("sensor", _wander),
     "cross_talk": ("sensor", _cross_talk),
     "clock_drift": ("sensor", _clock_drift),
-}
-_SECOND: Mapping[str, tuple[str, Form]] = {
     "coarse_steps": ("driver", _coarse_steps),
     "bias_magnet": ("magnetics", _bias_magnet),
     "pole_pull": ("magnetics", _pole_pull),
@@ -157,6 +199,16 @@ _SECOND: Mapping[str, tuple[str, Form]] = {
     "leaking_accumulator": ("mechanics", _leaking_accumulator),
     "transducer_slack": ("sensor", _transducer_slack),
     "auto_range": ("sensor", _auto_range),
+}
+_SECOND: Mapping[str, tuple[str, Form]] = {
+    "loose_contact": ("driver", _loose_contact),
+    "coil_drift": ("driver", _coil_drift),
+    "bypass": ("fluid", _bypass),
+    "sticking_guide": ("mechanics", _sticking_guide),
+    "cell_hysteresis": ("sensor", _cell_hysteresis),
+    "clipped_range": ("sensor", _clipped_range),
+    "thermal_zero": ("sensor", _thermal_zero),
+    "hanging_transmitter": ("sensor", _hanging_transmitter),
 }
 #: Cause -> its stage and form, for a damper.
 DAMPER: Mapping[str, tuple[str, Form]] = {**_FIRST, **_SECOND}
