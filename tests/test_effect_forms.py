@@ -86,6 +86,27 @@ def test_a_pair_of_poles_has_no_rate() -> None:
         run("current", STEP, driver_lag_tau=0.01, driver_lag_ratio=0.5, driver_lag_rate=5.0)
 
 
+@pytest.mark.parametrize(("delay", "period", "phase"), [(0.0312, 0.0173, 0.4), (0.0, 0.05, 0.0), (0.004, 0.0031, 1.7)])
+def test_a_controller_takes_the_command_at_its_ticks(delay: float, period: float, phase: float) -> None:
+    u = 0.5 + 0.5 * np.sin(2 * np.pi * 2 * T)
+    clock = {"command_delay_d": delay, "command_delay_period": period, "command_delay_phase": phase}
+    field = run("field", u, **clock)
+    ticks = (np.floor((T - delay) / period - phase) + phase) * period
+    taken = 0.5 + 0.5 * np.sin(2 * np.pi * 2 * np.maximum(ticks, 0.0))
+    since = T - delay - ticks
+    between = (since > DT) & (since < period - DT)  # a step takes a sample
+    np.testing.assert_allclose(field[between], taken[between], atol=1e-4)
+    assert between.mean() > 0.5
+    assert len(np.unique(np.round(field[between], 7))) < 1.2 * (T[-1] + delay) / period + 2
+    late = run("field", u, command_delay_d=delay + period / 2)
+    assert np.abs(field - late).max() > 0.4 * period * 2 * np.pi  # half the period at the largest slope
+
+
+def test_a_clock_has_a_shortest_period() -> None:
+    with pytest.raises(InputError, match="command_delay_period = 1e-06 s; allowed: 0, or from 1e-05"):
+        run("current", STEP, command_delay_period=1e-6)
+
+
 @pytest.mark.parametrize("shape", [1.0, 2.0, 6.0])
 def test_force_comes_back_over_the_stroke_in_its_shape(shape: float) -> None:
     loss, length = 0.5, 0.004

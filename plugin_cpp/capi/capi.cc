@@ -175,7 +175,7 @@ double mrdamp_damper_step(mrdamp_damper* m, double dt, double x, double v, doubl
     m->seen = Observe(m->d, s, x, v, 0, u);
     m->sensor.Start(m->reading, m->seen.force);
   } else if (dt > 0) {
-    if (s.line) s.line->Push(s.c.time, m->d.Clamp(u), m->d.p.command_delay_d);
+    if (s.line) s.line->Push(s.c.time, m->d.Clamp(u), Reach(m->d.p));
     Advance(m->d, &s, {m->x, m->v, x, v, dt}, u, u);
     Settle(m->d, &s, x, v, u);
     a = (v - m->v) / dt;

@@ -209,7 +209,7 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.piston_velocity = HasMount(d.p) ? 0 : v;
   if (s->line) {
     *s->line = DelayLine();
-    s->line->Push(0, d.Clamp(u), d.p.command_delay_d);
+    s->line->Push(0, d.Clamp(u), Reach(d.p));
   }
   if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, x, c.piston_velocity, FieldNow(d, c));
 }
@@ -219,7 +219,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
   const Params& p = d.p;
   const double shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
   const int pieces = Pieces(d, m.dt);
-  const bool delayed = p.command_delay_d > 0 && s->line, mount = HasMount(p);
+  const bool delayed = HasDelay(p) && s->line, mount = HasMount(p);
   const double dt = m.dt / pieces, begin = s->c.time;
   u0 = d.Clamp(u0);
   u1 = d.Clamp(u1);
@@ -227,7 +227,9 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
   for (int k = 0; k < pieces; k++) {
     const double a = static_cast<double>(k) / pieces, b = static_cast<double>(k + 1) / pieces;
     double from = u0 + (u1 - u0) * a, to = u0 + (u1 - u0) * b;
-    if (delayed) {
+    if (delayed && p.command_delay_period > 0) {
+      from = to = Held(*s->line, p, begin + a * m.dt, begin + b * m.dt, d.hold);
+    } else if (delayed) {
       // A held command is read inside the piece: at its ends it may just be changing.
       const double t = begin - p.command_delay_d;
       from = s->line->At(t + (d.hold ? a + 0.5 / pieces : a) * m.dt, d.hold);
@@ -240,7 +242,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     if (p.remanence_b > 0) c.magnet.Follow(p, before, c.coil.current);
     const double field1 = FieldNow(d, c);
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
-    const bool jump = d.hold && !HasLag(p);
+    const bool jump = (d.hold || p.command_delay_period > 0) && !HasLag(p);
     const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
     if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
     else PistonPiece(d, s, piece, jump ? field1 : field0, field1, c.r);
@@ -261,7 +263,11 @@ ChainState Commanded(const Damper& d, const State& s, double u) {
   ChainState c = s.c;
   if (HasLag(p)) return c;
   double now = d.Clamp(u);
-  if (p.command_delay_d > 0 && s.line) now = s.line->At(c.time - p.command_delay_d, d.hold);
+  if (p.command_delay_period > 0 && s.line) {
+    now = Held(*s.line, p, c.time - 0.5 * p.substep, c.time + 0.5 * p.substep, d.hold);
+  } else if (p.command_delay_d > 0 && s.line) {
+    now = s.line->At(c.time - p.command_delay_d, d.hold);
+  }
   if (p.remanence_b > 0) c.magnet.Follow(p, c.coil.current, now);
   c.coil.current = now;
   return c;

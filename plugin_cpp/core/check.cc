@@ -25,6 +25,10 @@ bool Check(const Damper& d, char* error, int error_size) {
     std::snprintf(error, error_size, "command_min = %g is above command_max = %g", p.command_min, p.command_max);
     return false;
   }
+  if (p.command_delay_period > 0 && p.command_delay_period < 1e-5) {
+    std::snprintf(error, error_size, "command_delay_period = %g s; allowed: 0, or from 1e-05", p.command_delay_period);
+    return false;
+  }
   if (p.driver_lag_ratio > 0 && (p.driver_lag_fall > 0 || p.driver_lag_rate > 0)) {
     std::snprintf(error, error_size, "driver_lag_ratio with %s; a pair of poles has neither a fall nor a rate of its own",
                   p.driver_lag_fall > 0 ? "driver_lag_fall" : "driver_lag_rate");

@@ -227,7 +227,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
   record(0, 0);
   for (int k = 1; k < samples; k++) {
     const double command0 = u[k - 1], command1 = d.hold ? u[k - 1] : u[k];
-    if (state.s.line) state.s.line->Push((d.hold ? k - 1 : k) * dt, d.Clamp(command1), d.p.command_delay_d);
+    if (state.s.line) state.s.line->Push((d.hold ? k - 1 : k) * dt, d.Clamp(command1), Reach(d.p));
     for (int step = 0; step < inner; step++) {
       const double a = static_cast<double>(step) / inner, b = static_cast<double>(step + 1) / inner;
       const double u0 = command0 + (command1 - command0) * a, u1 = command0 + (command1 - command0) * b;
@@ -318,7 +318,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
       }
       q.swap(next);
     }
-    if (state.s.line && d.hold) state.s.line->Push(k * dt, d.Clamp(u[k]), d.p.command_delay_d);
+    if (state.s.line && d.hold) state.s.line->Push(k * dt, d.Clamp(u[k]), Reach(d.p));
     record(k, dt);
   }
 }

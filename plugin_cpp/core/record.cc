@@ -77,9 +77,9 @@ void RunRecord(const Damper& d, const RecordView& record, int ncol, const int* c
   for (int i = 0; i < r.n; i++) {
     if (i > 0) {
       const double before = r.u[i - 1], now = d.hold ? before : r.u[i];
-      if (s.line) s.line->Push((d.hold ? i - 1 : i) * r.dt, d.Clamp(now), d.p.command_delay_d);
+      if (s.line) s.line->Push((d.hold ? i - 1 : i) * r.dt, d.Clamp(now), Reach(d.p));
       Advance(d, &s, {r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt}, before, now);
-      if (s.line && d.hold) s.line->Push(i * r.dt, d.Clamp(r.u[i]), d.p.command_delay_d);
+      if (s.line && d.hold) s.line->Push(i * r.dt, d.Clamp(r.u[i]), Reach(d.p));
       Settle(d, &s, r.x[i], r.v[i], r.u[i]);
     }
     const Observation o = Observe(d, s, r.x[i], r.v[i], r.a[i], r.u[i]);

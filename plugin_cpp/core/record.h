@@ -19,7 +19,7 @@ struct OwnedState {
 
   explicit OwnedState(const Damper& d) {
     if (d.law == Law::kNarx) s.past = &past;
-    if (d.p.command_delay_d > 0) s.line = &line;
+    if (HasDelay(d.p)) s.line = &line;
   }
   OwnedState(const OwnedState& o) : s(o.s), past(o.past), line(o.line) { Rebind(); }
   OwnedState& operator=(const OwnedState& o) {

@@ -98,6 +98,24 @@ struct DelayLine {
   }
 };
 
+// How far back the store has to reach.
+inline double Reach(const Params& p) { return p.command_delay_d + p.command_delay_period; }
+
+inline bool HasDelay(const Params& p) { return Reach(p) > 0; }
+
+// command_delay with a controller's clock, which takes the command at its ticks and holds it: the mean of what arrives
+// between the times a and b. A mean, so that what it gives changes smoothly with the clock's numbers.
+inline double Held(const DelayLine& line, const Params& p, double a, double b, bool hold) {
+  const double period = p.command_delay_period, phase = p.command_delay_phase;
+  double sum = 0, t = a;
+  for (double k = std::floor((a - p.command_delay_d) / period - phase); t < b; k++) {
+    const double next = std::fmin(p.command_delay_d + (k + 1 + phase) * period, b);
+    if (next > t) sum += (next - t) * line.At((k + phase) * period, hold);
+    t = std::fmax(t, next);
+  }
+  return sum / (b - a);
+}
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_EFFECTS_DRIVER_H_

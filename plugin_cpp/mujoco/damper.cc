@@ -26,7 +26,7 @@ bool Given(const mjModel* m, int instance, const char* name) {
   return value && *value;
 }
 
-bool HasLine(const mjModel* m, int instance) { return Given(m, instance, "command_delay_d"); }
+bool HasLine(const mjModel* m, int instance) { return Given(m, instance, "command_delay_d") || Given(m, instance, "command_delay_period"); }
 
 bool HasPast(const mjModel* m, int instance) {
   const char* law = AttributeOf(m, instance, "law");
@@ -143,7 +143,7 @@ void DamperInstance::Refresh(const mjModel* m) {
   {
     std::string error;
     if (Parse(m, &error)) {
-      if ((damper_.law != Law::kNarx || now_.past) && (damper_.p.command_delay_d == 0 || now_.line)) return;
+      if ((damper_.law != Law::kNarx || now_.past) && (!HasDelay(damper_.p) || now_.line)) return;
       error = "the state laid out at compile time has no room for this law or delay; compile the model again";
     }
     std::snprintf(line, sizeof line, "%s: %s", Describe(m, mjOBJ_ACTUATOR, "actuator", actuator_).c_str(), error.c_str());
@@ -184,7 +184,7 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
     if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
     if (dt > 0) {
       mrdamp::Advance(damper_, &now_, {s[2], s[3], x_, v_, dt}, s[4], s[4]);
-      if (now_.line) now_.line->Push(now_.c.time, damper_.Clamp(u_), damper_.p.command_delay_d);
+      if (now_.line) now_.line->Push(now_.c.time, damper_.Clamp(u_), Reach(damper_.p));
       Settle(damper_, &now_, x_, v_, u_);
     }
   }

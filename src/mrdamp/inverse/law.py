@@ -49,6 +49,7 @@ class LawInverse:
         delay, *lags = (
             model.attributes.get(key, 0.0) for key in ("command_delay_d", "driver_lag_tau", "driver_lag_tau2")
         )
+        delay += model.attributes.get("command_delay_period", 0.0)  # a clock's, at most
         self.horizon = delay + max(period, 0.5 * sum(lags)) if horizon is None else horizon
         if not delay < self.horizon < math.inf:
             raise InputError(
