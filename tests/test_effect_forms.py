@@ -86,7 +86,9 @@ def test_a_pair_of_poles_has_no_rate() -> None:
         run("current", STEP, driver_lag_tau=0.01, driver_lag_ratio=0.5, driver_lag_rate=5.0)
 
 
-@pytest.mark.parametrize(("delay", "period", "phase"), [(0.0312, 0.0173, 0.4), (0.0, 0.05, 0.0), (0.004, 0.0031, 1.7)])
+@pytest.mark.parametrize(
+    ("delay", "period", "phase"), [(0.0312, 0.0173, 0.4), (0.0, 0.05, 0.0), (0.004, 0.0031, 1.7)]
+)
 def test_a_controller_takes_the_command_at_its_ticks(delay: float, period: float, phase: float) -> None:
     u = 0.5 + 0.5 * np.sin(2 * np.pi * 2 * T)
     clock = {"command_delay_d": delay, "command_delay_period": period, "command_delay_phase": phase}

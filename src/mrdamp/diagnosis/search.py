@@ -16,6 +16,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.clock import try_clock
 from mrdamp.diagnosis.fit import Fit, fit, taken_up
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
@@ -205,8 +206,7 @@ class Search:
                 continue
             parent = self.lacking(found, term)
             for promise in self.screen(parent, others):
-                hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
-                tasks.append((hypothesis, start))
+                tasks.append(self.start_from(parent, promise.term, promise.start, promise.by))
         for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
             self.keep(again)
 
@@ -296,6 +296,7 @@ class Search:
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: self.limits.polished]
             for found in self._map(self._polish, [(f,) for f in best]):
                 self.keep(found)
+        try_clock(self, self.best(free, depth))
 
     def _polish(self, found: Fit) -> Fit:
         return self.fitted(found.hypothesis, found.point, most=4, stage=" polished")
