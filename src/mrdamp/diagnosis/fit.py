@@ -23,6 +23,9 @@ _ROUNDS, _AGREEMENT = 3, 0.02
 _NEARBY = 0.1
 #: Gauss-Newton steps are no longer than this in any coordinate, in units of search.
 _LONGEST = 8.0
+#: How far a fit looks along a rugged coordinate (logarithm of its setting), and how often it goes on from there.
+_AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
+_SCANS = 4
 
 
 @dataclass(frozen=True)
@@ -81,9 +84,12 @@ def fit(
     still above this after a few iterations is given up.
     """
     descent = _Descent(problem, hypothesis, start, known, frozen)
-    for _ in range(_ROUNDS):
-        descent.run(most, tolerance, bar)
-        if descent.arrived(most, bar):
+    for _ in range(1 + _SCANS):
+        for _ in range(_ROUNDS):
+            descent.run(most, tolerance, bar)
+            if descent.arrived(most, bar):
+                break
+        if most == 0 or descent.total > bar or not descent.scan(tolerance):
             break
     return descent.fit(most)
 
@@ -98,6 +104,7 @@ class _Descent:
         self.problem, self.hypothesis, self.frozen = problem, hypothesis, frozen
         self.rough = self.stepper = problem.rougher(hypothesis)
         self.low, self.high = hypothesis.bounds()
+        self.smooth = np.array([0.0 if c.rugged else 1.0 for c in hypothesis.coordinates])
         self.prior = np.sqrt(PRIOR_WEIGHT) * hypothesis.prior()
         self.q = np.clip(start, self.low, self.high)
         self.r: Array = problem.residuals(hypothesis, self.q)[0]
@@ -151,11 +158,18 @@ class _Descent:
         """The best of some trial steps; the relative fall of the cost."""
         steps = np.array(
             [
-                _step(self.j, self.r, self.prior, self.q, self.low, self.high, self.damping * d)
+                _step(self.j * self.smooth, self.r, self.prior, self.q, self.low, self.high, self.damping * d)
                 for d in _DAMPINGS
             ]
         )
-        trials = np.clip(self.q + steps, self.low, self.high)
+        gain, best = self.take(steps)
+        if gain > 0:
+            self.damping = float(np.clip(self.damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
+        return gain
+
+    def take(self, moves: Array) -> tuple[float, int]:
+        """The best of some moves (moves, coordinates), where it is one; the relative fall of the cost, and which."""
+        trials = np.clip(self.q + moves, self.low, self.high)
         runs = self.stepper.residuals(self.hypothesis, trials)
         rows = runs if self.stepper is self.problem else runs + (self.r - self.own)
         totals = np.sum(rows**2, axis=1) + np.sum((self.prior * trials) ** 2, axis=1)
@@ -163,8 +177,21 @@ class _Descent:
         gain = float(1 - totals[best] / self.total) if self.total > 0 else 0.0
         if gain > 0:
             self.q, self.r, self.own, self.total = trials[best], rows[best], runs[best], float(totals[best])
-            self.damping = float(np.clip(self.damping * (0.1, 1.0, 10.0)[best], 1e-6, 1e6))
-        return gain
+        return gain, best
+
+    def scan(self, tolerance: float) -> bool:
+        """Goes on from the best point along the rugged coordinates; False where that gains little."""
+        moves = []
+        for k in np.flatnonzero(self.smooth == 0):
+            for ahead in np.concatenate([-_AHEAD, _AHEAD]):
+                move = np.zeros(len(self.q))
+                move[k] = ahead / self.hypothesis.coordinates[k].scale
+                moves.append(move)
+        if not moves or self.take(np.array(moves))[0] < tolerance:
+            return False
+        self.iterations, self.steps_there, self.damping = 0, 0, _DAMPING
+        self.look()
+        return True
 
     def arrived(self, most: int, bar: float) -> bool:
         """True where the full step finds what the rough runs led to, or there is no going on; that is then taken."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mrdamp.diagnosis.terms import Sizes, Term, linear, positive
 
 
 def fluid_terms(s: Sizes) -> tuple[Term, ...]:
     """The effects that act on the fluid's share of the force."""
-    turn = positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0)
+    turn = replace(positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0), rugged=True)
     return (
         Term(
             "heating",

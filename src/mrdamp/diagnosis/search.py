@@ -198,14 +198,14 @@ class Search:
             self.keep(found)
 
     def reform(self, found: Fit) -> None:
-        """The other forms of each cause of a fit in its place."""
+        """Other forms of each cause of a fit in its place, the most promising."""
         tasks = []
         for term in found.hypothesis.terms:
             others = [t for t in self.problem.rig.terms if t.cause == term.cause and t.name != term.name]
             if not others:
                 continue
             parent = self.lacking(found, term)
-            for promise in self.screen(parent, others):
+            for promise in self.screen(parent, others)[: self.limits.reformed]:
                 tasks.append(self.start_from(parent, promise.term, promise.start, promise.by))
         for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
             self.keep(again)

@@ -25,7 +25,8 @@ class Coordinate:
     """One free number: setting `name`, its start and bounds in SI units.
 
     scale: size of a unit of search (in the setting's unit; of its logarithm where `log`). prior: standard deviation
-    about the start, in units of search; None: none.
+    about the start, in units of search; None: none. rugged: the cost jumps along it (whether an event counts), so that
+    differences over a small step say nothing: a fit looks along it between its steps in the others.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Coordinate:
     scale: float
     log: bool = False
     prior: float | None = None
+    rugged: bool = False
 
     def value(self, q: float) -> float:
         """The setting at a point of the search."""
