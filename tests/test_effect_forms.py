@@ -228,6 +228,37 @@ def test_mount_hardens_with_its_deflection() -> None:
     assert np.abs(k3 * d**2).max() > 0.5  # the cubic part is no trifle here
 
 
+@pytest.mark.parametrize("gap", [0.0, 3e-4])
+def test_a_mount_has_friction_inside(gap: float) -> None:
+    """Against SciPy: a spring and a Dahl element in parallel, in series with a dashpot."""
+    c, k, largest, slide = 3e3, 2e5, 80.0, 2e-4
+    law = {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+    rubber = {"mount_compliance_k": k, "mount_compliance_friction": largest, "mount_compliance_slide": slide,
+              "backlash_gap": gap}  # fmt: skip
+    x = X + 4e-4 * np.sin(2 * np.pi * 17 * T)
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        rod = 0.01 * np.sin(3 * np.pi * t) + 4e-4 * np.sin(34 * np.pi * t)
+        speed = 0.03 * np.pi * np.cos(3 * np.pi * t) + 0.0136 * np.pi * np.cos(34 * np.pi * t)
+        d = rod - y[0]
+        beyond = d - np.clip(d, -gap / 2, gap / 2)
+        force = k * beyond + largest * y[1]
+        stretch = (speed - force / c) * (beyond != 0 or gap == 0)
+        return [force / c, (stretch - abs(stretch) * y[1]) / slide]
+
+    y = solve_ivp(rates, (0, T[-1]), [0.0, 0.0], t_eval=T, max_step=1e-4, rtol=1e-6, atol=1e-9).y
+    d = x - y[0]
+    expected = k * (d - np.clip(d, -gap / 2, gap / 2)) + largest * y[1]
+
+    def error(**other: float) -> float:
+        force = core.run("bingham", law | rubber | other, DT, x, u=0.0, columns=("force",))["force"]
+        return rms((force - expected)[5:-5]) / rms(expected)
+
+    assert error() < 0.01
+    assert error(mount_compliance_friction=0.0) > 0.03
+    assert error(mount_compliance_slide=2 * slide) > 0.012
+
+
 def test_magnetic_circuit_remembers_how_it_got_to_the_start() -> None:
     b, d, start = 0.1, 0.2, -0.8
     level = run("field", 0.5, remanence_b=b, remanence_d=d, remanence_start=start)

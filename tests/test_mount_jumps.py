@@ -14,8 +14,9 @@ LAW = {
 GAS = {"trapped_gas_d": 0.83, "trapped_gas_s_g": 7.6e-4, "trapped_gas_direction": -1.0}
 
 
+@pytest.mark.parametrize("friction", [0.0, 150.0])
 @pytest.mark.parametrize("stiffness", [1e6, 1e7, 2e8])
-def test_the_force_stays_that_of_the_damper(stiffness: float) -> None:
+def test_the_force_stays_that_of_the_damper(stiffness: float, friction: float) -> None:
     """Behind a mount the force is no larger than without one, but for what the clearance's end gives back."""
     dt = 5e-4
     t = dt * np.arange(16000)
@@ -25,8 +26,7 @@ def test_the_force_stays_that_of_the_damper(stiffness: float) -> None:
     )
     u = np.interp(t, np.arange(0.0, 9.0, 0.25), rng.uniform(0, 1, 36))
     free = core.run("bouc_wen", LAW | GAS, dt, x, u=u)["force"]
-    held = core.run("bouc_wen", LAW | GAS | {"backlash_gap": 2.5e-4, "backlash_k": stiffness}, dt, x, u=u)[
-        "force"
-    ]
+    mount = {"backlash_gap": 2.5e-4, "backlash_k": stiffness, "mount_compliance_friction": friction}
+    held = core.run("bouc_wen", LAW | GAS | mount, dt, x, u=u)["force"]
     assert np.abs(held).max() < 1.5 * np.abs(free).max()
     assert np.sqrt(np.mean(held**2)) == pytest.approx(np.sqrt(np.mean(free**2)), rel=0.3)

@@ -6,7 +6,6 @@
 #include "core/solve.h"
 #include "effects/magnetics.h"
 #include "effects/mechanics.h"
-#include "effects/mount.h"
 #include "laws/bingham.h"
 #include "laws/bouc_wen.h"
 #include "laws/hyperbolic_tangent.h"
@@ -175,17 +174,18 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
       // No secant: where the force jumps (trapped gas at a turn) that is a slope the next solve would not get away from.
       const double force = PistonForce(d, *s, to, x, v, &own, &fluid);
       tried = v;
-      return force + mass * (v - base_velocity) / h - MountForce(p, rod - x);
+      return force + mass * (v - base_velocity) / h - start.rubber.Force(p, rod - x);
     };
     if (!(own > 0)) {
       double fluid;
       PistonForce(d, *s, from, x_from, guess, &own, &fluid);
     }
-    const double scale = std::fabs(MountForce(p, rod - x_from));
-    const double v = SolveIncreasing(residual, guess, own + MountSlope(p, rod - x_from) * h + mass / h, 1e-6 * scale + 1e-7);
+    const double scale = std::fabs(start.rubber.Force(p, rod - x_from));
+    const double v = SolveIncreasing(residual, guess, own + start.rubber.Slope(p, rod - x_from) * h + mass / h, 1e-6 * scale + 1e-7);
     s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
     s->c.piston_slope = own;
+    if (p.mount_compliance_friction > 0) s->c.rubber.Follow(p, rod - s->c.piston);
     return v;
   };
   const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();
@@ -294,7 +294,7 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   o.temperature = c.heat;
   double fluid;
   if (HasMount(p)) {
-    o.force = MountForce(p, x - c.piston);
+    o.force = c.rubber.Force(p, x - c.piston);
     o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope, &fluid);
     o.piston = c.piston;
     o.slope = 0;

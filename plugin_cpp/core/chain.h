@@ -9,6 +9,7 @@
 #include "effects/driver.h"
 #include "effects/fluid.h"
 #include "effects/magnetics.h"
+#include "effects/mount.h"
 #include "effects/oscillator.h"
 #include "laws/coefficients.h"
 #include "laws/narx.h"
@@ -37,6 +38,7 @@ struct ChainState {
   double piston_slope = 0;     // N s/m, d(force)/dv of the last balance, where the next one's solve begins
   Stroke stroke;
   double plate = 0;  // -1 to 1, asymmetry along the stroke
+  Rubber rubber;    // friction inside the mount
   Oscillator felt;  // m/s2, acceleration of a moving mass on a spring of its own
 };
 

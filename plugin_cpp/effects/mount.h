@@ -2,6 +2,8 @@
 #ifndef MRDAMP_EFFECTS_MOUNT_H_
 #define MRDAMP_EFFECTS_MOUNT_H_
 
+#include <cmath>
+
 #include "core/params.h"
 
 namespace mrdamp {
@@ -29,6 +31,35 @@ inline double MountSlope(const Params& p, double d) {
   d = BeyondGap(p, d);
   return MountStiffness(p) * (1 + 3 * p.mount_compliance_k3 * d * d);
 }
+
+// Friction inside the mount as a share of its largest, held' = (d' - abs(d') held) / slide (Dahl 1968; in parallel with
+// the spring as Berg, doi:10.1080/00423119808969453, has it for rubber): a function of the path of the stretch alone.
+struct Rubber {
+  double stretch = 0;  // m, beyond the clearance
+  double held = 0;     // -1 to 1
+
+  double Held(const Params& p, double d) const {
+    const double path = BeyondGap(p, d) - stretch;
+    if (path == 0) return held;
+    const double end = path > 0 ? 1 : -1;
+    return end + (held - end) * std::exp(-std::fabs(path) / p.mount_compliance_slide);
+  }
+  void Follow(const Params& p, double d) {
+    held = Held(p, d);
+    stretch = BeyondGap(p, d);
+  }
+  // Force (N) through spring and friction, and its slope (N/m).
+  double Force(const Params& p, double d) const {
+    const double spring = MountForce(p, d);
+    return p.mount_compliance_friction > 0 ? spring + p.mount_compliance_friction * Held(p, d) : spring;
+  }
+  double Slope(const Params& p, double d) const {
+    const double spring = MountSlope(p, d);
+    if (!(p.mount_compliance_friction > 0)) return spring;
+    const double end = BeyondGap(p, d) < stretch ? -1 : 1;
+    return spring + p.mount_compliance_friction / p.mount_compliance_slide * (1 - end * Held(p, d));
+  }
+};
 
 }  // namespace mrdamp
 

@@ -384,6 +384,21 @@ TEST(MovingMassIsSeenByTheLoadCellAlone) {
   }
 }
 
+TEST(AMountIsStifferForSmallMotionsByItsFriction) {
+  Params p;
+  p.mount_compliance_k = 1e5, p.mount_compliance_friction = 50, p.mount_compliance_slide = 1e-4;
+  mrdamp::Rubber r;
+  NEAR(r.Force(p, 1e-4), 10 + 50 * (1 - std::exp(-1.0)), 1e-9);
+  NEAR(r.Slope(p, 0), 1e5 + 50 / 1e-4, 1e-3);
+  const double step = 1e-9;
+  NEAR(r.Slope(p, 1e-4), (r.Force(p, 1e-4 + step) - r.Force(p, 1e-4 - step)) / (2 * step), 1);
+  r.Follow(p, 2e-3);
+  NEAR(r.Force(p, 2e-3), 250, 1e-5);
+  NEAR(r.Slope(p, 2e-3), 1e5, 1);  // slides
+  NEAR(r.Force(p, 2e-3 - 1e-4), 190 + 50 * (2 * std::exp(-1.0) - 1), 1e-5);
+  NEAR(r.Slope(p, 2e-3 - step), 1e5 + 2 * 50 / 1e-4, 20);
+}
+
 TEST(MountForceHasADeadZone) {
   Params p;
   CHECK(!mrdamp::HasMount(p));

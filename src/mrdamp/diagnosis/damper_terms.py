@@ -200,6 +200,17 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             form="hardening",
         ),
         Term(
+            "mount_compliance",
+            "mount",
+            (
+                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                positive("mount_compliance_friction", 0.2 * s.force, 3e-3 * s.force, 3 * s.force),
+                positive("mount_compliance_slide", 1e-3 * s.stroke, 1e-5 * s.stroke, 0.1 * s.stroke),
+            ),
+            ((30 * k, 0.2 * s.force, 3e-3 * s.stroke), (200 * k, 0.2 * s.force, 1e-3 * s.stroke)),
+            form="with friction inside",
+        ),
+        Term(
             "backlash",
             "mount",
             (
