@@ -115,10 +115,17 @@ class DamperRig:
     def _rough(self) -> DamperRig | None:
         return None if self.rough else replace(self, rough=True)
 
-    def through(self, record: int, command: Array, settings: Settings) -> dict[str, Array]:
-        """Forces (n,) N of a record's motion with another command: `force` of the own sensor, `reference`."""
+    def through(
+        self, record: int, command: Array, settings: Settings, moved: Array | None = None
+    ) -> dict[str, Array]:
+        """Forces (n,) N of a record's motion with another command: `force` of the own sensor, `reference`.
+
+        moved: (n,) m, what is added to the motion."""
         r = self.records[record]
         x, v, a = self.motions[record]
+        if moved is not None:
+            x, a = x + moved, None
+            v = None if v is None else v + derivative(moved, r.sample_time)
         factor = max(1, round(r.sample_time / _COARSE))
         inputs = between(x, command, r.sample_time, factor, v, a)
         columns = ("force", "reference")

@@ -26,7 +26,7 @@ from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Wher
 from mrdamp.diagnosis.rig import Rig, models_of
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.settle import Settled, heldout, settle
-from mrdamp.diagnosis.size import ErrorSizes
+from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
@@ -188,10 +188,11 @@ def assemble(
     conditions, halves = _conditions(search.problem)
     put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
     unknown = decision.verdict == "unknown"
-    sizes = ErrorSizes.of(search.problem, search.base, float(noise.levels[0])) if unknown else None
+    level, near = float(noise.levels[-1]), of_one_stage(search)
+    evidence = StageEvidence.of(search.problem, level, near) if unknown else None
     where = Where(
-        stages=stage_shares(search, chosen, decision.verdict, put_in.found, sizes),
-        intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, sizes),
+        stages=stage_shares(search, chosen, decision.verdict, put_in.found, evidence),
+        intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, evidence),
         measured=put_in.found,
         records=record_shares(search.problem, search.residual),
         regimes=regimes(conditions, search.residual, halves),

@@ -14,14 +14,12 @@ from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.resample import Interval, draws, group_sums, interval, seconds
 from mrdamp.diagnosis.result import Measured, Regime
 from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.size import ErrorSizes
+from mrdamp.diagnosis.stage_evidence import StageEvidence
 from mrdamp.diagnosis.terms import STAGES, Settings
 from mrdamp.diagnosis.verdict import shapley
 
 #: Without a cause that explains it, a stage counts by this power of what its effects explain best.
 _SHARPNESS = 3.0
-#: Where no effect and no numbers explain this share, the error follows no state of the chain: its size tells the stage.
-_TOUCHED = 0.3
 #: Where the law's own numbers act: they stand between the field and the mechanics.
 LAW_STAGE = "fluid"
 
@@ -31,20 +29,20 @@ def stage_shares(
     chosen: Fit,
     verdict: str,
     measured: Sequence[Measured] = (),
-    sizes: ErrorSizes | None = None,
+    evidence: StageEvidence | None = None,
 ) -> dict[str, float]:
     """Shares (adding up to 1) of the gap by stage.
 
     With causes named, what each changes in the simulated channels with the numbers it was fitted with, and the law's
-    own numbers, which count as fluid: their covariances with the whole change. Without a cause (`unknown`), what the
-    effects of each stage explain at best, sharpened: the stage whose effects come nearest is where the cause most
-    likely sits, or what the error's size goes with (`sizes`) where none comes near; what was measured between stages
-    (`measured`) goes before. Where a cause outside the catalogue explains the gap, the stage is its own.
+    own numbers, which count as fluid: their covariances with the whole change. Without a cause (`unknown`), how well
+    each stage's own variables tell the error (`evidence`), or, where a rig has none of that, what the effects of each
+    stage explain at best, sharpened; what was measured between stages (`measured`) goes before. Where a cause outside
+    the catalogue explains the gap, the stage is its own.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         return _of_changes(search, Changes.of(search, chosen).table.sum(axis=0), chosen)
     shares = [m.share for m in measured]
-    return _shares(search, verdict, shares, measured, lambda f: f.cost, sizes.at() if sizes else {})
+    return _shares(search, verdict, shares, measured, lambda f: f.cost, evidence.at() if evidence else {})
 
 
 def stage_intervals(
@@ -53,7 +51,7 @@ def stage_intervals(
     verdict: str,
     measured: Sequence[Measured] = (),
     drawn: Array | None = None,
-    sizes: ErrorSizes | None = None,
+    evidence: StageEvidence | None = None,
 ) -> dict[str, Interval]:
     """95 % intervals of `stage_shares`, seconds of the records drawn again; none where the shares are by definition.
 
@@ -67,8 +65,8 @@ def stage_intervals(
         costs = DrawnCosts.of(search)
         parts = drawn if measured and drawn is not None else np.zeros((costs.count, len(measured)))
         rows = [
-            _shares(search, verdict, parts[k].tolist(), measured, costs.at(k), sizes.at(k) if sizes else {})
-            for k in range(costs.count)
+            _shares(search, verdict, own.tolist(), measured, costs.at(k), evidence.at(k) if evidence else {})
+            for k, own in enumerate(parts)
         ]
     else:
         return {}
@@ -166,7 +164,7 @@ def _shares(
     parts: Sequence[float],
     measured: Sequence[Measured],
     cost: Callable[[Fit], float],
-    sized: Mapping[str, float],
+    told: Mapping[str, float],
 ) -> dict[str, float]:
     stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
     if verdict != "unknown":
@@ -174,12 +172,9 @@ def _shares(
     if search.looks_like is not None:
         (term,) = search.looks_like.hypothesis.terms
         return {s: float(s == term.stage) for s in stages}
-    explained = _explained(search, stages, cost)
-    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
-    recalibrated = (nominal - base) / max(nominal - search.floor, 1e-30)
-    weights = {s: value**_SHARPNESS for s, value in explained.items()}
-    if sized and max(recalibrated, *explained.values()) < _TOUCHED:
-        weights = {s: sized.get(s, 0.0) for s in stages}
+    if told:
+        return _within({s: told.get(s, 0.0) for s in stages}, parts, measured)
+    weights = {s: value**_SHARPNESS for s, value in _explained(search, stages, cost).items()}
     total = sum(weights.values())
     return _within({s: value / total for s, value in weights.items()}, parts, measured)
 
@@ -202,16 +197,22 @@ def _explained(search: Search, stages: Sequence[str], cost: Callable[[Fit], floa
 def _within(
     nearest: Mapping[str, float], parts: Sequence[float], measured: Sequence[Measured]
 ) -> dict[str, float]:
-    """Shares of the stages inside each measured part, which has its own."""
+    """Shares of the stages inside each measured part, which has its own.
+
+    A displacement that is read wrongly moves the damper: what stands between the command and the load cell holds that
+    part of the sensor.
+    """
     sizes = [max(p, 0.0) for p in parts]
     if not sum(sizes) > 0:
         return dict(nearest)
     out = dict.fromkeys(nearest, 0.0)
     for part, size in zip(measured, sizes, strict=True):
         inside = [s for s in part.stages if s in out]
+        if "mount" in inside and "sensor" not in inside:
+            inside.append("sensor")
         total = sum(nearest[s] for s in inside)
         for s in inside:
-            out[s] = size / sum(sizes) * (nearest[s] / total if total > 0 else 1 / len(inside))
+            out[s] += size / sum(sizes) * (nearest[s] / total if total > 0 else 1 / len(inside))
     return out
 
 

@@ -1,0 +1,176 @@
+"""The stage of a cause that no catalogue has: faults put about a damper in NumPy, one or two for each stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.limits import Limits
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.result import Measured
+from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.stage_columns import columns_of, play
+from mrdamp.diagnosis.stage_evidence import StageEvidence, wavering
+from mrdamp.diagnosis.where import stage_intervals, stage_shares
+from mrdamp.model import Model
+from mrdamp.records import Record
+from toy_rig import toy
+
+LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+DT, NOISE, SIZE = 4e-3, 3.0, 0.014
+TIME = DT * np.arange(1500)
+#: Amplitudes, angular frequencies and commands of the records.
+MOTIONS = ((1.0, 7.0), (0.6, 11.0), (0.8, 5.0), (0.4, 17.0))
+COMMANDS = (
+    0.5 + 0.5 * np.sign(np.sin(2.1 * TIME)),
+    0.5 + 0.5 * np.sin(1.3 * TIME),
+    np.clip(0.3 + 0.4 * np.floor(3 * np.abs(np.sin(0.9 * TIME))) / 2, 0, 1),
+    0.8 * (np.sin(3.1 * TIME) > 0.3),
+)
+
+Fault = Callable[[Array, Array], Array]
+
+
+def damper(x: Array, u: Array) -> Array:
+    """Bingham's damper, written out."""
+    v = np.gradient(x, DT, edge_order=2)
+    yielding = (LAW["fya"] + LAW["fyb"] * u) * np.tanh(v / LAW["v_ref"])
+    return np.asarray(yielding + (LAW["c0a"] + LAW["c0b"] * u) * v)
+
+
+def low_pass(x: Array, tau: float) -> Array:
+    share = 1 - np.exp(-DT / tau)
+    return np.asarray(lfilter([share], [1, share - 1], x))
+
+
+def tired_driver(x: Array, u: Array) -> Array:
+    return damper(x, u * (1 - 0.5 * low_pass(u**3, 0.8)))
+
+
+def dropouts(x: Array, u: Array) -> Array:
+    return damper(x, np.where((TIME % 1.7) < 0.2, 0.0, u))
+
+
+def stuck_field(x: Array, u: Array) -> Array:
+    return damper(x, u + 0.25 * np.exp(-((u / 0.3) ** 2)) * np.cos(3 * u))
+
+
+def worn_place(x: Array, u: Array) -> Array:
+    return np.asarray(damper(x, u) * (1 - 0.3 * np.exp(-(((x - 0.4 * SIZE) / (0.2 * SIZE)) ** 2))))
+
+
+def chatter(x: Array, u: Array) -> Array:
+    return np.asarray(damper(x, u) * (1 + 0.12 * np.sin(60 * TIME)))
+
+
+def bumper(x: Array, u: Array) -> Array:
+    return np.asarray(damper(x, u) + 400 * np.expm1(4 * np.maximum(x / SIZE - 0.3, 0)))
+
+
+def soft_mount(x: Array, u: Array) -> Array:
+    still = damper(x, u)
+    return damper(x - 4e-7 * low_pass(still + 1e-3 * still * np.abs(still), 0.01), u)
+
+
+def creeping_cell(x: Array, u: Array) -> Array:
+    force = damper(x, u)
+    return force + 0.25 * low_pass(force, 0.25)
+
+
+def hum(x: Array, u: Array) -> Array:
+    return np.asarray(damper(x, u) + 40 * np.sin(80 * TIME))
+
+
+def slow_clock(x: Array, u: Array) -> Array:
+    return damper(np.asarray(np.interp(TIME + 4e-3 * TIME, TIME, x)), u)
+
+
+FAULTS = [
+    (tired_driver, "driver"),
+    (dropouts, "driver"),
+    (stuck_field, "magnetics"),
+    (worn_place, "fluid"),
+    (chatter, "fluid"),
+    (bumper, "mechanics"),
+    (soft_mount, "mount"),
+    (creeping_cell, "sensor"),
+    (hum, "sensor"),
+    (slow_clock, "sensor"),
+]
+
+
+def searched(fault: Fault, cell: bool = False) -> Search:
+    """A search that has tried no cause; cell: with a load cell that reads what the sensor does."""
+    rng = np.random.default_rng(3)
+    records = []
+    for k, ((scale, omega), u) in enumerate(zip(MOTIONS, COMMANDS, strict=True)):
+        x = scale * (0.01 * np.sin(omega * TIME) + 0.004 * np.sin(2.4 * omega * TIME))
+        force = fault(x, u)
+        names = ("force_N", "reference_force_N") if cell else ("force_N",)
+        read = {n: force + NOISE * rng.standard_normal(len(force)) for n in names}
+        records.append(Record(f"{k}", None, DT, {"displacement_m": x, "command": u, **read}))
+    problem = Problem(DamperRig(Model("bingham", LAW), tuple(records)))
+    floor = float(np.sum((NOISE * problem.weights) ** 2))
+    return Search(problem, floor, Limits(base=1))
+
+
+@pytest.mark.parametrize(("fault", "stage"), FAULTS)
+def test_the_stage_of_a_fault_that_no_catalogue_has(fault: Fault, stage: str) -> None:
+    search = searched(fault)
+    evidence = StageEvidence.of(search.problem, NOISE)
+    assert evidence is not None
+    shares = stage_shares(search, search.base, "unknown", (), evidence)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert max(shares, key=lambda s: shares[s]) == stage
+    assert shares[stage] > 0.5
+    low, high = stage_intervals(search, search.base, "unknown", (), None, evidence)[stage]
+    assert low - 1e-9 <= shares[stage] <= high + 1e-9
+
+
+def test_behind_a_load_cell_the_sensor_is_the_reading_of_the_displacement() -> None:
+    """What the own sensor adds was measured; what a displacement read late does to the damper was not."""
+    search = searched(slow_clock, cell=True)
+    evidence = StageEvidence.of(search.problem, NOISE)
+    assert evidence is not None
+    parts = (
+        Measured("a", ("driver", "magnetics", "fluid", "mechanics", "mount"), 0.9, (0.8, 1.0)),
+        Measured("b", ("sensor",), 0.1, (0.0, 0.2)),
+    )
+    shares = stage_shares(search, search.base, "unknown", parts, evidence)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares["sensor"] > 0.9
+    assert "sensor" not in columns_of(search.problem, search.problem.rig)  # type: ignore[arg-type]
+
+
+def test_wavering_is_told_from_a_white_rest_and_by_its_gain() -> None:
+    rng = np.random.default_rng(5)
+    gain = np.sin(0.05 * np.arange(4000))
+    number = np.repeat(rng.standard_normal(250), 16)
+    error = 2 * gain * number + 0.1 * rng.standard_normal(4000)
+    groups = [np.arange(4000) // 500]
+
+    def mean(e: Array, g: Array) -> float:
+        values, samples = wavering([e], [g], [0.002], 0.01, groups, 8)
+        assert samples.sum() == pytest.approx(4000, abs=64)
+        return float(values.sum() / samples.sum())
+
+    white = -0.5 * np.log(np.mean(error**2)) - 0.5
+    assert mean(error, gain) > mean(error, np.ones(4000)) + 0.1 > white + 0.2
+    # The rest's own variance, 0.01, is what is left for 15 of 16 samples in a window.
+    assert mean(error, gain) == pytest.approx(-0.5 * np.log(0.01) - 0.5, abs=0.3)
+    noise = rng.standard_normal(4000)
+    assert mean(noise, gain) == pytest.approx(-0.5 * np.log(np.mean(noise**2)) - 0.5, abs=0.01)
+
+
+def test_play_follows_through_its_gap() -> None:
+    assert play(np.array([0.0, 1.0, 3.0, 2.5, 1.0, 0.0]), 1.0).tolist() == [0.0, 0.0, 2.0, 2.0, 2.0, 1.0]
+
+
+def test_another_rig_has_no_such_stages() -> None:
+    problem = Problem(toy({"cubic": 0.5}, 0.005))
+    assert StageEvidence.of(problem, 1.0) is None
