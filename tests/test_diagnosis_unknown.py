@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.frame_damper import damper_evidence
+from mrdamp.diagnosis.frame_where import Block, intervals_by_stage, shares_by_stage
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.resample import DRAWS
 from mrdamp.diagnosis.result import Measured
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.stage_columns import columns_of, play
@@ -19,6 +25,7 @@ from mrdamp.diagnosis.stage_evidence import StageEvidence, wavering
 from mrdamp.diagnosis.where import stage_intervals, stage_shares
 from mrdamp.model import Model
 from mrdamp.records import Record
+from mrdamp.structures import ShearFrame
 from toy_rig import toy
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
@@ -145,6 +152,37 @@ def test_behind_a_load_cell_the_sensor_is_the_reading_of_the_displacement() -> N
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["sensor"] > 0.9
     assert "sensor" not in columns_of(search.problem, search.problem.rig)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("fault", "stage"), [(tired_driver, "driver"), (worn_place, "fluid")])
+@pytest.mark.parametrize("between", [(0, 1), (1, 0)])
+def test_the_stage_of_a_fault_of_a_frames_damper(fault: Fault, stage: str, between: tuple[int, int]) -> None:
+    """With its measured stroke put in, whichever way it stands in the frame; its sensor is none of its stages."""
+    rng = np.random.default_rng(4)
+    records = []
+    for k, ((scale, omega), u) in enumerate(zip(MOTIONS, COMMANDS, strict=True)):
+        x = scale * (0.01 * np.sin(omega * TIME) + 0.004 * np.sin(2.4 * omega * TIME))
+        sign = 1.0 if between == (0, 1) else -1.0
+        channels = {
+            "floor1_displacement_m": sign * x + 1e-6 * rng.standard_normal(len(x)),
+            "ground_acceleration_m_s2": np.zeros(len(x)),
+            "command": u,
+            "force_N": fault(x, u) + NOISE * rng.standard_normal(len(x)),
+        }
+        records.append(Record(f"{k}", None, DT, channels))
+    frame = ShearFrame([500.0], [4e5], [800.0], between)  # type: ignore[arg-type]
+    case = Case("a", Path(), Model("bingham", LAW, rig="frame", structure=frame), tuple(records), ())
+    block = Block("damper", None, 0.2, 0.01, np.full(DRAWS, 0.04))
+    assert damper_evidence(case, [replace(block, gap=0.01)]) is None
+    evidence = damper_evidence(case, [block])
+    problem = Problem(toy({}))
+    search = Search(problem, 1e-3)
+    shares = shares_by_stage(search, search.base, "unknown", [block], evidence)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert max(shares, key=lambda s: shares[s]) == stage
+    assert shares["sensor"] == 0
+    low, high = intervals_by_stage(search, search.base, "unknown", [block], evidence)[stage]
+    assert 0.5 < low <= high <= 1
 
 
 def test_wavering_is_told_from_a_white_rest_and_by_its_gain() -> None:

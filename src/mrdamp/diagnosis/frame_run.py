@@ -18,6 +18,7 @@ from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.frame import FINE, FrameRig, averaged
+from mrdamp.diagnosis.frame_damper import damper_evidence
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import (
     Block,
@@ -107,10 +108,11 @@ def diagnose_frame(
     settled = settle(search, chosen, mend=decision.verdict != "none")
     progress("looking at what is tied and unseen", 0.85)
     answer = run.assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    evidence = damper_evidence(case, found) if decision.verdict == "unknown" else None
     where = replace(
         answer.where,
-        stages=shares_by_stage(search, chosen, decision.verdict, found),
-        intervals=intervals_by_stage(search, chosen, decision.verdict, found),
+        stages=shares_by_stage(search, chosen, decision.verdict, found, evidence),
+        intervals=intervals_by_stage(search, chosen, decision.verdict, found, evidence),
         places=place_shares(found),
         place_intervals=place_intervals(found),
     )

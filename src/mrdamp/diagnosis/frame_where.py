@@ -20,6 +20,7 @@ from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.resample import SECONDS, Interval, draws, group_sums, interval
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.stage_evidence import StageEvidence
 from mrdamp.diagnosis.terms import STAGES
 from mrdamp.diagnosis.where import DrawnCosts, cause_shares, stage_shares
 from mrdamp.model import Model
@@ -105,21 +106,38 @@ def place_intervals(found: Sequence[Block]) -> dict[str, Interval]:
     return {name: interval(np.array([row[name] for row in rows])) for name in rows[0]}
 
 
-def shares_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequence[Block]) -> dict[str, float]:
+def shares_by_stage(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    found: Sequence[Block],
+    evidence: StageEvidence | None = None,
+) -> dict[str, float]:
     """Shares (adding up to 1) of the gap by stage.
 
     With effects named, theirs in the fall of the cost (Shapley). Without, those of the blocks at fault; the damper's
-    counts as fluid where its numbers are wrong, and is divided as its stages' effects come near where it is unknown.
+    counts as fluid where its numbers are wrong, and is divided where it is unknown: as its stages' own variables tell
+    its force (`evidence`), or else as their effects come near.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         return _of_causes(search, chosen, lambda f: f.cost)
-    return _of_blocks(found, stage_shares(search, chosen, verdict), place_shares(found))
+    nearest = stage_shares(search, chosen, verdict)
+    if evidence is not None and search.looks_like is None:
+        nearest = evidence.at()
+    return _of_blocks(found, nearest, place_shares(found))
 
 
-def intervals_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequence[Block]) -> dict[str, Interval]:
+def intervals_by_stage(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    found: Sequence[Block],
+    evidence: StageEvidence | None = None,
+) -> dict[str, Interval]:
     """95 % intervals of `shares_by_stage`; none where the shares are by definition.
 
-    Without effects named the blocks are drawn, and what divides the damper's share stays."""
+    Without effects named the blocks are drawn, and the evidence of the damper's stages with them; shares by their
+    effects stay."""
     if verdict == "effect" and chosen.hypothesis.terms:
         costs = DrawnCosts.of(search)
         rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
@@ -127,8 +145,13 @@ def intervals_by_stage(search: Search, chosen: Fit, verdict: str, found: Sequenc
         return {}
     else:
         nearest = stage_shares(search, chosen, verdict)
+        told = evidence if search.looks_like is None else None
         rows = [
-            _of_blocks(found, nearest, _of_total({b.name: b.drawn_excess(k) for b in found}))
+            _of_blocks(
+                found,
+                told.at(k) if told else nearest,
+                _of_total({b.name: b.drawn_excess(k) for b in found}),
+            )
             for k in range(len(found[0].drawn))
         ]
     return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
@@ -202,15 +225,15 @@ def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tup
             own = own + sign * force
         out["storey", j] = (own - shear)[keep], shear[keep]
     if force is not None and low in x and high in x:
-        stroke, velocity = _stroke(r, low, high)
+        along, velocity = stroke(r, low, high)
         answer = core.run(
-            model.law, model.attributes, dt, sign * stroke, sign * velocity, u=r.command, narx=model.narx
+            model.law, model.attributes, dt, sign * along, sign * velocity, u=r.command, narx=model.narx
         )["force"]
         out["damper", 0] = (lowpass(answer, dt, _BAND) - force)[keep], force[keep]
     return out
 
 
-def _stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
+def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
     """Displacement (m) and velocity (m/s) of floor `high` against floor `low`, (n,): displacements and accelerations
     together, each where it has the less noise (Wiener's weights for white noise in both)."""
     x = r.channel(f"floor{high}_displacement_m") - (r.channel(f"floor{low}_displacement_m") if low else 0.0)
