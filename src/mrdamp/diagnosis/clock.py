@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.damper_terms import positive
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Term
+from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Term, positive
 
 if TYPE_CHECKING:
     from mrdamp.diagnosis.search import Search
