@@ -33,7 +33,7 @@ inline double MountSlope(const Params& p, double d) {
 }
 
 // Friction inside the mount as a share of its largest, held' = (d' - abs(d') held) / slide (Dahl 1968; in parallel with
-// the spring as Berg, doi:10.1080/00423119808969453, has it for rubber): a function of the path of the stretch alone.
+// the spring as Berg, Vehicle System Dynamics 30 (1998), has friction in rubber): a function of the path of the stretch alone.
 struct Rubber {
   double stretch = 0;  // m, beyond the clearance
   double held = 0;     // -1 to 1
