@@ -22,7 +22,7 @@ from mrdamp.diagnosis.settle import heldout
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Settings
-from mrdamp.diagnosis.verdict import Scored, by_causes, decide, of_cause, shapley
+from mrdamp.diagnosis.verdict import UNKNOWN_ABOVE, Scored, by_causes, decide, of_cause, shapley
 from mrdamp.diagnosis.where import regimes, stage_shares
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -300,3 +300,21 @@ def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
     cost = {f.hypothesis.name: search.problem.cost(heldout(search.problem, f)) for f in fits}
     assert cost[fits[near.chosen.index].hypothesis.name] == min(cost.values())
     assert cost[fits[near.chosen.index].hypothesis.name] < cost[fits[decision.chosen.index].hypothesis.name]
+
+
+def test_the_answer_is_the_most_probable_one() -> None:
+    """Two forms of one cause together outweigh another that is a little better than each; and an unknown cause
+    outweighs a set whose own probability is shared with another."""
+    nominal = Scored((), False, 1.0, 0, 0)
+    b = Scored(("b",), False, 0.0099, 1, 1)
+    forms = [Scored(("a",), False, 0.01, 1, 2), Scored(("a",), False, 0.01, 1, 3)]
+    decision = decide([nominal, b, *forms], 0.001)
+    assert decision.verdict == "effect"
+    assert decision.chosen.causes == ("a",)
+    assert by_causes([nominal, b, *forms], decision.probabilities)[("a",)] > 0.5
+    left = 0.001 + 0.8 * UNKNOWN_ABOVE * (1 - 0.001)
+    one, two = Scored(("a",), False, left, 1, 1), Scored(("b",), False, 1.001 * left, 1, 2)
+    assert decide([nominal, one], 0.001).verdict == "effect"
+    shared = decide([nominal, one, two], 0.001)
+    assert shared.verdict == "unknown"
+    assert 0.3 < shared.unknown < 0.5

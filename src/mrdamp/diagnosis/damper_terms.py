@@ -23,14 +23,14 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
         Term(
             "driver_lag",
             "driver",
-            (positive("driver_lag_tau", 0.01, 3e-4, 0.5), positive("driver_lag_tau2", 1e-3, 1e-4, 0.2)),
-            ((0.01, 5e-4), (0.03, 5e-3)),
+            (positive("driver_lag_tau", 0.01, 1e-4, 0.5), positive("driver_lag_tau2", 1e-3, 1e-4, 0.2)),
+            ((0.001, 2e-4), (0.01, 5e-4), (0.03, 5e-3)),
         ),
         Term(
             "driver_lag",
             "driver",
-            (positive("driver_lag_tau", 0.01, 3e-4, 0.5), positive("driver_lag_fall", 0.01, 3e-4, 0.5)),
-            ((0.01, 0.02), (0.03, 0.015)),
+            (positive("driver_lag_tau", 0.01, 1e-4, 0.5), positive("driver_lag_fall", 0.01, 1e-4, 0.5)),
+            ((0.001, 0.002), (0.002, 0.001), (0.01, 0.02), (0.03, 0.015)),
             form="falling apart",
         ),
         Term(
@@ -61,7 +61,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ((0.005, 0.05, 0.4), (0.02, 0.15, 0.4)),
             form="fast and slow",
         ),
-        Term("command_delay", "driver", (positive("command_delay_d", 0.01, 3e-4, 0.3),), ((0.006,), (0.02,))),
+        Term("command_delay", "driver", (positive("command_delay_d", 0.01, 1e-4, 0.3),), ((0.001,), (0.006,), (0.02,))),
         Term(
             "saturation",
             "magnetics",

@@ -79,7 +79,10 @@ def decide(fits: Sequence[Scored], floor: float, rivals: Sequence[Scored] = ()) 
     scores = np.array([_evidence(f, floor, excess, resolution) for f in fits])
     weights = np.exp(scores - scores.max())
     probabilities = tuple(float(p) for p in weights / weights.sum())
-    chosen = fits[int(np.argmax(scores))]
+    # The answer is the most probable set of causes, all its forms together, in its best form.
+    known = by_causes(fits, probabilities)
+    likely = next(iter(known))
+    chosen = fits[max((k for k, f in enumerate(fits) if _named(f) == likely), key=lambda k: float(scores[k]))]
     left = max(chosen.cost - floor, 0.0) / excess
     if nominal.cost <= NONE_ABOVE * floor and least >= (1 - REDUCIBLE) * nominal.cost:
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
@@ -89,7 +92,6 @@ def decide(fits: Sequence[Scored], floor: float, rivals: Sequence[Scored] = ()) 
     if not chosen.causes:
         ratio = max(ratio, left * excess / (WRONG_FORM * floor))
     unknown = ratio**STEEPNESS / (1 + ratio**STEEPNESS)
-    verdict = "unknown" if ratio > 1 else "effect" if chosen.causes else "parameters"
     other = [_evidence(r, floor, excess, resolution) - OUTSIDE_PRICE for r in rivals]
     outside = None
     if other:
@@ -97,7 +99,11 @@ def decide(fits: Sequence[Scored], floor: float, rivals: Sequence[Scored] = ()) 
         rival = mass / (mass + float(weights.sum()))
         unknown = rival + (1 - rival) * unknown
         if rival > 0.5:
-            verdict, outside = "unknown", rivals[int(np.argmax(other))].index
+            outside = rivals[int(np.argmax(other))].index
+    if outside is not None or unknown > (1 - unknown) * known[likely]:
+        verdict = "unknown"
+    else:
+        verdict = "effect" if chosen.causes else "parameters"
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside)
 
 
@@ -112,9 +118,13 @@ def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tu
     """Probability of each set of causes, over held and free and over forms; largest first."""
     out: dict[tuple[str, ...], float] = {}
     for f, p in zip(fits, probabilities, strict=True):
-        key = tuple(sorted(f.causes)) if f.causes or not f.free else ("parameters",)
+        key = _named(f)
         out[key] = out.get(key, 0.0) + p
     return dict(sorted(out.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _named(f: Scored) -> tuple[str, ...]:
+    return tuple(sorted(f.causes)) if f.causes or not f.free else ("parameters",)
 
 
 def of_cause(sets: Mapping[tuple[str, ...], float]) -> dict[str, float]:
