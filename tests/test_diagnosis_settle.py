@@ -13,7 +13,9 @@ from mrdamp.diagnosis.settle import Settled, settle
 
 
 def fit_of(name: str, causes: tuple[str, ...], cost: float) -> Any:
-    return SimpleNamespace(name=name, cost=cost, hypothesis=SimpleNamespace(causes=causes))
+    return SimpleNamespace(
+        name=name, cost=cost, converged=True, hypothesis=SimpleNamespace(causes=causes, coordinates=(0,))
+    )
 
 
 def settled_by(gaps: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> tuple[str, list[str]]:
@@ -53,3 +55,19 @@ def test_one_that_is_worse_gives_way_to_another_of_its_causes(monkeypatch: pytes
 
 def test_the_least_bad_is_kept_where_all_are_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     assert settled_by({"chosen": 0.5, "second form": 0.9, "third form": 0.7}, monkeypatch)[0] == "chosen"
+
+
+@pytest.mark.parametrize(("further", "kept"), [(0.005, "further"), (0.02, "chosen")])
+def test_a_fit_that_was_still_moving_is_taken_on(
+    further: float, kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = fit_of("chosen", ("backlash",), 0.01)
+    chosen.converged, chosen.point = False, np.zeros(1)
+    search = SimpleNamespace(
+        problem=SimpleNamespace(gaps=lambda residual: np.full(3, 0.2)),
+        residual=None,
+        fitted=lambda hypothesis, start, *, most, stage: fit_of("further", ("backlash",), further),
+    )
+    monkeypatch.setattr(module, "refine", lambda search, chosen: (chosen, ()))
+    monkeypatch.setattr(module, "_settled", lambda _, f, c: Settled(f, c, np.zeros(3), cast(Any, None)))
+    assert cast(Any, settle(cast(Any, search), chosen).fit).name == kept

@@ -18,6 +18,8 @@ _WORTH = 0.15
 _ROUNDS = 2
 #: Other fits of the same causes that are settled where the chosen one is worse than nothing.
 _OTHERS = 3
+#: Iterations that a fit which was still moving goes on for.
+_THROUGH = 15
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,10 @@ def settle(
     Where that is worse than the nominal simulator (a form that the full step cannot follow), the same causes in other
     forms or with the law held or free are settled in its place, and the least bad is handed over.
     """
+    chosen = _through(search, chosen)
     best, corrections = refine(search, chosen) if mend else (chosen, ())
     tell("final fit")
-    settled = _settled(search, best, corrections)
+    settled = _settled(search, _through(search, best), corrections)
     nominal = _square(search.problem.gaps(search.residual))
     if not mend or _square(settled.heldout) <= nominal:
         return settled
@@ -93,6 +96,14 @@ def settle(
         if _square(settled.heldout) <= nominal:
             break
     return settled
+
+
+def _through(search: Search, found: Fit) -> Fit:
+    """A fit that a search broke off while it was still moving, taken to where it rests."""
+    if found.converged or not found.hypothesis.coordinates:
+        return found
+    further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=" through")
+    return min(further, found, key=lambda f: f.cost)
 
 
 def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settled:
