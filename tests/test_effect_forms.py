@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,102 +9,15 @@ from scipy.signal import lsim, lti
 
 from dampers import attributes, rms, sample
 from excitation import multisine, wave
+from form_runs import BINGHAM, DT, STEP, T, X, run
 from mrdamp import core
-from mrdamp.errors import InputError
 from twins import simulate
-
-BINGHAM = {"c0a": 800.0, "c0b": 300.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.004}
-DT = 5e-4  # s
-T = np.arange(0.0, 1.0, DT)
-X = 0.01 * np.sin(2 * np.pi * 1.5 * T)  # m
-STEP = np.where((T > 0.2) & (T < 0.6), 1.0, 0.0)  # A, up and down again
-
-
-def run(column: str, u: np.ndarray | float = 0.5, **effect: float) -> np.ndarray:
-    return core.run("bingham", {**BINGHAM, **effect}, DT, X, u=u, columns=(column,))[column]
 
 
 def test_gas_spring_has_a_cubic_part() -> None:
     k, k2, k3, f0 = 4000.0, 12.0, 3000.0, 20.0
     added = run("force", gas_spring_k=k, gas_spring_k2=k2, gas_spring_k3=k3, gas_spring_f0=f0) - run("force")
     np.testing.assert_allclose(added, k * X * (1 + k2 * X + k3 * X**2) + f0, atol=1e-6)
-
-
-def test_current_falls_at_its_own_rate() -> None:
-    rise, fall = 0.02, 0.06
-    current = run("current", STEP, driver_lag_tau=rise, driver_lag_fall=fall)
-    up, down = (T > 0.21) & (T < 0.59), T > 0.61
-    np.testing.assert_allclose(current[up], 1 - np.exp(-(T[up] - 0.2) / rise), atol=0.03)
-    np.testing.assert_allclose(current[down], np.exp(-(T[down] - 0.6) / fall), atol=0.02)
-    # The time constants themselves, by the logarithm's slope: a factor of two is far off.
-    slope = np.polyfit(T[down][:100], np.log(current[down][:100]), 1)[0]
-    assert -1 / slope == pytest.approx(fall, rel=0.01)
-
-
-def test_current_rises_no_faster_than_its_rate() -> None:
-    rate = 8.0  # A/s
-    current = run("current", STEP, driver_lag_tau=0.002, driver_lag_rate=rate)
-    slope = np.diff(current) / DT
-    assert np.abs(slope).max() <= rate * (1 + 1e-9)
-    ramp = (T > 0.22) & (T < 0.31)
-    np.testing.assert_allclose(current[ramp], rate * (T[ramp] - 0.2), atol=0.02)
-
-
-@pytest.mark.parametrize("ratio", [0.3, 0.7])
-def test_a_controlled_current_overshoots(ratio: float) -> None:
-    """Against SciPy, and the overshoot against its formula."""
-    tau, u = 0.02, 0.3 + 0.4 * STEP
-    w = 2 * ratio / tau
-    expected = 0.3 + lsim(lti([w**2], [1, tau * w**2, w**2]), 0.4 * STEP, T, interp=False)[1]
-    current = run("current", u, driver_lag_tau=tau, driver_lag_ratio=ratio)
-    np.testing.assert_allclose(current, expected, atol=0.02)  # the command jumps within a sample
-    overshoot = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
-    assert current.max() == pytest.approx(0.7 + 0.4 * overshoot, abs=2e-3)
-    slow = {"driver_lag_tau2": 0.1, "driver_lag_share": 0.4}
-    both = run("current", u, driver_lag_tau=tau, driver_lag_ratio=ratio, **slow)
-    behind = lsim(lti([1], [0.1, 1]), current - 0.3, T)[1] + 0.3
-    np.testing.assert_allclose(both, 0.6 * current + 0.4 * behind, atol=1e-3)
-
-
-def test_a_share_of_the_field_is_slower() -> None:
-    """Against SciPy's transfer function: eddy currents hold back a share of the field, the rest follows the current."""
-    tau, slow, share = 0.01, 0.15, 0.6
-    u = np.sin(2 * np.pi * 3 * T) * T
-    system = lti([(1 - share) * slow, 1], np.polymul([tau, 1], [slow, 1]))
-    lag = {"driver_lag_tau": tau, "driver_lag_tau2": slow}
-    field = run("field", u, driver_lag_share=share, **lag)
-    np.testing.assert_allclose(field, lsim(system, u, T)[1], atol=1e-3)
-    assert rms(field - run("field", u, **lag)) > 0.1 * rms(field)
-    alone = run("field", u, driver_lag_tau2=slow, driver_lag_share=share)  # no first pole
-    np.testing.assert_allclose(alone, (1 - share) * u + share * lsim(lti([1], [slow, 1]), u, T)[1], atol=1e-3)
-
-
-def test_a_pair_of_poles_has_no_rate() -> None:
-    with pytest.raises(InputError, match="driver_lag_ratio with driver_lag_rate"):
-        run("current", STEP, driver_lag_tau=0.01, driver_lag_ratio=0.5, driver_lag_rate=5.0)
-
-
-@pytest.mark.parametrize(
-    ("delay", "period", "phase"), [(0.0312, 0.0173, 0.4), (0.0, 0.05, 0.0), (0.004, 0.0031, 1.7)]
-)
-def test_a_controller_takes_the_command_at_its_ticks(delay: float, period: float, phase: float) -> None:
-    u = 0.5 + 0.5 * np.sin(2 * np.pi * 2 * T)
-    clock = {"command_delay_d": delay, "command_delay_period": period, "command_delay_phase": phase}
-    field = run("field", u, **clock)
-    ticks = (np.floor((T - delay) / period - phase) + phase) * period
-    taken = 0.5 + 0.5 * np.sin(2 * np.pi * 2 * np.maximum(ticks, 0.0))
-    since = T - delay - ticks
-    between = (since > DT) & (since < period - DT)  # a step takes a sample
-    np.testing.assert_allclose(field[between], taken[between], atol=1e-4)
-    assert between.mean() > 0.5
-    assert len(np.unique(np.round(field[between], 7))) < 1.2 * (T[-1] + delay) / period + 2
-    late = run("field", u, command_delay_d=delay + period / 2)
-    assert np.abs(field - late).max() > 0.4 * period * 2 * np.pi  # half the period at the largest slope
-
-
-def test_a_clock_has_a_shortest_period() -> None:
-    with pytest.raises(InputError, match="command_delay_period = 1e-06 s; allowed: 0, or from 1e-05"):
-        run("current", STEP, command_delay_period=1e-6)
 
 
 @pytest.mark.parametrize("shape", [1.0, 2.0, 6.0])
@@ -259,16 +170,6 @@ def test_a_mount_has_friction_inside(gap: float) -> None:
     assert error(mount_compliance_slide=2 * slide) > 0.012
 
 
-def test_magnetic_circuit_remembers_how_it_got_to_the_start() -> None:
-    b, d, start = 0.1, 0.2, -0.8
-    level = run("field", 0.5, remanence_b=b, remanence_d=d, remanence_start=start)
-    np.testing.assert_allclose(level, 0.5 - b * start)  # constant current: the branch stays
-    ramp = 0.5 + 0.4 * T
-    field = run("field", ramp, remanence_b=b, remanence_d=d, remanence_start=start)
-    branch = 1 + (start - 1) * np.exp(-(ramp - 0.5) / d)
-    np.testing.assert_allclose(field, ramp - b * branch, atol=2e-3)
-
-
 def test_a_moving_mass_rings_on_its_own_spring() -> None:
     """Against SciPy: the load cell feels the mass's own acceleration, whatever the step."""
     mass, hz, ratio = 5.0, 12.0, 0.1
@@ -384,14 +285,6 @@ def test_gas_carries_its_pressure_until_it_is_pressed_together() -> None:
     assert (with_gas - 0.3 * plain)[plain > 1].min() < 0  # it loses most of it
 
 
-def test_a_magnetic_circuit_may_have_risen_from_zero() -> None:
-    """A test at a constant current begins on the way up from zero, further the larger the current is."""
-    b, d = 0.1, 0.2
-    for u in (0.0, 0.3, 1.0):
-        field = run("field", u, remanence_b=b, remanence_d=d, remanence_rise=1.0)
-        np.testing.assert_allclose(field, u - b * (1 - np.exp(-u / d)), atol=1e-12)
-
-
 def test_a_late_reading_goes_on_beyond_the_record() -> None:
     """What a record's end does not show is taken to go on: standing still there, the last samples would be far off."""
     shift, v = 0.004, 0.03 * np.pi * np.cos(3 * np.pi * T)
@@ -401,82 +294,3 @@ def test_a_late_reading_goes_on_beyond_the_record() -> None:
     there = 0.03 * np.pi * np.cos(3 * np.pi * (T + shift))
     expected = 950 * there + 250 * np.tanh(there / 0.004)
     np.testing.assert_allclose(late[-8:], expected[-8:], atol=0.02 * np.abs(expected).max())
-
-
-def test_small_loops_of_a_magnetic_circuit_close() -> None:
-    """With stops of Prandtl and Ishlinskii, written out: a current that comes back finds the field that it left."""
-    b, d = 0.1, 0.2
-    up = np.concatenate([np.linspace(0, 0.8, 500), np.linspace(0.8, 0.5, 200), np.linspace(0.5, 0.6, 100)])
-    current = np.concatenate([up, np.linspace(0.6, 0.55, 100), np.linspace(0.55, 0.6, 100)])
-    current = np.concatenate([current, np.full(len(T) - len(current), 0.6)])
-    widths = d * 2 * np.arange(1, 7) / 7
-    stops, branch = np.zeros(6), [0.0]
-    for step in np.diff(current):
-        stops = np.clip(stops + step, -widths, widths)
-        branch.append(float(np.mean(stops) / d))
-    # A straight command, not a held one: the field is that of the sample itself.
-    field = run("field", current, remanence_b=b, remanence_d=d, remanence_stops=1.0)
-    np.testing.assert_allclose(field, current - b * np.array(branch), atol=2e-3)
-    assert field[999] == pytest.approx(field[799], abs=1e-9)
-    open_loop = run("field", current, remanence_b=b, remanence_d=d)
-    assert abs(open_loop[999] - open_loop[799]) > 1e-3
-
-
-UP_AND_DOWN = np.interp(T, [0, 0.25, 0.4, 0.55, 0.7, 0.99], [-0.3, 1.0, 0.2, 0.6, 0.0, 0.9])  # A
-
-
-def test_loops_of_a_magnetic_circuit_change_with_the_current() -> None:
-    """Against SciPy: the equation with bounds that grow on the way down and shrink on the way up."""
-    b, d, up, down = 0.1, 0.2, -0.5, 1.4
-    slope = np.gradient(UP_AND_DOWN, T)
-
-    def rate(t: float, h: np.ndarray) -> np.ndarray:
-        i, way = (
-            np.interp(t, T, UP_AND_DOWN),
-            np.interp(t + 1e-6, T, UP_AND_DOWN) - np.interp(t, T, UP_AND_DOWN),
-        )
-        bound = 1 + (up if way * i > 0 else down) * abs(i)
-        return np.asarray((way / 1e-6 / d) * (bound - np.sign(way) * h))
-
-    expected = solve_ivp(rate, (0, T[-1]), [0.0], t_eval=T, rtol=1e-6, atol=1e-7, max_step=1e-3).y[0]
-    level = {"remanence_up": up, "remanence_down": down}
-    field = run("field", UP_AND_DOWN, remanence_b=b, remanence_d=d, **level)
-    smooth = np.abs(slope) > 0
-    np.testing.assert_allclose(field[smooth], (UP_AND_DOWN - b * expected)[smooth], atol=1e-3)
-    plain = run("field", UP_AND_DOWN, remanence_b=b, remanence_d=d)
-    assert np.abs(field - plain).max() > 0.03
-
-
-@pytest.mark.parametrize(("up", "down"), [(0.0, 1.8), (-0.5, -0.6), (-2.0, 0.5)])
-def test_stops_of_a_magnetic_circuit_change_with_the_current(up: float, down: float) -> None:
-    """Against stops written out, whose bounds follow the current and close where they would turn round."""
-    b, d = 0.1, 0.1
-    widths, stops, branch = d * 2 * np.arange(1, 7) / 7, np.zeros(6), [0.0]
-    fine = np.interp(np.arange(0, T[-1] + 1e-9, DT / 10), T, UP_AND_DOWN)
-    for was, i in pairwise(fine):
-        above, below = (up, down) if i > 0 else (down, up)
-        high, low = max(1 + above * abs(i), 0.0), max(1 + below * abs(i), 0.0)
-        stops = np.clip(stops + i - was, -widths * low, widths * high)
-        branch.append(float(np.mean(stops) / d))
-    field = run(
-        "field",
-        UP_AND_DOWN,
-        remanence_b=b,
-        remanence_d=d,
-        remanence_stops=1.0,
-        remanence_up=up,
-        remanence_down=down,
-    )
-    np.testing.assert_allclose(field, UP_AND_DOWN - b * np.array(branch)[::10], atol=2e-3)
-
-
-def test_a_magnetic_circuit_begins_on_its_bound() -> None:
-    b, up, down = 0.1, -0.4, 0.9
-    for start, rise, bound in ((1.0, 0.0, 1 + 0.5 * up), (-1.0, 0.0, -(1 + 0.5 * down)), (0.0, 1.0, 0.5)):
-        field = run("field", 0.5, remanence_b=b, remanence_d=1.0, remanence_start=start, remanence_rise=rise,
-                    remanence_stops=1.0, remanence_up=up, remanence_down=down)  # fmt: skip
-        if rise == 0:
-            np.testing.assert_allclose(field, 0.5 - b * bound, atol=1e-12)
-        else:  # stops that are not met yet move with the current
-            limits = 2 * np.arange(1, 7) / 7 * (1 + 0.5 * up)
-            np.testing.assert_allclose(field, 0.5 - b * np.mean(np.minimum(0.5, limits)), atol=1e-12)
