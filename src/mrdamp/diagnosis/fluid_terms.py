@@ -10,15 +10,16 @@ from mrdamp.diagnosis.terms import Sizes, Term, linear, positive
 def fluid_terms(s: Sizes) -> tuple[Term, ...]:
     """The effects that act on the fluid's share of the force."""
     turn = replace(positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0), rugged=True)
+    heat = (
+        linear("heating_kappa", 0.02, 0.0, 1.0),
+        linear("heating_kappa_yield", 0.02, 0.0, 1.0),
+        positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
+    )
     return (
         Term(
             "heating",
             "fluid",
-            (
-                linear("heating_kappa", 0.02, 0.0, 1.0),
-                linear("heating_kappa_yield", 0.02, 0.0, 1.0),
-                positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
-            ),
+            heat,
             ((0.02, 0.02, 0.01 * s.heat / 10), (0.03, 0.0, 0.2 * s.heat / 10)),
             fixed={"heating_capacity": s.heat / 10},  # then the rise in the hottest record is about 10 K
         ),
@@ -26,9 +27,7 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
             "heating",
             "fluid",
             (
-                linear("heating_kappa", 0.02, 0.0, 1.0),
-                linear("heating_kappa_yield", 0.02, 0.0, 1.0),
-                positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
+                *heat,
                 positive("heating_link", 0.3 * s.heat / 10, 0.01 * s.heat / 10, 10 * s.heat / 10),
                 positive("heating_body", 2 * s.heat / 10, 0.1 * s.heat / 10, 100 * s.heat / 10),
                 positive("heating_shape", 3.0, 0.5, 30.0, 0.5),
