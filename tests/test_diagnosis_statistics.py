@@ -22,7 +22,7 @@ from mrdamp.diagnosis.settle import heldout
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Settings
-from mrdamp.diagnosis.verdict import UNKNOWN_ABOVE, Scored, by_causes, decide, of_cause, shapley
+from mrdamp.diagnosis.verdict import UNKNOWN_ABOVE, Scored, by_causes, decide, of_cause, shapley, with_lapse
 from mrdamp.diagnosis.where import regimes, stage_shares
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -318,3 +318,13 @@ def test_the_answer_is_the_most_probable_one() -> None:
     shared = decide([nominal, one, two], 0.001)
     assert shared.verdict == "unknown"
     assert 0.3 < shared.unknown < 0.5
+
+
+def test_probabilities_leave_room_for_what_nobody_thought_of() -> None:
+    """With a lapse rate of 4 % no answer states more than .96 and its part of the rest; order and sum stay."""
+    sets = {("a",): 0.999, ("b",): 0.001, ("unknown",): 0.0, (): 0.0}
+    found = with_lapse(sets)
+    assert list(found) == list(sets)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert found["a",] == pytest.approx(0.96 * 0.999 + 0.01)
+    assert found["unknown",] == pytest.approx(0.01)

@@ -29,7 +29,7 @@ from mrdamp.diagnosis.settle import Settled, heldout, settle
 from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
-from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause
+from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause, with_lapse
 from mrdamp.diagnosis.where import cause_shares, record_shares, regimes, stage_intervals, stage_shares
 from mrdamp.diagnosis.words import sentence
 
@@ -153,6 +153,8 @@ def assemble(
         ("unknown",): decision.unknown
     }
     sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
+    weighed = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
+    sets = with_lapse(sets)
     causes = of_cause(sets)
     rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
     nominal_gaps = search.problem.gaps(search.residual)
@@ -197,11 +199,7 @@ def assemble(
         records=record_shares(search.problem, search.residual),
         regimes=regimes(conditions, search.residual, halves),
     )
-    candidates = tuple(
-        Candidate(c, p, _candidate_gap(search, fits, c))
-        for c, p in list(sets.items())[:6]
-        if p > 1e-4 or not c
-    )
+    candidates = tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed)
     pictures: dict[str, Any] = {
         "nominal": search.residual / search.problem.weights,
         "corrected": residual / settled.problem.weights,

@@ -27,6 +27,9 @@ WRONG_FORM = 0.5
 OUTSIDE_PRICE = 1.5
 #: How sharply the probability of an unknown cause rises about these two.
 STEEPNESS = 2.0
+#: Share of answers that are wrong for a reason that no fit of theirs sees, such as a form that nobody thought of: of
+#: 269 answers on opened cases of the blind test that stated .99 or more, 12 were.
+LAPSE = 0.04
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,14 @@ def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tu
         key = _named(f)
         out[key] = out.get(key, 0.0) + p
     return dict(sorted(out.items(), key=lambda item: (-item[1], item[0])))
+
+
+def with_lapse(sets: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+    """Probabilities of sets of causes with the lapse rate spread evenly over all of them; their order stays.
+
+    Source: Wichmann & Hill (2001), doi:10.3758/BF03194544, eq. 1.
+    """
+    return {causes: (1 - LAPSE) * p + LAPSE / len(sets) for causes, p in sets.items()}
 
 
 def _named(f: Scored) -> tuple[str, ...]:
