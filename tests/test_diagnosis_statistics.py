@@ -320,6 +320,18 @@ def test_the_answer_is_the_most_probable_one() -> None:
     assert 0.3 < shared.unknown < 0.5
 
 
+def test_what_does_not_repeat_is_neither_nothing_nor_wrong_numbers() -> None:
+    """Two runs of one test that differ: other numbers, the same in both runs, cannot be the answer; an effect can."""
+    nominal = Scored((), False, 1.0, 0)
+    freed, effect = Scored((), True, 0.01, 0), Scored(("a",), False, 0.01, 1)
+    assert decide([nominal, freed], 0.01).verdict == "parameters"
+    assert decide([nominal, freed], 0.01, steady=False).verdict == "unknown"
+    assert decide([nominal, effect], 0.01, steady=False).verdict == "effect"
+    quiet = Scored((), False, 0.011, 0)
+    assert decide([quiet], 0.01).verdict == "none"
+    assert decide([quiet], 0.01, steady=False).verdict == "unknown"
+
+
 def test_probabilities_leave_room_for_what_nobody_thought_of() -> None:
     """With a lapse rate of 4 % no answer states more than .96 and its part of the rest; order and sum stay."""
     sets = {("a",): 0.999, ("b",): 0.001, ("unknown",): 0.0, (): 0.0}

@@ -137,7 +137,7 @@ def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
     weighed = [replace(s, move=0.0) for s in run.scored(fits, doubts)]
     rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
-    decision = decide(weighed, search.floor, rivals)
+    decision = decide(weighed, search.floor, rivals, steady=search.steady)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     first = fits[0]
@@ -165,6 +165,7 @@ def _search(
         problem = Problem(replace(rig, placed=True), problem.records, coarse=True)
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
+    search.steady = noise.steady
     at_fault = frozenset(_block_names(rig)) - rig.clean
     places = frozenset(b for b in at_fault if b != "damper")
     steps: tuple[tuple[str, FrameRig, bool, int], ...] = (

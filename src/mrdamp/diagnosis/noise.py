@@ -23,12 +23,14 @@ _CLEAR = 0.012
 class Noise:
     """Standard deviation of each channel's noise (channels,), in its unit, and where it is known from.
 
-    varying: the same without what differs by a constant from run to run.
+    varying: the same without what differs by a constant from run to run. steady: False where two runs of one test
+    differ by more than their noise.
     """
 
     levels: Array
     source: str  # "repeat" or "high band"
     varying: Array
+    steady: bool = True
 
 
 def channel_noise(case: Case, rig: Rig) -> Noise:
@@ -61,7 +63,7 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
             ratio = noise.varying[c] / white
             notes.append(f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise")
             levels[c] = white
-    return replace(noise, levels=levels), notes
+    return replace(noise, levels=levels, steady=not notes), notes
 
 
 def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:

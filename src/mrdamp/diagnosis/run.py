@@ -83,6 +83,7 @@ def diagnose(
     problem = Problem(rig, stride=stride, coarse=True, trust=trust(plain, floor))
     progress("recalibrating the nominal parameters", 0.02)
     search = Search(problem, problem.cost(floor), limits or Limits(), jobs, store or Store())
+    search.steady = noise.steady
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)
     decision = with_nearest(search, fits, decision)
@@ -96,7 +97,7 @@ def diagnose(
 def judge(search: Search) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision over them."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    decision = decide(scored(fits), search.floor, scored(search.rivals))
+    decision = decide(scored(fits), search.floor, scored(search.rivals), steady=search.steady)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     return fits, decision

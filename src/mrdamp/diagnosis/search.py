@@ -57,7 +57,8 @@ def first_forms(ranked: Sequence[Promise]) -> list[Promise]:
 class Search:
     """Fits of hypotheses on one problem. floor: the cost that noise alone leaves.
 
-    rivals: fits of causes outside the catalogue; looks_like: the one of them that the verdict went by.
+    rivals: fits of causes outside the catalogue; looks_like: the one of them that the verdict went by. steady: False
+    where two runs of one test differ by more than their noise.
     """
 
     problem: Problem
@@ -69,6 +70,7 @@ class Search:
     failed: list[str] = field(default_factory=list)
     rivals: list[Fit] = field(default_factory=list)
     looks_like: Fit | None = None
+    steady: bool = True
     _fine_costs: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
