@@ -72,6 +72,22 @@ class TwoPoles:
         return np.where(self.on, new[:, 0], signal)
 
 
+class Settling:
+    """An offset (channels,) that dies away from the start with a time constant (channels,), s; else as OnePole."""
+
+    def __init__(self, offset: Array, tau: Array, period: float, n: int) -> None:
+        self.offset, self.decay = offset, np.exp(-period / np.where(tau > 0, tau, 1.0))
+        self.past = np.ones((n, len(tau)))  # share of the offset that is left
+
+    def __call__(self, signal: Array, fresh: Sequence[int] | None) -> Array:
+        """(n, channels) out for (n, channels) in, one period later; or of `fresh` rows, which start with this one."""
+        if fresh is not None:
+            self.past[list(fresh)] = 1.0
+            return signal + self.offset
+        self.past *= self.decay
+        return signal + self.offset * self.past
+
+
 class FloorSensors:
     """Accelerometers of n frames: gain, leakage, lag and offset as in the C entry, at the control period."""
 
@@ -91,13 +107,18 @@ class FloorSensors:
         self.share = share
         self.leaks = [OnePole(tau, period, n, high=True) for tau in leaks if len(leaks) > 1 or tau.any()]
         poles = [np.where(ratio > 0, 0.0, tau) for tau in (lag, lag2)]
-        self.lags: list[OnePole | TwoPoles] = [OnePole(tau, period, n, high=False) for tau in poles if tau.any()]
+        self.lags: list[OnePole | TwoPoles | Settling] = [
+            OnePole(tau, period, n, high=False) for tau in poles if tau.any()
+        ]
         if ratio.any():
             self.lags.append(TwoPoles(lag, ratio, period, n))
+        settle = given(frame.acc_settle, 0.0)
+        if settle.any():
+            self.lags.append(Settling(settle, given(frame.acc_settle_time, 0.0), period, n))
         self.ideal = not (self.filters or self.offset.any() or (self.gain != 1.0).any())
 
     @property
-    def filters(self) -> list[OnePole | TwoPoles]:
+    def filters(self) -> list[OnePole | TwoPoles | Settling]:
         """All that remember something."""
         return [*self.leaks, *self.lags]
 

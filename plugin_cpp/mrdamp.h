@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 5 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 6 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -110,6 +110,10 @@ typedef struct {
   const double* acc_leakage_share;
   const double* acc_leakage2;
   const double* acc_ratio;
+  /* per floor accelerometer: offset besides that dies away from the start (m/s2; NULL, 0: none), its time constant (s;
+   * NULL, 0: 1) */
+  const double* acc_settle;
+  const double* acc_settle_time;
 } mrdamp_frame;
 
 /* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements

@@ -194,7 +194,23 @@ def test_a_dashpot_that_grows_with_the_velocity() -> None:
     assert off(got["displacement_2"], want[1]) < 2e-3 < 0.05 < off(linear[1], want[1])
 
 
-def test_a_second_order_lag_without_its_damping_is_refused() -> None:
+def test_an_offset_of_an_accelerometer_dies_away_from_the_start() -> None:
+    plain = frame_of(2, (0, 1))
+    settle, time = np.array([0.0, 0.7]), np.array([0.0, 0.4])
+    sensed = replace(plain, acc_gain=np.ones(2), acc_settle=settle, acc_settle_time=time)
+    a, b = (core.run_frame("bouc_wen", BOUC_WEN, f, DT, motion(TIME), 1.0) for f in (plain, sensed))
+    np.testing.assert_array_equal(a["acceleration_1"], b["acceleration_1"])
+    apart = b["acceleration_2"] - a["acceleration_2"]
+    np.testing.assert_allclose(apart, 0.7 * np.exp(-TIME / 0.4), atol=1e-9)
+    whole = replace(sensed, acc_settle_time=None)  # a second
+    again = core.run_frame("bouc_wen", BOUC_WEN, whole, DT, motion(TIME), 1.0)["acceleration_2"]
+    np.testing.assert_allclose(again - a["acceleration_2"], 0.7 * np.exp(-TIME), atol=1e-9)
+
+
+def test_sensors_of_a_floor_that_cannot_be_are_refused() -> None:
+    bad = replace(frame_of(2, (0, 1)), acc_settle_time=np.array([0.0, -1.0]))
+    with pytest.raises(InputError, match=r"acc_settle_time of floor 2 is -1"):
+        core.run_frame("bouc_wen", BOUC_WEN, bad, DT, motion(TIME), 1.0)
     bad = replace(frame_of(2, (0, 1)), acc_ratio=np.array([0.0, 1.2]))
     with pytest.raises(InputError, match=r"acc_ratio of floor 2 is 1.2"):
         core.run_frame("bouc_wen", BOUC_WEN, bad, DT, motion(TIME), 1.0)

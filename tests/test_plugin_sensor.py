@@ -102,6 +102,11 @@ def test_chain_of_filters_on_a_sine(frequency: float) -> None:
     assert rms((read(60.0 * np.sin(w * t), chain) - expected)[late]) < 2e-3 * 60.0 * abs(response)
 
 
+def test_an_offset_settles_from_the_start() -> None:
+    settling: Values = {"sensor_offset_f": 5.0, "sensor_offset_settle": -60.0, "sensor_offset_time": 0.1}
+    close(read(RAMP, settling), RAMP + 5.0 - 60.0 * np.exp(-T / 0.1), 100.0)
+
+
 def test_filters_do_not_depend_on_the_timestep() -> None:
     chain: Values = {"sensor_leakage_tau": 0.05, "sensor_lag_tau": 0.004}
     fine = grid(0.3, 2e-4)

@@ -50,7 +50,7 @@ EFFECTS = {
         Effect("channel_shift", {"d": 0.003}),
         Effect("saturation", {"i_s": 1.0, "shape": 1.0}),
         Effect("sensor_gain", {"g": 1.2}),
-        Effect("sensor_offset", {"f": 30.0}),
+        Effect("sensor_offset", {"f": 30.0, "settle": 200.0, "time": 0.3}),
         Effect("gas_spring", {"k": 3000.0, "k2": 5.0, "f0": 50.0}),
     ),
 }
@@ -93,6 +93,7 @@ FRAME_EFFECTS = {
         Effect("storey_damping", {"e": 0.5, "quadratic": 2000.0}, 1),
         Effect("sensor_lag", {"tau": 0.006, "ratio": 0.6}, 1),
         Effect("sensor_leakage", {"tau": 0.2, "share": 0.4, "tau2": 1.0}, 2),
+        Effect("sensor_offset", {"settle": 0.5, "time": 0.6}, 3),
         Effect("sensor_leakage", {"tau": 0.2, "share": 0.4}, 3),
     ),
 }

@@ -52,6 +52,12 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
                   f.acc_ratio[i]);
     return false;
   }
+  for (int i = 0; f.acc_settle_time && i < n; i++) {
+    if (f.acc_settle_time[i] >= 0) continue;
+    std::snprintf(error, error_size, "structure: acc_settle_time of floor %d is %g; allowed are numbers of at least 0", i + 1,
+                  f.acc_settle_time[i]);
+    return false;
+  }
   if (f.damper_to >= 0 && (f.damper_from < 0 || f.damper_from == f.damper_to || f.damper_from > n || f.damper_to > n)) {
     std::snprintf(error, error_size, "damper_between: [%d, %d]; allowed are two different floors of 0 (ground) to %d",
                   f.damper_from, f.damper_to, n);
@@ -190,6 +196,8 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
     if (f.acc_leakage_share) floor_params[i].share = f.acc_leakage_share[i];
     if (f.acc_leakage2) floor_params[i].leakage2 = f.acc_leakage2[i];
     if (f.acc_ratio) floor_params[i].ratio = f.acc_ratio[i];
+    if (f.acc_settle) floor_params[i].settle = f.acc_settle[i];
+    if (f.acc_settle_time && f.acc_settle_time[i] > 0) floor_params[i].settle_time = f.acc_settle_time[i];
   }
   if (damped) {
     Start(d, &state.s, 0, 0, u[0]);

@@ -15,10 +15,11 @@ struct SensorParams {
   double lag = 0, lag2 = 0;  // s, low-pass; 0: none
   double share = 0, leakage2 = 0;  // of the charge that leaks with another time constant, and that (s; 0: it does not)
   double ratio = 0;                // damping of a low-pass of second order in place of the poles; 0: the poles
+  double settle = 0, settle_time = 1;  // offset besides, which dies away from the start, and its time constant, s
 
   static SensorParams Of(const Params& p) {
     return {p.sensor_gain_g, p.sensor_offset_f, p.sensor_leakage_tau, p.sensor_lag_tau, p.sensor_lag_tau2,
-            p.sensor_leakage_share, p.sensor_leakage_tau2, p.sensor_lag_ratio};
+            p.sensor_leakage_share, p.sensor_leakage_tau2, p.sensor_lag_ratio, p.sensor_offset_settle, p.sensor_offset_time};
   }
 };
 
@@ -28,18 +29,21 @@ struct Sensor {
   double charge = 0;   // behind the leakage
   double charge2 = 0;  // the same of what leaks with the other time constant
   double first = 0, second = 0;
+  double unsettled = 1;  // share of the settling offset that is left
   Oscillator filter;
 
   void Start(const SensorParams& p, double f) {
     in = f;
     charge = charge2 = first = second = filter.y = p.gain * f;
     filter.rate = 0;
+    unsettled = 1;
   }
   void Step(const SensorParams& p, double f, double dt) {
     const double from = Charge(p);
     charge = Leak(charge, p.leakage, p, f, dt);
     if (p.share > 0) charge2 = Leak(charge2, p.leakage2, p, f, dt);
     in = f;
+    if (p.settle != 0) unsettled *= std::exp(-dt / p.settle_time);
     const double now = Charge(p);
     if (p.ratio > 0 && p.lag > 0) {
       if (dt > 0) filter.Step(2 * p.ratio / p.lag, p.ratio, from, now, dt);
@@ -50,7 +54,7 @@ struct Sensor {
     first = dt > 0 ? Lag(first, from, now, p.lag, dt) : (p.lag > 0 ? first : now);
     second = dt > 0 ? Lag(second, to, first, p.lag2, dt) : (p.lag2 > 0 ? second : first);
   }
-  double Read(const SensorParams& p) const { return second + p.offset; }
+  double Read(const SensorParams& p) const { return second + p.offset + p.settle * unsettled; }
 
  private:
   double Charge(const SensorParams& p) const { return p.share > 0 ? charge + p.share * (charge2 - charge) : charge; }

@@ -22,7 +22,8 @@ const Option kOptions[] = {
     {"noise", "N", 0, 0, kInf},                     {"seed", "1", 0, 0, 9007199254740992.0},
 };
 const char* const kOwn[] = {"sensor_gain_g", "sensor_offset_f", "sensor_leakage_tau", "sensor_lag_tau", "sensor_lag_tau2",
-                            "sensor_leakage_share", "sensor_leakage_tau2", "sensor_lag_ratio"};
+                            "sensor_leakage_share", "sensor_leakage_tau2", "sensor_lag_ratio", "sensor_offset_settle",
+                            "sensor_offset_time"};
 const char* const kSignalNames[] = {"force",    "charge",          "true_force", "stroke",
                                     "stroke_velocity", "current", "field",      "temperature"};
 static_assert(std::size(kSignalNames) == 8);
@@ -141,7 +142,8 @@ void ForceSensorInstance::Refresh(const mjModel* m) {
 // What stands on the sensor itself counts; else what the damper that it reads carries.
 SensorParams ForceSensorInstance::Reading(const Params& p) const {
   SensorParams r = SensorParams::Of(p);
-  double* const value[] = {&r.gain, &r.offset, &r.leakage, &r.lag, &r.lag2, &r.share, &r.leakage2, &r.ratio};
+  double* const value[] = {&r.gain, &r.offset, &r.leakage, &r.lag, &r.lag2, &r.share, &r.leakage2, &r.ratio,
+                           &r.settle, &r.settle_time};
   static_assert(std::size(value) == std::size(kOwn));
   for (std::size_t i = 0; i < std::size(kOwn); i++) {
     if (!std::isnan(own_[i])) *value[i] = own_[i];

@@ -39,7 +39,7 @@ class ForceSensorInstance {
   int instance_ = 0, sensor_ = 0, actuator_ = 0;
   int signal_ = kForce;
   double sensitivity_ = -158.248;  // pC/N
-  double own_[8];                  // sensor_* given here rather than on the damper; NaN: not given
+  double own_[10];                  // sensor_* given here rather than on the damper; NaN: not given
   double resolution_ = 0, range_ = 0, noise_ = 0;
   std::uint64_t seed_ = 0;
   std::vector<char> attributes_;

@@ -32,7 +32,7 @@ Record Motion(int n = 400, double dt = 1e-3) {
 }
 
 TEST(NumbersOfTheInterface) {
-  CHECK(mrdamp_abi() == 5);
+  CHECK(mrdamp_abi() == 6);
   CHECK(mrdamp_law_count() == 5);
   for (int law = 0; law < 5; law++) CHECK(mrdamp_law_find(mrdamp_law_name(law)) == law);
   CHECK(mrdamp_law_find("") == -1 && mrdamp_law_find("dahl") == -1);
@@ -146,7 +146,7 @@ TEST(AFrameIsChecked) {
   const auto refused = [&](int storeys, int from, int to, int n = 10, double dt = 1e-3) {
     const mrdamp_frame f{storeys, mass, stiffness, damping, friction, from, to,
                          nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr, nullptr, one_sided, nullptr,
-                         damping2, nullptr, nullptr,   ratio};
+                         damping2, nullptr, nullptr,   ratio,    nullptr, nullptr};
     char err[300] = "";
     mrdamp_run_frame(0, nullptr, 1, params.data(), &f, dt, n, ground.data(), u.data(), nullptr, out.data(), err, sizeof err);
     return std::string(err);
@@ -223,7 +223,7 @@ TEST(FramesOnThreadsDoNotChangeABit) {
   std::size_t size = 0;
   for (int k = 0; k < sets; k++) {
     frames.push_back({1 + k % 3, mass, stiffness, damping, k % 2 ? friction : nullptr, 0, 1, nullptr, nullptr, nullptr, nullptr,
-                      nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr});
+                      nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr});
     const std::vector<double> one = Parameters(And(kSpencer, {{"c0a", 1000.0 + 100 * k}}));
     params.insert(params.end(), one.begin(), one.end());
     size += static_cast<std::size_t>(2 * (1 + k % 3) + 7) * n;

@@ -42,6 +42,20 @@ TEST(LeakageIsExactOnRamps) {
   }
 }
 
+TEST(AnOffsetThatSettlesIsExact) {
+  SensorParams p;
+  p.gain = 1.1, p.offset = 2, p.settle = -30, p.settle_time = 0.4;
+  for (const int steps : {1, 7, 400}) {
+    Sensor s;
+    s.Start(p, 80);
+    NEAR(s.Read(p), 88 + 2 - 30, 1e-11);
+    for (int k = 1; k <= steps; k++) s.Step(p, 80, 0.6 / steps);
+    NEAR(s.Read(p), 88 + 2 - 30 * std::exp(-0.6 / 0.4), 1e-11);
+    s.Start(p, 80);  // a new run: set to zero again
+    NEAR(s.Read(p), 60, 1e-11);
+  }
+}
+
 TEST(AShareOfTheChargeLeaksByItself) {
   SensorParams p;
   p.leakage = 0.05, p.share = 0.3, p.leakage2 = 0.5, p.gain = 1.1;

@@ -182,7 +182,7 @@ class FrameInput:
     `damping2` (N s2/m2): damping2 |v| v beside damping times the rate v of the drift.
     `acc_*`: the floors' accelerometers (gain, offset m/s2, leakage s, lag s and its second pole s; the share of the
     charge that leaks with another time constant, and that in s; the damping ratio of a lag of second order in place of
-    the two poles).
+    the two poles; an offset besides, m/s2, that dies away from the start with a time constant in s, 0: 1 s).
     """
 
     mass: Array
@@ -203,6 +203,8 @@ class FrameInput:
     acc_leakage_share: Array | None = None
     acc_leakage2: Array | None = None
     acc_ratio: Array | None = None
+    acc_settle: Array | None = None
+    acc_settle_time: Array | None = None
 
 
 def frame_columns(storeys: int) -> tuple[str, ...]:
@@ -268,6 +270,8 @@ def run_frame_many(
             "acc_leakage_share",
             "acc_leakage2",
             "acc_ratio",
+            "acc_settle",
+            "acc_settle_time",
         ):
             setattr(row, name, held(name, getattr(frame, name), row.storeys))
         row.damper_from, row.damper_to = frame.damper_between or (-1, -1)

@@ -40,7 +40,7 @@ STRUCTURE_EFFECTS: Mapping[str, Mapping[str, str]] = {
 #: Effects of a floor's accelerometer in a frame, where their place is the floor.
 FLOOR_SENSOR_EFFECTS: Mapping[str, Mapping[str, str]] = {
     "sensor_gain": {"g": "acc_gain"},
-    "sensor_offset": {"f": "acc_offset"},
+    "sensor_offset": {"f": "acc_offset", "settle": "acc_settle", "time": "acc_settle_time"},
     "sensor_leakage": {"tau": "acc_leakage", "share": "acc_leakage_share", "tau2": "acc_leakage2"},
     "sensor_lag": {"tau": "acc_lag", "tau2": "acc_lag2", "ratio": "acc_ratio"},
 }

@@ -13,7 +13,7 @@ from mrdamp.library import library_path
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 5
+_ABI = 6
 ERROR_SIZE = 400
 
 
@@ -43,6 +43,8 @@ class Frame(ctypes.Structure):
         ("acc_leakage_share", double_p),
         ("acc_leakage2", double_p),
         ("acc_ratio", double_p),
+        ("acc_settle", double_p),
+        ("acc_settle_time", double_p),
     )
 
 

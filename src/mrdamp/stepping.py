@@ -239,6 +239,9 @@ def _through_floor_sensors(model: Model, out: dict[str, Array], dt: float) -> No
                 a = _first_order(a, dt, tau, high=False) if tau > 0 else a
         if frame.acc_offset is not None:
             a = a + frame.acc_offset[j]
+        if frame.acc_settle is not None:
+            tau = 0.0 if frame.acc_settle_time is None else float(frame.acc_settle_time[j])
+            a = a + frame.acc_settle[j] * np.exp(-dt * np.arange(len(a)) / (tau or 1.0))
         out[f"acceleration_{j + 1}"] = a
 
 

@@ -227,6 +227,17 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             ((0.05 * s.force,),),
         ),
         Term(
+            "sensor_offset",
+            "sensor",
+            (
+                linear("sensor_offset_f", 0.02 * s.force, -2 * s.force, 2 * s.force),
+                linear("sensor_offset_settle", 0.02 * s.force, -4 * s.force, 4 * s.force),
+                positive("sensor_offset_time", 1.0, 0.02, 100.0),
+            ),
+            ((0.05 * s.force, 0.05 * s.force, 1.0),),
+            form="settling",
+        ),
+        Term(
             "sensor_leakage", "sensor", (positive("sensor_leakage_tau", 2.0, 0.02, 200.0),), ((2.0,), (0.3,))
         ),
         Term(

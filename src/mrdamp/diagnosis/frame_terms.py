@@ -67,6 +67,11 @@ def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ..
 def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
     """acceleration (m/s2) that the accelerometer of floor j reads, sample time dt (s)."""
     offset = linear(f"sensor_offset_f@{j}", 0.02 * acceleration, -5 * acceleration, 5 * acceleration)
+    settling = (
+        offset,
+        linear(f"sensor_offset_settle@{j}", 0.02 * acceleration, -10 * acceleration, 10 * acceleration),
+        positive(f"sensor_offset_time@{j}", 1.0, 0.02, 100.0),
+    )
     leakage = positive(f"sensor_leakage_tau@{j}", 1.0, 0.01, 200.0)
     lag = (
         positive(f"sensor_lag_tau@{j}", 2 * dt, 0.1 * dt, 50 * dt),
@@ -88,6 +93,10 @@ def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
             (0.95,),
         ),
         _placed("sensor_offset", "sensor", j, (offset,), (0.02 * acceleration,), (-0.02 * acceleration,)),
+        replace(
+            _placed("sensor_offset", "sensor", j, settling, (0.02 * acceleration, 0.02 * acceleration, 1.0)),
+            form="settling",
+        ),
         _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
         replace(
             _placed("sensor_leakage", "sensor", j, shares, (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)), form="two shares"
