@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mrdamp.compare.motions import tuning_motions
+from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.diagnosis.case import read_case
 from mrdamp.errors import InputError
 from mrdamp.gap import real
 from mrdamp.gap.closed_loop import write_case
 from mrdamp.gap.desk import Desk, folded, nominal_frame
-from mrdamp.gap.page import gap_rows, page, score_rows
+from mrdamp.gap.learned import Learning, straightened
+from mrdamp.gap.page import gap_rows, page, score_rows, ways
 from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
 from mrdamp.model import Effect
 from mrdamp.motions import GroundMotion
@@ -164,6 +167,64 @@ def test_a_page_says_what_was_named_and_closed(tmp_path: Path) -> None:
     assert "differ by 0.4" in text
 
 
+def test_a_page_of_what_is_learned_has_the_ways_that_there_are(tmp_path: Path) -> None:
+    found = Study("learned", 0.5, 0.004, (row("driver_lag", ("driver_lag",), retuned=0.52),))
+    assert [name for name, _ in ways(found)] == ["real", "retuned"]
+    assert score_rows(found) == [("driver_lag", 0.6, 0.52)]
+    page(found).write(tmp_path / "index.html")
+    text = (tmp_path / "index.html").read_text()
+    assert "tuned on the corrected one" in text
+    assert "blindly" not in text
+
+
+@pytest.mark.parametrize(
+    ("spec", "match"),
+    [
+        ("learned:steps=3", "option 'steps'"),
+        ("learned:timesteps=1e6", "timesteps is '1e6'"),
+        ("learned:timesteps=0", "> 0"),
+    ],
+)
+def test_wrong_options_of_a_training_are_told(spec: str, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        Options(controller=spec)
+
+
+def test_a_policy_is_trained_on_a_structure_with_its_masses_and_stiffnesses() -> None:
+    """What else is wrong stays an effect."""
+    nominal = nominal_frame()
+    effects = (Effect("storey_stiffness", {"e": -0.3}, 1), Effect("sensor_gain", {"g": 1.1}, 2))
+    softer = replace(nominal, effects=effects)
+    structure = straightened(softer).structure
+    assert structure is not None
+    assert nominal.structure is not None
+    np.testing.assert_allclose(structure.stiffness / nominal.structure.stiffness, [0.7, 1.0, 1.0])
+    assert straightened(softer).effects == effects[1:]
+
+
+@pytest.mark.slow  # a training is judged on 84 motions at least once
+def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_path: Path) -> None:
+    """In another simulator it is another one; a training is made once."""
+    pytest.importorskip("yaml")
+    learning = Learning.of("learned:timesteps=1", 3, tmp_path)
+    assert learning is not None
+    nominal = nominal_frame()
+    softer = replace(nominal, effects=(Effect("storey_stiffness", {"e": -0.3}, 1),))
+    site, seen = registry.Site.of(nominal), {"acceleration_3": 2.0, "displacement_1": 1e-3, "force": 200.0}
+    y = dict.fromkeys(["acceleration_1", "acceleration_2", "acceleration_3", "displacement_1", "force"], 0.0) | seen
+    trained, commands = [], []
+    for model in (nominal, softer, nominal):
+        told: list[float] = []
+        controller = learning.train(model, site, lambda what, share: told.append(share))  # noqa: B023
+        controller.reset()
+        motion = [{name: v * np.sin(0.3 * k) for name, v in y.items()} for k in range(60)]
+        commands.append([controller.command(0.002 * k, now) for k, now in enumerate(motion)])
+        trained.append(bool(told))
+    assert trained == [True, True, False]
+    assert len(list(tmp_path.iterdir())) == 2
+    assert commands[0] == commands[2] != commands[1]
+
+
 def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
@@ -174,7 +235,7 @@ def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(
         sys.modules["mrdamp.gap.study"], "_row", once
     )  # the package calls its function so too
-    monkeypatch.setattr(Desk, "tune", lambda desk, plants, site: Constant(1.0))
+    monkeypatch.setattr(Desk, "tune", lambda desk, plants, site, progress=None: Constant(1.0))
     options = Options(effects=("driver_lag", "saturation"), loads=1, draws=1)
     first = study(options, tmp_path)
     assert made == ["driver_lag", "saturation"]

@@ -24,7 +24,8 @@ def add_to(commands: Any) -> None:
     p.add_argument(
         "--controller",
         default="clipped-optimal",
-        help="a kind, which is tuned in each simulator, or one with options or policy:FILE (default: %(default)s)",
+        help="a kind, which is tuned in each simulator; one with options, or policy:FILE; or a policy that is learned "
+        "in each: learned, learned:algorithm=ppo,timesteps=200000 (default: %(default)s)",
     )
     p.add_argument("--effects", nargs="+", help="what the real frames have (default: all that the rig knows)")
     p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
@@ -43,7 +44,7 @@ def add_to(commands: Any) -> None:
 def run_gap(a: argparse.Namespace) -> int:
     """Runs the study, writes study.json, index.html and the pictures, prints the tables."""
     from mrdamp.files import write_atomic
-    from mrdamp.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores
+    from mrdamp.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores, ways
     from mrdamp.gap.real import EFFECTS
     from mrdamp.gap.study import Options, study
 
@@ -60,12 +61,12 @@ def run_gap(a: argparse.Namespace) -> int:
         print("  ".join(f"{text:{w}s}" for text, w in zip(row, widths, strict=True)).rstrip())
     rows = score_rows(found)
     if rows:
-        print("score on the real frame, tuned on the simulator that is")
-        heads = ("", "nominal", "randomised blindly", "corrected", "drawn from its ranges", "the real frame")
+        print("score on the real frame, tuned on")
+        heads = ("", *(text.partition(" on ")[2] for _, text in ways(found)))
         for scored in (heads, *rows):
             print(
                 "  ".join(
-                    f"{v:.3f}".ljust(20) if isinstance(v, float) else str(v).ljust(20) for v in scored
+                    f"{v:.3f}".ljust(32) if isinstance(v, float) else str(v).ljust(32) for v in scored
                 ).rstrip()
             )
     print(f"page: {a.out / 'index.html'}")

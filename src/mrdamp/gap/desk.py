@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.core import Array
 from mrdamp.criteria import Criteria, evaluate
+from mrdamp.gap.learned import Learning, Progress
 from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
@@ -34,10 +36,18 @@ def nominal_frame() -> Model:
 
 class Desk:
     """A controller's workplace. controller: a kind or a spec; count: unseen motions; draws: simulators of a randomised
-    tuning."""
+    tuning; trainings: folder where what is learned is kept."""
 
     def __init__(
-        self, nominal: Model, controller: str, count: int, draws: int, seed: int, jobs: int = 1
+        self,
+        nominal: Model,
+        controller: str,
+        count: int,
+        draws: int,
+        seed: int,
+        jobs: int = 1,
+        *,
+        trainings: Path = Path("trainings"),
     ) -> None:
         self.nominal, self.controller, self.draws, self.seed, self.jobs = (
             nominal,
@@ -46,6 +56,7 @@ class Desk:
             seed,
             jobs,
         )
+        self.learning = Learning.of(controller, seed, trainings)
         self.loads = [m.compressed(TIME_COMPRESSION) for m in unseen_motions()[:count]]
         self.training = [m.compressed(TIME_COMPRESSION) for m in tuning_motions()]
         self.bench = FrameBench(nominal)
@@ -83,9 +94,14 @@ class Desk:
             values.append((drift + c.peak_acceleration.max() / free.peak_acceleration.max()) / 2)
         return float(np.mean(values))
 
-    def tune(self, plants: Sequence[Plant], site: registry.Site) -> Controller:
+    def tune(
+        self, plants: Sequence[Plant], site: registry.Site, progress: Progress | None = None
+    ) -> Controller:
         """The controller made for a site that is best on average over simulators, or real frames, and tuning
-        motions."""
+        motions; one that is learned: in the first of them, a simulator."""
+        if self.learning:
+            assert isinstance(plants[0], Model)
+            return self.learning.train(plants[0], site, progress)
         if not is_tuned(self.controller):
             return registry.make(self.controller, site)
         specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]

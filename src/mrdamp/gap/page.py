@@ -37,10 +37,18 @@ def gap_rows(study: Study) -> list[tuple[str, ...]]:
     ]
 
 
-def score_rows(study: Study) -> list[tuple[Cell, ...]]:
-    """Scores on the real frames, a column for each way of tuning; none for a controller that is not tuned."""
+def ways(study: Study) -> list[tuple[str, str]]:
+    """Ways of tuning that there are scores of: attribute of `Row`, and what to call it."""
+    rows = [r for r in study.rows if r.retuned is not None]
     return [
-        (r.cause, *(getattr(r, name) for name, _ in _SCORES)) for r in study.rows if r.retuned is not None
+        (name, text) for name, text in _SCORES if rows and all(getattr(r, name) is not None for r in rows)
+    ]
+
+
+def score_rows(study: Study) -> list[tuple[Cell, ...]]:
+    """Scores on the real frames, a column for each of `ways`; none for a controller that is not tuned."""
+    return [
+        (r.cause, *(getattr(r, name) for name, _ in ways(study))) for r in study.rows if r.retuned is not None
     ]
 
 
@@ -71,7 +79,7 @@ def page(study: Study) -> Page:
     if table:
         out.table(
             "What the controller does",
-            ("real frame", *(text for _, text in _SCORES)),
+            ("real frame", *(text for _, text in ways(study))),
             table,
             "Score on the real frame, smaller is better: mean of peak drift and peak acceleration over those of the "
             f"frame without a damper in the nominal simulator, where {study.controller} promised {study.promised:.3f}.",
@@ -110,15 +118,24 @@ def scores(study: Study) -> Figure:
     rows = [r for r in study.rows if r.retuned is not None]
     fig = figure(0.9 + 0.72 * len(rows))
     ax = axes_grid(fig, 1, 1)[0][0]
-    colours = (REFERENCE, COLOURS[5], COLOURS[0], COLOURS[2], COLOURS[1])
-    y, width = np.arange(len(rows)), 0.16
-    for k, ((name, _), colour) in enumerate(zip(_SCORES, colours, strict=True)):
-        ax.barh(y + (k - 2) * width, [getattr(r, name) for r in rows], height=width, color=colour)
+    shown = ways(study)
+    of = dict(
+        zip([name for name, _ in _SCORES], (REFERENCE, *(COLOURS[k] for k in (5, 0, 2, 1))), strict=True)
+    )
+    colours = [of[name] for name, _ in shown]
+    y, width = np.arange(len(rows)), 0.8 / len(shown)
+    for k, ((name, _), colour) in enumerate(zip(shown, colours, strict=True)):
+        ax.barh(
+            y + (k - (len(shown) - 1) / 2) * width,
+            [getattr(r, name) for r in rows],
+            height=width,
+            color=colour,
+        )
     ax.set_yticks(y, [elide(r.cause, 120) for r in rows])
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("score on the real frame")
-    legend(fig, [Patch(color=c) for c in colours], [text for _, text in _SCORES])
+    legend(fig, [Patch(color=c) for c in colours], [text for _, text in shown])
     return fig
 
 

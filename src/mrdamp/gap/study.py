@@ -20,6 +20,7 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.gap.closed_loop import write_case
 from mrdamp.gap.desk import Desk, is_tuned, nominal_frame
+from mrdamp.gap.learned import Learning
 from mrdamp.gap.real import EFFECTS, NONE, RealFrame
 from mrdamp.model import Model
 
@@ -32,9 +33,9 @@ _VERSION = 3
 
 @dataclass(frozen=True)
 class Options:
-    """controller: a kind that is tuned (`clipped-optimal`, `constant`, `force-tracking` ...) or any spec with options,
-    which is left as it is (`policy:FILE`). effects: real frames, names of `EFFECTS`. loads: unseen motions.
-    draws: simulators of a randomised tuning."""
+    """controller: a kind that is tuned (`clipped-optimal`, `constant`, `force-tracking` ...); `learned`, with or
+    without options, which is trained; or any other spec, which is left as it is (`policy:FILE`). effects: real frames,
+    names of `EFFECTS`. loads: unseen motions. draws: simulators of a randomised tuning."""
 
     controller: str = "clipped-optimal"
     effects: tuple[str, ...] = tuple(EFFECTS)
@@ -49,12 +50,18 @@ class Options:
         for name, least, most in (("loads", 1, len(unseen_motions())), ("draws", 1, 20)):
             if not least <= getattr(self, name) <= most:
                 raise InputError(f"gap: {name} is {getattr(self, name)}; allowed: {least} to {most}")
-        registry.parse(self.controller)
+        if self.learning is None:
+            registry.parse(self.controller)
+
+    @property
+    def learning(self) -> Learning | None:
+        """How the controller is learned, None where it is not. Raises InputError."""
+        return Learning.of(self.controller, self.seed, Path())
 
     @property
     def tuned(self) -> bool:
-        """Is the controller tuned in the simulator?"""
-        return is_tuned(self.controller)
+        """Is the controller tuned in the simulator, with draws of it beside?"""
+        return self.learning is None and is_tuned(self.controller)
 
 
 @dataclass(frozen=True)
@@ -64,8 +71,9 @@ class Row:
     verdict, named: of the diagnosis. nominal, corrected: the simulators' mean relative error in the criteria, for the
     controller tuned on the nominal one; real: that controller's score on the real frame. retuned, randomised, blind,
     direct: scores on the real frame after tuning on the corrected simulator, on draws from its ranges, on draws of the
-    nominal one, and on the real frame itself; None for a controller that is not tuned. A score is the mean of peak
-    drift and peak acceleration over those without a damper in the nominal simulator.
+    nominal one, and on the real frame itself; None for a controller that is not tuned, and all but the first for one
+    that is learned. A score is the mean of peak drift and peak acceleration over those without a damper in the nominal
+    simulator.
     """
 
     cause: str
@@ -103,9 +111,17 @@ def study(
 ) -> Study:
     """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options go on there."""
     out.mkdir(parents=True, exist_ok=True)
-    desk = Desk(nominal_frame(), options.controller, options.loads, options.draws, options.seed, jobs)
+    desk = Desk(
+        nominal_frame(),
+        options.controller,
+        options.loads,
+        options.draws,
+        options.seed,
+        jobs,
+        trainings=out / "trainings",
+    )
     progress("tuning on the nominal simulator", 0.0)
-    first = desk.tune([desk.nominal], desk.site(desk.nominal))
+    first = desk.tune([desk.nominal], desk.site(desk.nominal), _within(progress, 0.0, 0.05))
     simulated = [desk.criteria(desk.nominal, first, load) for load in desk.loads]
     same = RealFrame(desk.nominal, NONE)
     matched = [desk.criteria(same, first, load) for load in desk.loads]
@@ -159,20 +175,22 @@ def _row(
         errors,
         _interval(before, after, measured),
     )
-    if not is_tuned(desk.controller) or blind is None:
+    if blind is None and desk.learning is None:
         return row
     progress(f"{cause}: tuning again", 0.6)
     site = desk.site(corrected)
-    retuned = desk.tune([corrected], site)
+    retuned = desk.tune([corrected], site, _within(progress, 0.6, 0.4))
+
+    def on_real(controller: Controller) -> float:
+        return desk.score([desk.criteria(real, controller, load) for load in desk.loads])
+
+    if blind is None:
+        return replace(row, retuned=on_real(retuned))
     # Drawn together, as they go in the diagnosis' bootstrap: parameters that may trade off do so in every draw.
     drawn = [_with_range(m, desk.nominal) for m in found.drawn[: desk.draws]]
     randomised = desk.tune(drawn or [corrected], site)
 
     direct = desk.tune([real], site)
-
-    def on_real(controller: Controller) -> float:
-        return desk.score([desk.criteria(real, controller, load) for load in desk.loads])
-
     return replace(
         row,
         retuned=on_real(retuned),
