@@ -159,6 +159,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
                          double to, double guess) {
     const ChainState start = s->c;
     if (s->past) past = *s->past;
+    const double tolerance = 1e-6 * std::fabs(start.rubber.Force(p, rod - x_from)) + 1e-7;
     double tried = guess, own = start.piston_slope;  // where the state in s stands; d(force)/dv
     const auto attempt = [&](double v) {
       const double near = s->c.r;
@@ -168,20 +169,26 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
       PistonPiece(d, s, {x_from, 2 * (x - x_from) / dt - v, v, dt}, from, to, near);
       return x;
     };
-    const auto residual = [&](double v) {
+    const auto damper = [&](double v) {
       const double x = attempt(v);
       double fluid;
       // No secant: where the force jumps (trapped gas at a turn) that is a slope the next solve would not get away from.
       const double force = PistonForce(d, *s, to, x, v, &own, &fluid);
       tried = v;
-      return force + mass * (v - base_velocity) / h - start.rubber.Force(p, rod - x);
+      return force + mass * (v - base_velocity) / h;
+    };
+    const auto mount = [&](double v) { return -start.rubber.Force(p, rod - base - h * v); };
+    // The mount costs little, and is what bends: at the ends of its clearance, where its friction turns.
+    const auto balance = [&](double v, double force, double slope) {
+      const double give = h * start.rubber.Slope(p, rod - base - h * v);
+      const auto both = [&](double move) { return force + slope * move + mount(v + move); };
+      return SolveIncreasing(both, 0, slope + give, tolerance);
     };
     if (!(own > 0)) {
       double fluid;
       PistonForce(d, *s, from, x_from, guess, &own, &fluid);
     }
-    const double scale = std::fabs(start.rubber.Force(p, rod - x_from));
-    const double v = SolveIncreasing(residual, guess, own + start.rubber.Slope(p, rod - x_from) * h + mass / h, 1e-6 * scale + 1e-7);
+    const double v = SolveSum(damper, mount, balance, guess, own + mass / h, tolerance);
     s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
     s->c.piston_slope = own;

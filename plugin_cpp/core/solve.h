@@ -1,4 +1,5 @@
 // Root of an increasing scalar function: secant steps kept inside a bracket.
+// Where a part of it is quick to find and bends sharply, that part is solved for in every step.
 #ifndef MRDAMP_CORE_SOLVE_H_
 #define MRDAMP_CORE_SOLVE_H_
 
@@ -6,13 +7,14 @@
 
 namespace mrdamp {
 
-// f(x) increasing, `slope` a positive guess of f', `tolerance` on |f|. A jump through zero (dry friction) ends
-// at the jump. The number of calls of f is bounded.
-template <class F>
-double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
+// slow(x) + quick(x) increasing, `slope` a positive guess of slow', `tolerance` on the sum. step(x, y, slope): where
+// y + slope (x' - x) + quick(x') is zero, as x' - x; y of slow alone. A jump through zero (dry friction) ends at the
+// jump. The number of calls of slow is bounded.
+template <class Slow, class Quick, class Step>
+double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double slope, double tolerance) {
   double lo = 0, hi = 0;
   bool has_lo = false, has_hi = false;
-  double y = f(x), x_old = x, y_old = y;
+  double part = slow(x), y = part + quick(x), x_old = x, part_old = part, y_old = y;
   for (int i = 0; i < 80; i++) {
     if (!(std::fabs(y) > tolerance)) return x;
     if (y < 0) {
@@ -23,10 +25,11 @@ double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
       has_hi = true;
     }
     if (i > 0 && x != x_old) {
-      const double secant = (y - y_old) / (x - x_old);
+      const double secant = (part - part_old) / (x - x_old);
       if (secant > 0) slope = secant;
     }
-    double next = x - y / slope;
+    const double move = step(x, part, slope);
+    double next = x + move;
     if (has_lo && has_hi) {
       const double width = hi - lo;
       if (!(width > 1e-15 * (std::fabs(lo) + std::fabs(hi)))) return 0.5 * (lo + hi);
@@ -34,14 +37,24 @@ double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
       const bool halve = i == 2 ? !(std::fabs(y) < 0.1 * std::fabs(y_old)) : i % 3 == 2;
       if (halve || !(next > lo && next < hi)) next = lo + 0.5 * width;
     } else if (i > 2) {
-      next = x - 4 * y / slope;  // no bracket yet: the slope was too steep a guess
+      next = x + 4 * move;  // no bracket yet: the slope was too steep a guess
     }
     x_old = x;
+    part_old = part;
     y_old = y;
     x = next;
-    y = f(x);
+    part = slow(x);
+    y = part + quick(x);
   }
   return x;
+}
+
+// f(x) increasing, `slope` a positive guess of f', `tolerance` on |f|; as above.
+template <class F>
+double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
+  const auto nothing = [](double) { return 0.0; };
+  const auto along = [](double, double y, double rise) { return -y / rise; };
+  return SolveSum(f, nothing, along, x, slope, tolerance);
 }
 
 }  // namespace mrdamp

@@ -11,6 +11,7 @@ using mrdamp::EndWeight;
 using mrdamp::Exponential;
 using mrdamp::Matrix;
 using mrdamp::SolveIncreasing;
+using mrdamp::SolveSum;
 
 namespace {
 
@@ -104,6 +105,27 @@ TEST(SolveReturnsFromWhatHasNoRoot) {
   CHECK(c.calls == 1);
   c.Solve([](double) { return -1.0; }, 1, 1);
   c.Solve([](double x) { return x > 1 ? INFINITY : -1.0; }, 0, 1);
+}
+
+// A part that bends within a nanometre costs no calls of the one beside it that does not.
+TEST(SolveSparesTheSlowPart) {
+  for (const double width : {1e-9, 1e-3, 1.0}) {
+    for (const double start : {-3.0, 0.25, 7.0}) {
+      const auto bent = [&](double x) { return 100 * std::tanh((x - 0.3) / width) + std::max(x - 2, 0.0); };
+      for (const double pull : {40.0, 150.0, -150.0}) {
+        int calls = 0;
+        const auto slow = [&](double x) { calls++; return 2 * x + 0.01 * x * x * x - pull; };
+        const auto step = [&](double x, double y, double slope) {
+          const auto both = [&](double move) { return y + slope * move + bent(x + move); };
+          return SolveIncreasing(both, 0, slope, 1e-9);
+        };
+        const double root = SolveSum(slow, bent, step, start, 1, 1e-6);
+        CHECK(calls < (pull == 40 ? 8 : 20));
+        if (pull == 40) NEAR(root, 0.3, std::max(1e-8, width));
+        else NEAR(slow(root) + bent(root), 0, 1e-6);
+      }
+    }
+  }
 }
 
 Matrix Of(int n, std::initializer_list<double> values) {
