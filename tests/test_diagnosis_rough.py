@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.fit import Fit, fit, taken_up
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.terms import Hypothesis, Settings, Term
+from mrdamp.model import Model
+from mrdamp.records import Record
 from toy_rig import ToyRig, toy
 
 TRUTH = {"gain": 2.3, "cubic": 0.4, "sign": 0.3}
@@ -84,3 +87,47 @@ def test_a_fit_in_rough_runs_is_taken_up_to_the_last_bit(factor: float) -> None:
     again = taken_up(problem, got.hypothesis, got.point, got.at, None, converged=got.converged)
     np.testing.assert_array_equal(again.jacobian, got.jacobian)
     np.testing.assert_array_equal(again.residual, got.residual)
+
+
+LAW = {"c0a": 700.0, "c0b": 800.0, "alpha_a": 9e3, "alpha_b": 3e4, "k0": 900.0, "x0": 0.0, "k1": 400.0}
+LAW |= {"c1a": 2e4, "c1b": 5e4, "gamma": 2e6, "beta": 2e6, "A": 120.0, "n": 2.0}
+
+
+def damper(sample_time: float, threads: int = 1) -> DamperRig:
+    """A damper on a machine: two sines, the command a ramp."""
+    t = sample_time * np.arange(600)
+    model, records = Model("modified_bouc_wen", LAW), []
+    for k in range(2):
+        channels = {
+            "displacement_m": 8e-3 * np.sin(2 * np.pi * (k + 1) * t),
+            "command": np.linspace(0, 1, 600),
+        }
+        force = model.simulate(sample_time, channels)["force_N"]
+        records.append(Record(f"{k}", None, sample_time, channels | {"time_s": t, "force_N": 1.1 * force}))
+    return DamperRig(model, tuple(records), threads=threads)
+
+
+def test_rough_runs_of_a_damper_stay_near_and_are_left_out_where_they_spare_nothing() -> None:
+    rig = damper(0.002)
+    rough = rig.rougher(())
+    assert rough is not None
+    assert rough.rougher(()) is None
+    settings: list[Settings] = [{}, {"c0a": 1400.0}]
+    full, near = (r.simulate(settings, 1, coarse=True) for r in (rig, rough))
+    size = np.sqrt(np.mean(full[0] ** 2))
+    apart = np.sqrt(np.mean((full - near) ** 2, axis=(1, 2))) / size
+    assert np.all((apart > 1e-6) & (apart < 0.01))
+    # What a coordinate does is told apart far better than that.
+    signature = (full[1] - full[0]) - (near[1] - near[0])
+    assert np.sqrt(np.mean(signature**2)) < 3e-3 * np.sqrt(np.mean((full[1] - full[0]) ** 2))
+    np.testing.assert_array_equal(rig.simulate(settings, 1), rough.simulate(settings, 1))
+    quick = damper(0.001)
+    assert quick.rougher(()) is None
+    mount = next(t for t in quick.terms if t.stage == "mount")
+    assert quick.rougher((mount,)) is not None
+
+
+def test_threads_change_nothing() -> None:
+    settings: list[Settings] = [{"c0a": c} for c in (500.0, 700.0, 900.0, 1100.0, 1300.0)]
+    one, three = (damper(0.002, threads).simulate(settings, 0, coarse=True) for threads in (1, 3))
+    np.testing.assert_array_equal(one, three)

@@ -25,20 +25,23 @@ _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
 #: Hz, of the sines of a proposed test.
 _LOWEST, _HIGHEST = 0.3, 10.0
-#: s, the chain's step while searching, the same where a mount is solved for in every step, and in the last fit.
-_COARSE, _COARSE_MOUNT, _FINE = 1e-3, 2e-3, 5e-4
+#: s, the chain's step while searching, the same for rough runs and where a mount is solved for in every step, and in
+#: the last fit.
+_COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
 class DamperRig:
     """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.rig.Rig`).
 
-    rough: in a search a mount is solved for once a step, not twice.
+    rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
+    threads: that run settings side by side.
     """
 
     nominal_model: Model
     records: tuple[Record, ...]
     rough: bool = False
+    threads: int = 1
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -103,13 +106,14 @@ class DamperRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
-        step = (_COARSE_MOUNT if mount else _COARSE) if coarse else _FINE
+        step = (_ROUGH if mount or self.rough else _COARSE) if coarse else _FINE
         pieces = 0.5 if coarse and mount and self.rough else 1.0  # the chain halves a step behind a mount
         return self._run(settings, self._fine(record, step), pieces=pieces)
 
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
-        """The same with longer steps behind a mount in a search."""
-        return self._rough if any(t.stage == "mount" for t in terms) else None
+        """The same with longer steps in a search; None where the records' own samples are no further apart."""
+        longer = any(r.sample_time > 1.5 * _COARSE for r in self.records)
+        return self._rough if longer or any(t.stage == "mount" for t in terms) else None
 
     @cached_property
     def _rough(self) -> DamperRig | None:
@@ -161,6 +165,7 @@ class DamperRig:
                 v=inputs.v,
                 a=inputs.a,
                 substep=inputs.sample_time / pieces,
+                threads=self.threads,
                 narx=self.nominal_model.narx,
                 columns=names,
             )
@@ -200,7 +205,7 @@ class DamperRig:
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a test that has not been made."""
-        factor = max(1, round(self.sizes.sample_time / _COARSE))
+        factor = max(1, round(self.sizes.sample_time / _ROUGH))
         inputs = between(signal.motion, signal.command, self.sizes.sample_time, factor)
         return self._run(settings, inputs)
 

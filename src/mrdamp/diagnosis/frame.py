@@ -47,7 +47,7 @@ class FrameRig:
     quiet: no block is at fault, so that what there is is small; storeys are asked after all, since a resonance shows
     in a free run what their own balance has in its noise.
     free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
-    coarse_step: s, the chain's inner step while searching.
+    coarse_step: s, the chain's inner step while searching. threads: that run settings side by side.
     """
 
     nominal_model: Model
@@ -58,6 +58,7 @@ class FrameRig:
     placed: bool = False
     quiet: bool = False
     coarse_step: float = _COARSE
+    threads: int = 1
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
@@ -265,6 +266,7 @@ class FrameRig:
                 r.channel("ground_acceleration_m_s2"),
                 commanded(outside, np.asarray(r.command), r.sample_time),
                 substep=self.coarse_step if coarse else min(self.coarse_step, FINE),
+                threads=self.threads,
                 narx=self.nominal_model.narx,
             )
             for k, run in zip(rows, runs, strict=True):

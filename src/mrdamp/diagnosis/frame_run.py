@@ -62,11 +62,12 @@ _SEEN = 0.003
 _RECORDS = 4
 
 
-def reduced(case: Case, found: Sequence[Block] = ()) -> tuple[Case, FrameRig]:
-    """The case at the rate of the comparison, and its rig."""
+def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[Case, FrameRig]:
+    """The case at the rate of the comparison, and its rig. threads: that run settings side by side."""
     block = max(1, round(_AVERAGE / case.records[0].sample_time))
     clean = frozenset(b.name for b in found if b.clean)
-    rig = FrameRig(case.model, case.records, block, clean, quiet=len(clean) == len(found) > 0)
+    quiet = len(clean) == len(found) > 0
+    rig = FrameRig(case.model, case.records, block, clean, quiet=quiet, threads=threads)
     repeats = tuple((averaged(r, block), k) for r, k in case.repeats)
     return replace(case, records=rig.records, repeats=repeats), rig
 
@@ -87,7 +88,7 @@ def diagnose_frame(
     notes = list(audit(case))
     progress("trying each storey, accelerometer and the damper alone", 0.01)
     found = blocks(case)
-    small, rig = reduced(case, found)
+    small, rig = reduced(case, found, jobs)
     noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
     notes += note
 

@@ -44,13 +44,13 @@ _NEAREST = 6
 _DRAWN = 20
 
 
-def make_rig(case: Case) -> Rig:
-    """The rig of a case."""
+def make_rig(case: Case, threads: int = 1) -> Rig:
+    """The rig of a case. threads: that run settings side by side."""
     if case.model.rig == "frame":
         from mrdamp.diagnosis.frame import FrameRig
 
-        return FrameRig(case.model, case.records)
-    return DamperRig(case.model, case.records)
+        return FrameRig(case.model, case.records, threads=threads)
+    return DamperRig(case.model, case.records, threads=threads)
 
 
 def diagnose(
@@ -72,7 +72,7 @@ def diagnose(
             case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store or Store()
         )
     begun = time.monotonic()
-    rig = make_rig(case)
+    rig = make_rig(case, jobs)
     notes = list(audit(case))
     total = sum(r.n for r in case.records) * len(rig.channels)
     stride = max(1, round(total / _SAMPLES))
