@@ -79,6 +79,22 @@ def test_a_plate_takes_its_stroke_from_stop_to_stop() -> None:
     np.testing.assert_allclose(bent[5:-5], (plain * (1 + a * np.array(plate)))[5:-5], atol=0.5)
 
 
+@pytest.mark.parametrize("mover", [{"asymmetry_force": 60.0}, {"asymmetry_width": 0.02}], ids=["force", "velocity"])
+def test_a_plate_moves_in_its_own_time(mover: dict[str, float]) -> None:
+    """The plate's equation in SciPy, moved by the law's own force or by the velocity."""
+    a, time = -0.25, 0.03
+    plain = run("force")
+    driven = plain / 60.0 if "asymmetry_force" in mover else np.gradient(X, DT) / 0.02
+    plate = lsim(lti([1.0], [time, 1.0]), np.tanh(driven), T)[1]
+    expected = (plain * (1 + a * plate))[100:-5]
+    bent = run("force", asymmetry_a=a, asymmetry_time=time, **mover)[100:-5]
+    at_once = run("force", asymmetry_a=a, **mover)[100:-5]
+    assert rms(bent - expected) < 0.003 * rms(expected)
+    assert rms(at_once - expected) > 0.05 * rms(expected)
+    again = run("force", asymmetry_a=a, asymmetry_time=1.1 * time, **mover)[100:-5]
+    assert rms(again - expected) > 0.006 * rms(expected)
+
+
 @pytest.mark.parametrize(("m", "shape"), [(0.4, 0.6), (0.0, 1.0), (0.3, 5.0), (0.3, 2.0)])
 def test_viscosity_falls_by_its_exponent(m: float, shape: float) -> None:
     v_s = 0.03

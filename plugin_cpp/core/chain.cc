@@ -66,7 +66,7 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
   const Params& p = d.p;
   LawForce f = ForceOfLaw(d, s, field, x, v);
   double rate = 1;
-  if (p.asymmetry_travel > 0) {
+  if (p.asymmetry_travel > 0 || HasTimedPlate(p)) {
     rate = 1 + p.asymmetry_a * s.c.plate;
     f.fluid *= rate;
   } else if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
@@ -112,6 +112,10 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   ChainState& c = s->c;
   const Params& p = d.p;
   const double path = m.path(), mean = 0.5 * (m.va + m.vb);
+  const auto rest = [&](double field, double x, double v) {
+    return PlateRest(p, p.asymmetry_force > 0 ? ForceOfLaw(d, *s, field, x, v).fluid : 0, v);
+  };
+  const double plate = HasTimedPlate(p) ? rest(field0, m.x, m.va) : 0;
   if (d.law == Law::kNarx) {
     const double end = c.time + m.dt, sample = d.net->sample_time;
     for (double k = s->past->count + 1; k * sample <= end + 1e-9 * sample; k += 1) {
@@ -133,6 +137,7 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   const double x = m.x + path;
   if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
   if (p.asymmetry_travel > 0) c.plate = FollowPlate(p, c.plate, path);
+  if (HasTimedPlate(p)) c.plate = Lag(c.plate, plate, rest(field1, x, m.vb), p.asymmetry_time, m.dt);
   if (HasTrappedGas(p)) c.stroke.Follow(x, p, m.dt);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
     double slope, fluid;

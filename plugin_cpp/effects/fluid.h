@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/params.h"
+#include "effects/driver.h"
 
 namespace mrdamp {
 
@@ -47,6 +48,16 @@ inline double AsymmetryByForce(const Params& p, double f, double* rate) {
 // asymmetry_travel: a plate that goes along with the stroke from one stop (-1) to the other (1).
 inline double FollowPlate(const Params& p, double plate, double path) {
   return std::fmin(std::fmax(plate + 2 * path / p.asymmetry_travel, -1), 1);
+}
+
+// asymmetry_time: a plate that pressure or flow moves against its spring and the fluid around it, first order.
+inline bool HasTimedPlate(const Params& p) {
+  return p.asymmetry_time > 0 && !(p.asymmetry_travel > 0) && p.asymmetry_a != 0;
+}
+
+// Where the plate would rest (-1 to 1) at the fluid's force f and velocity v.
+inline double PlateRest(const Params& p, double f, double v) {
+  return std::tanh(p.asymmetry_force > 0 ? f / p.asymmetry_force : v / p.asymmetry_width);
 }
 
 inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || p.trapped_gas_force > 0; }

@@ -103,6 +103,13 @@ TEST(APlateGoesFromStopToStop) {
   CHECK(mrdamp::FollowPlate(p, 1, -1) == -1);
 }
 
+TEST(APlateMovesInItsOwnTime) {
+  // A force of 100 N in extension from rest: the plate is where 1 - exp(-t / time) of its way is, 0.2 tanh(100 / 50).
+  const Record r = Sample(kDt, 101, [](double t) { return 0.2 * t; }, [](double) { return 0.2; }, [](double) { return 0.0; });
+  const std::vector<check::Setting> p = {{"c0a", 500}, {"asymmetry_a", 0.2}, {"asymmetry_force", 50}, {"asymmetry_time", 0.04}};
+  NEAR(Run("bingham", p, r, MRDAMP_TRUE)[100], 100 * (1 + 0.2 * std::tanh(2) * (1 - std::exp(-0.1 / 0.04))), 1e-6);
+}
+
 TEST(TrappedGasTakesTheStartOfAStroke) {
   Params p;
   p.trapped_gas_d = 0.6, p.trapped_gas_s_g = 0.002, p.trapped_gas_direction = 1;

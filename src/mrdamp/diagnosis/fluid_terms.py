@@ -51,8 +51,9 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
             (
                 linear("asymmetry_a", 0.05, -0.8, 0.8),
                 positive("asymmetry_force", 0.1 * s.force, 3e-3 * s.force, 3 * s.force),
+                positive("asymmetry_time", 2e-3, 2e-4, 0.2),
             ),
-            ((0.1, 0.05 * s.force), (-0.1, 0.3 * s.force)),
+            ((0.1, 0.05 * s.force, 5e-4), (-0.1, 0.1 * s.force, 0.015)),
             form="by the force",
         ),
         Term(
