@@ -28,6 +28,7 @@ from mrdamp.diagnosis.frame_where import (
     place_shares,
     shares_by_stage,
 )
+from mrdamp.diagnosis.lesser import try_lesser
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.problem import Problem
@@ -175,6 +176,7 @@ def _search(
         ("one cause, the damper's among them", rig, True, 1),
         ("two causes", rig, True, 2),
     )
+    beside_law = False
     for number, (what, sought, wanted, depth) in enumerate(steps):
         if not wanted or _enough(search, rig, at_fault, law=number > 2):
             continue
@@ -187,17 +189,26 @@ def _search(
             )
             if _enough(search, rig, at_fault):
                 continue
+            # Numbers that explain more than any cause are tried with one cause before two causes are without them.
+            beside_law = search.base.cost < search.ranked(False)[0].cost
+            if beside_law:
+                search.extend(True, 1)
+                if search.solved(search.ranked(True)[0]):
+                    break
         held = [f for f in search.ranked(False) if f.hypothesis.terms][:_FREED]
         for f in held if not _enough(search, rig, at_fault) else []:
             search.keep(_freed(search, rig, f))
     problem.rig = rig
-    if not _enough(search, rig, at_fault):
+    if not beside_law and not _enough(search, rig, at_fault):
         progress("one cause beside other numbers", 5 / 6)
         search.extend(True, 1)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if not _enough(search, rig, at_fault):
         search.reform(best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    if len(best.hypothesis.causes) == 1 and not search.solved(best):
+        try_lesser(search, best)
+        best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
     if asked and not search.solved(best):
         # A rival's law is freed: what it is held against has the same.

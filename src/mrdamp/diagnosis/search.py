@@ -55,11 +55,9 @@ def first_forms(ranked: Sequence[Promise]) -> list[Promise]:
 
 @dataclass
 class Search:
-    """Fits of hypotheses on one problem. floor: the cost that noise alone leaves.
-
-    rivals: fits of causes outside the catalogue; looks_like: the one of them that the verdict went by. steady: False
-    where two runs of one test differ by more than their noise.
-    """
+    """Fits of hypotheses on one problem. floor: the cost that noise alone leaves. rivals: fits of causes outside the
+    catalogue; looks_like: the one of them that the verdict went by. steady: False where two runs of one test differ by
+    more than their noise. others: see `mrdamp.diagnosis.lesser`."""
 
     problem: Problem
     floor: float
@@ -71,6 +69,7 @@ class Search:
     rivals: list[Fit] = field(default_factory=list)
     looks_like: Fit | None = None
     steady: bool = True
+    others: tuple[Fit, list[Promise]] | None = None
     _fine_costs: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

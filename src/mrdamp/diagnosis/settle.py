@@ -9,6 +9,7 @@ import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import Fit, fit, leave_out
+from mrdamp.diagnosis.lesser import others
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.terms import Hypothesis
@@ -50,9 +51,7 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
             free = Hypothesis(search.problem.rig.nominal, best.hypothesis.terms)
             start = np.concatenate([np.zeros(len(free.nominal)), best.point])
             trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
-        taken = {t.cause for t in best.hypothesis.terms}
-        ranked = search.screen(best, [t for t in search.problem.rig.terms if t.cause not in taken])
-        for promise in ranked[:2]:
+        for promise in others(search, best)[:2]:
             if promise.cost > (1 - _WORTH / 3) * best.cost:
                 continue
             hypothesis, start = search.start_from(best, promise.term, promise.start, promise.by)

@@ -1,0 +1,34 @@
+"""A lesser cause beside one that explains most: what a fit leaves may be little, and yet more than noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mrdamp.diagnosis.fit import Fit
+
+if TYPE_CHECKING:
+    from mrdamp.diagnosis.search import Promise, Search
+
+#: A cause is fitted where it promises this relative fall of what the fit leaves, and so many of them, the best first.
+_PROMISE, _MOST = 0.2, 2
+
+
+def others(search: Search, found: Fit) -> list[Promise]:
+    """What every cause that a fit has not promises on top of it, best first; worked out once for the latest fit."""
+    if search.others is None or search.others[0] is not found:
+        taken = set(found.hypothesis.causes)
+        terms = [t for t in search.problem.rig.terms if t.cause not in taken]
+        search.others = found, search.screen(found, terms)
+    return search.others[1]
+
+
+def try_lesser(search: Search, found: Fit) -> None:
+    """Fits the most promising causes beside those of a fit, and keeps what is found."""
+    seen: set[str] = set()
+    for promise in others(search, found):
+        if len(seen) == _MOST or promise.cost > (1 - _PROMISE) * found.cost:
+            break
+        if promise.term.cause not in seen:
+            seen.add(promise.term.cause)
+            hypothesis, start = search.start_from(found, promise.term, promise.start, promise.by)
+            search.keep(search.fitted(hypothesis, start, most=8, stage=" beside"))

@@ -1,0 +1,52 @@
+"""A lesser cause in what a greater one leaves, on a toy whose truth is known."""
+
+from __future__ import annotations
+
+import pytest
+
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.lesser import others, try_lesser
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.search import Search
+from toy_rig import toy
+
+NOISE = 0.01
+
+
+def greater(truth: dict[str, float]) -> tuple[Search, Fit]:
+    """A search that tried single causes alone, and the best of them."""
+    problem = Problem(toy(truth, NOISE))
+    search = Search(problem, sum((NOISE / b.size) ** 2 for b in problem.blocks))
+    search.extend(False, 1)
+    found = search.best(False, 1)
+    assert found is not None
+    return search, found
+
+
+def test_a_lesser_cause_is_found_beside_the_greater_one() -> None:
+    search, found = greater({"cubic": 1.0, "sign": 0.06})
+    assert found.hypothesis.causes == ("cubic",)
+    assert 1e-3 < search.unexplained(found) < 0.02
+    try_lesser(search, found)
+    pair = search.best(False)
+    assert pair is not None
+    assert set(pair.hypothesis.causes) == {"cubic", "sign"}
+    assert pair.settings["sign"] == pytest.approx(0.06, abs=0.002)
+    assert search.unexplained(pair) < 1e-4
+
+
+def test_nothing_is_fitted_beside_a_cause_that_leaves_noise() -> None:
+    search, found = greater({"cubic": 1.0})
+    before = set(search.fits)
+    try_lesser(search, found)
+    assert set(search.fits) == before
+
+
+def test_what_the_others_promise_is_worked_out_once_for_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, found = greater({"cubic": 1.0, "sign": 0.06})
+    first = others(search, found)
+    assert first[0].term.cause == "sign"
+    assert "cubic" not in [p.term.cause for p in first]
+    monkeypatch.setattr(search, "screen", lambda fit, terms: [])
+    assert others(search, found) is first
+    assert others(search, search.base) == []
