@@ -345,11 +345,8 @@ class Search:
         stage: str = "",
         bar: float = np.inf,
     ) -> Fit:
-        """A fit from a start, or what an interrupted run had found for it.
-
-        known: columns of the Jacobian that stay as they are (of the nominal parameters, at the parent's fit). bar: the
-        parent's cost, which an effect more has to get below.
-        """
+        """A fit from a start, or what an interrupted run had found for it. known: columns of the Jacobian that stay as
+        they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below."""
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
         if known is None and hypothesis.nominal:
             # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
