@@ -236,6 +236,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
   for (int k = 1; k < samples; k++) {
     const double command0 = u[k - 1], command1 = d.hold ? u[k - 1] : u[k];
     if (state.s.line) state.s.line->Push((d.hold ? k - 1 : k) * dt, d.Clamp(command1), Reach(d.p));
+    if (trial.s.line) trial.line = state.line;
     for (int step = 0; step < inner; step++) {
       const double a = static_cast<double>(step) / inner, b = static_cast<double>(step + 1) / inner;
       const double u0 = command0 + (command1 - command0) * a, u1 = command0 + (command1 - command0) * b;
@@ -266,7 +267,6 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
             if (e.input == 1) {
               trial.s.c = state.s.c;
               if (trial.s.past) trial.past = state.past;
-              if (trial.s.line && sweep == 0) trial.line = state.line;
               Advance(d, &trial.s, {x0, v0, x, v, h}, u0, u1);
               return Observe(d, trial.s, x, v, (v - v0) / h, u1).force;
             }
@@ -279,7 +279,6 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
           };
           double guess = fv + wv * e.next, slope = -1 / wv;
           if (sweep == 0) {
-            if (e.input == 1) slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
             // The slope over all that the step may bring, from no force to the force without give (core/weight.h).
             const double f0 = law(fv, fx), dv = 2 * ramp_v * f0;
             if (std::fabs(dv) > 1e-12 * std::fabs(fv) + 1e-15) {
@@ -293,6 +292,8 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
                 slope = rise - 1 / wv;
                 guess = fv + wv * (f0 + rise * (fv - free_v)) / (1 - rise * wv);
               }
+            } else if (e.input == 1) {
+              slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
             }
           }
           const double solved = SolveIncreasing(residual, guess, slope, 1e-7 * std::fabs(e.next) + 1e-7);
