@@ -148,6 +148,31 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   }
 }
 
+// The stretch at which the friction inside the mount last turned or rests.
+double Turn(const Params& p, const Rubber& rubber) {
+  const double half = 0.5 * p.backlash_gap;
+  return rubber.stretch > 0 ? rubber.stretch + half : rubber.stretch < 0 ? rubber.stretch - half : 0;
+}
+
+// Root of the increasing f with slope `rise` that is steepest at `turn` and flattens to either side of it, as friction
+// does: Newton's steps from there do not overshoot. aside: from where the slope at a turn is taken. Not a number
+// where they do not arrive.
+template <class F, class Slope>
+double FrictionBalance(F&& f, Slope&& rise, double turn, double aside, double tolerance) {
+  const double y0 = f(0);
+  double at = -y0 / rise(0), y = f(at);
+  if (std::fabs(y) <= tolerance) return at;
+  at = 0;
+  y = y0;
+  if (turn * y0 < 0) y = f(at = turn);
+  for (int i = 0; i < 30; i++) {
+    if (std::fabs(y) <= tolerance) return at;
+    at -= y / rise(at + (y < 0 ? aside : -aside));
+    y = f(at);
+  }
+  return std::nan("");
+}
+
 // The piston behind the mount over a piece of rod motion: two-stage SDIRK for its position, each stage the balance
 // of the damper with the mount's spring. The law is stepped from stage to stage.
 void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
@@ -185,9 +210,15 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     const auto mount = [&](double v) { return -start.rubber.Force(p, rod - base - h * v); };
     // The mount costs little, and is what bends: at the ends of its clearance, where its friction turns.
     const auto balance = [&](double v, double force, double slope) {
-      const double give = h * start.rubber.Slope(p, rod - base - h * v);
+      const double stretch = rod - base - h * v;
       const auto both = [&](double move) { return force + slope * move + mount(v + move); };
-      return SolveIncreasing(both, 0, slope + give, tolerance);
+      const auto rise = [&](double move) { return slope + h * start.rubber.Slope(p, stretch - h * move); };
+      if (p.mount_compliance_friction > 0) {
+        const double move = FrictionBalance(both, rise, (stretch - Turn(p, start.rubber)) / h,
+                                            1e-3 * p.mount_compliance_slide / h, tolerance);
+        if (std::isfinite(move)) return move;
+      }
+      return SolveIncreasing(both, 0, rise(0), tolerance);
     };
     if (!(own > 0)) {
       double fluid;
