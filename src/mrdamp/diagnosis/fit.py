@@ -91,6 +91,8 @@ def fit(
                 break
         if most == 0 or descent.total > bar or not descent.scan(tolerance):
             break
+    if not descent.there:
+        descent.arrived(0, bar)
     return descent.fit(most)
 
 
@@ -117,6 +119,7 @@ class _Descent:
         self.known, self.fresh = known, known is None
         self.damping, self.iterations, self.converged = _DAMPING, 0, False
         self.steps_there = 0  # iterations up to where the full step was last taken
+        self.there = True  # the full step was taken where it stands
         self.look()
 
     def cost(self, r: Array, q: Array) -> float:
@@ -177,6 +180,7 @@ class _Descent:
         gain = float(1 - totals[best] / self.total) if self.total > 0 else 0.0
         if gain > 0:
             self.q, self.r, self.own, self.total = trials[best], rows[best], runs[best], float(totals[best])
+            self.there = self.stepper is self.problem
         return gain, best
 
     def scan(self, tolerance: float) -> bool:
@@ -197,7 +201,7 @@ class _Descent:
         """True where the full step finds what the rough runs led to, or there is no going on; that is then taken."""
         if self.stepper is self.problem:
             return True
-        expected, q = self.total, self.q
+        expected, q, self.there = self.total, self.q, True
         r = self.problem.residuals(self.hypothesis, q)[0]
         total = self.cost(r, q)
         if total < self.full[-1]:
