@@ -106,7 +106,7 @@ typedef struct {
   const double* cubic;     /* N/m3: cubic x^3 */
   const double* damping2;  /* N s2/m2 per storey, damping2 |v| v beside damping v; NULL, 0: none */
   /* per floor accelerometer, NULL: none: share of the charge that leaks with another time constant, that (s; 0 it does
-   * not leak), damping ratio of a second-order lag in place of the two poles (0: the poles) */
+   * not leak), damping ratio of a second-order lag in place of the first pole (0: that pole) */
   const double* acc_leakage_share;
   const double* acc_leakage2;
   const double* acc_ratio;

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frame_case import DT, altered, believed, case_of, records
+from frame_case import DT, LAW, altered, believed, case_of, records
 from mrdamp.diagnosis.experiment import columns, drawn
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.frame import FrameRig, averaged, block_means
@@ -15,6 +15,7 @@ from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, telling
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import blocks, place_intervals, place_shares
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.store import Kept, Store
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
@@ -194,3 +195,23 @@ def test_the_cause_is_named(
     assert sum(answer.where.stages.values()) == pytest.approx(1)
     if named:
         assert answer.gap.corrected < 0.2 * answer.gap.nominal
+
+
+@pytest.mark.slow
+def test_a_lag_beside_wrong_numbers_is_one_cause(measured: dict[str, Record]) -> None:
+    """Wrong numbers are freed before another cause is brought in for them."""
+    model = believed(lag=False)
+    wrong = {name: factor * LAW[name] for name, factor in {"alpha_b": 0.8, "c0a": 1.25, "alpha_a": 1.2}.items()}
+    case = case_of(replace(model, parameters=LAW | wrong), measured)
+    fitted: list[str] = []
+
+    class Listing(Store):
+        def get(self, name: str) -> Kept | None:
+            fitted.append(name)
+            return super().get(name)
+
+    answer = diagnose_frame(case, limits=replace(LIMITS, singles=3), store=Listing())
+    assert answer.verdict == "effect"
+    assert [e.effect for e in answer.effects] == ["driver_lag"]
+    assert not [name for name in fitted if name.startswith("held") and "+" in name]
+    assert answer.gap.corrected < answer.gap.recalibrated

@@ -215,13 +215,15 @@ def test_a_share_of_the_charge_leaks_by_itself() -> None:
     np.testing.assert_allclose(behind(tau=fast, share=share), expected, atol=1e-8)
 
 
+@pytest.mark.parametrize("tau2", [0.0, 0.007])
 @pytest.mark.parametrize("ratio", [0.35, 0.71, 0.95])
-def test_a_filter_of_second_order_has_its_damping(ratio: float) -> None:
+def test_a_filter_of_second_or_third_order_has_its_damping(ratio: float, tau2: float) -> None:
     tau = 0.012
     w = 2 * ratio / tau
     force = run("force", STEP)
-    expected = lsim(lti([w**2], [1, tau * w**2, w**2]), force - force[0], T)[1] + force[0]
-    found = run("force", STEP, sensor_lag_tau=tau, sensor_lag_ratio=ratio)
+    poles = np.polymul([1, tau * w**2, w**2], [tau2, 1] if tau2 else [1])
+    expected = lsim(lti([w**2], poles), force - force[0], T)[1] + force[0]
+    found = run("force", STEP, sensor_lag_tau=tau, sensor_lag_ratio=ratio, sensor_lag_tau2=tau2)
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(force).max())
 
 

@@ -14,7 +14,7 @@ struct SensorParams {
   double leakage = 0;        // s, high-pass of the charge; 0: none
   double lag = 0, lag2 = 0;  // s, low-pass; 0: none
   double share = 0, leakage2 = 0;  // of the charge that leaks with another time constant, and that (s; 0: it does not)
-  double ratio = 0;                // damping of a low-pass of second order in place of the poles; 0: the poles
+  double ratio = 0;                // damping of a low-pass of second order in place of the first pole; 0: that pole
   double settle = 0, settle_time = 1;  // offset besides, which dies away from the start, and its time constant, s
 
   static SensorParams Of(const Params& p) {
@@ -46,8 +46,9 @@ struct Sensor {
     if (p.settle != 0) unsettled *= std::exp(-dt / p.settle_time);
     const double now = Charge(p);
     if (p.ratio > 0 && p.lag > 0) {
+      const double to = filter.y;
       if (dt > 0) filter.Step(2 * p.ratio / p.lag, p.ratio, from, now, dt);
-      second = filter.y;
+      second = dt > 0 ? Lag(second, to, filter.y, p.lag2, dt) : (p.lag2 > 0 ? second : filter.y);
       return;
     }
     const double to = first;

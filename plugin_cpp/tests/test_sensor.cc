@@ -92,6 +92,15 @@ TEST(AFilterOfSecondOrderIsLateByTau) {
   }
 }
 
+TEST(AFilterOfThirdOrderIsLateByBoth) {
+  SensorParams p;
+  p.lag = 0.01, p.ratio = 0.7, p.lag2 = 0.004;
+  Sensor s;
+  s.Start(p, 5);
+  for (int k = 1; k <= 1000; k++) s.Step(p, 5 + 2e-3 * k, 1e-3);
+  NEAR(s.Read(p), 5 + 2 * (1 - 0.014), 1e-9);
+}
+
 TEST(LeakageForgetsAConstantForce) {
   SensorParams p;
   p.leakage = 0.05;

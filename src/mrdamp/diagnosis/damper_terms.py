@@ -266,8 +266,9 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             (
                 positive("sensor_lag_tau", 2 * dt, 0.1 * dt, 50 * dt),
                 positive("sensor_lag_ratio", 0.8, 0.3, 0.98, 0.2),
+                positive("sensor_lag_tau2", 0.3 * dt, 0.02 * dt, 25 * dt),
             ),
-            ((dt, 0.8), (3 * dt, 0.8), (8 * dt, 0.8)),
+            ((dt, 0.8, 0.1 * dt), (3 * dt, 0.75, 0.5 * dt), (6 * dt, 0.65, 3 * dt)),
             form="second order",
         ),
         Term(
