@@ -61,8 +61,8 @@ double SealLimit(const Params& p, double v) {
 
 double SealSigma(const Params& p) { return p.seal_friction_coulomb * p.seal_friction_breakaway / p.seal_friction_presliding; }
 
-// Force of damper and mechanics on the piston side of the mount, without inertia.
-double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* fluid) {
+// Force of the fluid alone, that moves at v; the law's spring is left at the piston's x in `spring`.
+double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
   const Params& p = d.p;
   LawForce f = ForceOfLaw(d, s, field, x, v);
   double rate = 1;
@@ -88,8 +88,23 @@ double PistonForce(const Damper& d, const State& s, double field, double x, doub
     }
   }
   *slope = factor * rate * f.slope;
-  *fluid = factor * f.fluid;
-  double force = *fluid + f.spring + GasSpring(p, x);
+  *spring = f.spring;
+  return factor * f.fluid;
+}
+
+// Force of damper and mechanics on the piston side of the mount, without inertia.
+double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope) {
+  const Params& p = d.p;
+  double spring, fluid = FluidForce(d, s, field, x, v, slope, &spring);
+  if (HasPocket(p)) {
+    // Pressed gas carries its own force whatever the velocity; at its stop it carries none of its own side.
+    const double side = p.trapped_gas_direction;
+    if (s.c.gas.stretch != 0 || !(fluid * side < 0)) {
+      fluid = PocketForce(p, s.c.gas.stretch);
+      *slope = 0;
+    }
+  }
+  double force = fluid + spring + GasSpring(p, x);
   if (p.seal_friction_coulomb > 0 && p.seal_friction_width > 0) {
     double own;
     force += SealFriction::Slip(SealLimit(p, v), p.seal_friction_width, v, &own);
@@ -106,9 +121,9 @@ int Pieces(const Damper& d, double dt) {
   return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
-// Fluid and mechanics over a piece of piston motion; field0 and field1 at its ends. near: where the law's own solve
-// for its state r begins.
-void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, double field1, double near) {
+// The fluid over a piece of its motion; field0 and field1 at its ends. near: where the law's own solve for its state r
+// begins.
+void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double field1, double near) {
   ChainState& c = s->c;
   const Params& p = d.p;
   const double path = m.path(), mean = 0.5 * (m.va + m.vb);
@@ -134,14 +149,12 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
     }
   }
   c.time += m.dt;
-  const double x = m.x + path;
-  if (p.seal_friction_coulomb > 0) c.bristle = SealFriction::Follow(c.bristle, path, SealLimit(p, mean), SealSigma(p));
   if (p.asymmetry_travel > 0) c.plate = FollowPlate(p, c.plate, path);
-  if (HasTimedPlate(p)) c.plate = Lag(c.plate, plate, rest(field1, x, m.vb), p.asymmetry_time, m.dt);
-  if (HasTrappedGas(p)) c.stroke.Follow(x, p, m.dt);
+  if (HasTimedPlate(p)) c.plate = Lag(c.plate, plate, rest(field1, m.x + path, m.vb), p.asymmetry_time, m.dt);
+  if (HasTrappedGas(p)) c.stroke.Follow(m.x + path, p, m.dt);
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
-    double slope, fluid;
-    PistonForce(d, *s, field1, x, m.vb, &slope, &fluid);
+    double slope, spring;
+    const double fluid = FluidForce(d, *s, field1, m.x + path, m.vb, &slope, &spring);
     const Rise rise = Heat(p, {c.heat, c.body}, std::fabs(fluid * m.vb), m.dt);
     c.heat = rise.fluid;
     c.body = rise.body;
@@ -173,10 +186,68 @@ double FrictionBalance(F&& f, Slope&& rise, double turn, double aside, double to
   return std::nan("");
 }
 
+// Nodes of the two-stage SDIRK that steps what is in series: each stage is an implicit Euler step of kGamma dt.
+constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
+
+// A stage of that: dt from the last one to this one, h the implicit part of it, `gas` the pocket's stretch without that.
+struct Stage {
+  double dt, h, gas;
+};
+
+// The fluid behind a pocket of gas over a stage of piston motion that ends at x with velocity v: where the gas carries
+// the fluid's force. Solved for the rate at which it is pressed together.
+void PocketStage(const Damper& d, State* s, double x, double v, const Stage& g, double from, double to) {
+  const Params& p = d.p;
+  const ChainState start = s->c;
+  NarxHistory past;
+  if (s->past) past = *s->past;
+  const double share = PocketShare(p, v);
+  double tried = 0, wanted = 0, left = 0, own = 0;
+  const auto residual = [&](double rate) {
+    const double near = s->c.r;
+    s->c = start;
+    if (s->past) *s->past = past;
+    Pocket& gas = s->c.gas;
+    gas.rate = tried = rate;
+    gas.flow = v - share * rate;
+    const Piece piece{0, start.gas.flow, gas.flow, g.dt};
+    FluidPiece(d, s, {x - piece.path(), piece.va, piece.vb, g.dt}, from, to, near);
+    double spring;
+    wanted = PocketStretch(p, FluidForce(d, *s, to, x, gas.flow, &own, &spring));
+    return left = g.gas + g.h * rate - wanted;
+  };
+  const double tolerance = 1e-7 * std::fmax(p.trapped_gas_s_g - std::fabs(start.gas.stretch), 1e-6 * p.trapped_gas_s_g);
+  const double slope = g.h + share * PocketGive(p, start.gas.stretch) * start.gas.slope;
+  const double rate = SolveIncreasing(residual, start.gas.rate, slope, tolerance);
+  if (rate != tried) residual(rate);
+  // To its stop exactly; where the fluid's force jumps, by the motion.
+  s->c.gas.stretch = std::fabs(left) > tolerance ? g.gas + g.h * rate : wanted;
+  s->c.gas.slope = own;
+}
+
+void FollowSeal(const Params& p, ChainState* c, const Piece& m) {
+  if (!(p.seal_friction_coulomb > 0)) return;
+  c->bristle = SealFriction::Follow(c->bristle, m.path(), SealLimit(p, 0.5 * (m.va + m.vb)), SealSigma(p));
+}
+
+// Fluid and mechanics over a piece of piston motion, without and with a pocket of gas between them.
+void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, double field1, double near) {
+  FluidPiece(d, s, m, field0, field1, near);
+  FollowSeal(d.p, &s->c, m);
+}
+
+void PocketPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
+  const double h = kGamma * m.dt, v_mid = m.va + kGamma * (m.vb - m.va), x_mid = m.x + 0.5 * (m.va + v_mid) * h;
+  const double field_mid = field0 + kGamma * (field1 - field0), before = s->c.gas.stretch;
+  PocketStage(d, s, x_mid, v_mid, {h, h, before}, field0, field_mid);
+  const double base = before + (m.dt - h) * (s->c.gas.stretch - before) / h;
+  PocketStage(d, s, m.x + m.path(), m.vb, {m.dt - h, h, base}, field_mid, field1);
+  FollowSeal(d.p, &s->c, m);
+}
+
 // The piston behind the mount over a piece of rod motion: two-stage SDIRK for its position, each stage the balance
 // of the damper with the mount's spring. The law is stepped from stage to stage.
 void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
-  constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
   const Params& p = d.p;
   const double x0 = s->c.piston, v0 = s->c.piston_velocity, h = kGamma * m.dt;
   const double mass = RigidMass(p);
@@ -186,7 +257,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
   // Leaves in s the state after dt of piston motion from x_from, at whose end the piston stands at base + h v with
   // the velocity v that balances the mount at `rod`; returns v.
   const auto stage = [&](double x_from, double dt, double base, double base_velocity, double rod, double from,
-                         double to, double guess) {
+                         double to, double guess, double gas) {
     const ChainState start = s->c;
     if (s->past) past = *s->past;
     const double tolerance = 1e-6 * std::fabs(start.rubber.Force(p, rod - x_from)) + 1e-7;
@@ -196,14 +267,19 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
       s->c = start;
       if (s->past) *s->past = past;
       const double x = base + h * v;
-      PistonPiece(d, s, {x_from, 2 * (x - x_from) / dt - v, v, dt}, from, to, near);
+      const Piece piece{x_from, 2 * (x - x_from) / dt - v, v, dt};
+      if (HasPocket(p)) {
+        PocketStage(d, s, x, v, {dt, h, gas}, from, to);
+        FollowSeal(p, &s->c, piece);
+      } else {
+        PistonPiece(d, s, piece, from, to, near);
+      }
       return x;
     };
     const auto damper = [&](double v) {
       const double x = attempt(v);
-      double fluid;
       // No secant: where the force jumps (trapped gas at a turn) that is a slope the next solve would not get away from.
-      const double force = PistonForce(d, *s, to, x, v, &own, &fluid);
+      const double force = PistonForce(d, *s, to, x, v, &own);
       tried = v;
       return force + mass * (v - base_velocity) / h;
     };
@@ -220,10 +296,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
       }
       return SolveIncreasing(both, 0, rise(0), tolerance);
     };
-    if (!(own > 0)) {
-      double fluid;
-      PistonForce(d, *s, from, x_from, guess, &own, &fluid);
-    }
+    if (!(own > 0)) PistonForce(d, *s, from, x_from, guess, &own);
     const double v = SolveSum(damper, mount, balance, guess, own + mass / h, tolerance);
     s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
@@ -232,10 +305,12 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     return v;
   };
   const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();
-  const double v1 = stage(x0, h, x0, v0, rod_mid, field0, field_mid, v0 + kGamma * (m.vb - m.va));
+  const double gas0 = s->c.gas.stretch;
+  const double v1 = stage(x0, h, x0, v0, rod_mid, field0, field_mid, v0 + kGamma * (m.vb - m.va), gas0);
   const double x1 = s->c.piston, base = x0 + (m.dt - h) * v1;
   const double base_velocity = v0 + (m.dt - h) * (v1 - v0) / h;
-  stage(x1, m.dt - h, base, base_velocity, rod_end, field_mid, field1, v1 + (m.dt - h) * (v1 - v0) / h);
+  const double gas = gas0 + (m.dt - h) * (s->c.gas.stretch - gas0) / h;
+  stage(x1, m.dt - h, base, base_velocity, rod_end, field_mid, field1, v1 + (m.dt - h) * (v1 - v0) / h, gas);
 }
 
 }  // namespace
@@ -250,6 +325,7 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
   if (d.p.trapped_gas_direction < 0) c.stroke.pocket = PocketReach(d.p);
   c.piston_velocity = HasMount(d.p) ? 0 : v;
+  c.gas.flow = c.piston_velocity;
   if (s->line) {
     *s->line = DelayLine();
     s->line->Push(0, d.Clamp(u), Reach(d.p));
@@ -288,6 +364,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     const bool jump = (d.hold || p.command_delay_period > 0) && !HasLag(p);
     const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
     if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
+    else if (HasPocket(p)) PocketPiece(d, s, piece, jump ? field1 : field0, field1);
     else PistonPiece(d, s, piece, jump ? field1 : field0, field1, c.r);
     Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
     x += piece.path();
@@ -324,6 +401,7 @@ void Settle(const Damper& d, State* s, double x, double v, double u) {
     x = s->c.piston;
     v = s->c.piston_velocity;
   }
+  if (HasPocket(d.p)) v = s->c.gas.flow;
   if (std::fabs(s->c.time - s->past->count * d.net->sample_time) > 1e-9 * d.net->sample_time) return;
   Narx::Amend(*d.net, s->past, x, v, FieldNow(d, Commanded(d, *s, u)));
 }
@@ -335,14 +413,13 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   o.current = c.coil.current;
   o.field = FieldNow(d, c);
   o.temperature = c.heat;
-  double fluid;
   if (HasMount(p)) {
     o.force = c.rubber.Force(p, x - c.piston);
-    o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope, &fluid);
+    o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope);
     o.piston = c.piston;
     o.slope = 0;
   } else {
-    o.damper = PistonForce(d, s, o.field, x, v, &o.slope, &fluid);
+    o.damper = PistonForce(d, s, o.field, x, v, &o.slope);
     o.force = o.damper + RigidMass(p) * a;
     o.piston = x;
   }

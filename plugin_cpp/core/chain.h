@@ -37,6 +37,7 @@ struct ChainState {
   double piston = 0, piston_velocity = 0;  // behind the mount
   double piston_slope = 0;     // N s/m, d(force)/dv of the last balance, where the next one's solve begins
   Stroke stroke;
+  Pocket gas;        // in series with the fluid
   double plate = 0;  // -1 to 1, asymmetry along the stroke or in its own time
   Rubber rubber;    // friction inside the mount
   Oscillator felt;  // m/s2, acceleration of a moving mass on a spring of its own

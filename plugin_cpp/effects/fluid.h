@@ -60,7 +60,10 @@ inline double PlateRest(const Params& p, double f, double v) {
   return std::tanh(p.asymmetry_force > 0 ? f / p.asymmetry_force : v / p.asymmetry_width);
 }
 
-inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || p.trapped_gas_force > 0; }
+// Gas that is in series with the fluid, which then moves less than the piston.
+inline bool HasPocket(const Params& p) { return p.trapped_gas_series > 0 && p.trapped_gas_force > 0; }
+
+inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || (p.trapped_gas_force > 0 && !HasPocket(p)); }
 
 // Stroke over which a pocket is pressed shut; 0 where every turn opens it.
 inline double PocketReach(const Params& p) {
@@ -131,6 +134,41 @@ inline double LimitedByGas(const Params& p, const Stroke& stroke, double f, doub
   *rate = share / (1 + q * q * q * q);
   return share * f;
 }
+
+// A pocket in series: gas at rest under the accumulator's pressure, force = pressure times area, is pressed together by
+// q as f = force ((1 - q / s_g)^-shape - 1), a polytropic change of its volume, and carries what the fluid does. To the
+// other side it stands at its stop. How far the piston is ahead of the fluid at the fluid's force f.
+inline double PocketStretch(const Params& p, double f) {
+  if (f * p.trapped_gas_direction < 0) return 0;
+  const double q = -p.trapped_gas_s_g * std::expm1(-std::log1p(std::fabs(f) / p.trapped_gas_force) / p.trapped_gas_shape);
+  return f < 0 ? -q : q;
+}
+
+// The force of gas that is pressed together by `stretch`.
+inline double PocketForce(const Params& p, double stretch) {
+  const double share = std::fmin(std::fabs(stretch) / p.trapped_gas_s_g, 1 - 1e-12);
+  const double f = p.trapped_gas_force * std::expm1(-p.trapped_gas_shape * std::log1p(-share));
+  return stretch < 0 ? -f : f;
+}
+
+// Its give (m/N) there.
+inline double PocketGive(const Params& p, double stretch) {
+  const double left = std::fmax(1 - std::fabs(stretch) / p.trapped_gas_s_g, 1e-12);
+  return p.trapped_gas_s_g / (p.trapped_gas_shape * p.trapped_gas_force) * std::pow(left, p.trapped_gas_shape + 1);
+}
+
+// What of the rate the fluid lacks: all of it while the piston presses; on its way back what the gas gives up is filled
+// from behind the piston. Turned over a small velocity.
+inline double PocketShare(const Params& p, double v) {
+  return p.trapped_gas_direction == 0 ? 1 : 0.5 * (1 + std::tanh(v * p.trapped_gas_direction / std::fmax(p.trapped_gas_width, 1e-6)));
+}
+
+struct Pocket {
+  double stretch = 0;  // m that the gas is pressed together, with the sign of the force
+  double rate = 0;     // m/s
+  double flow = 0;     // m/s, velocity of the fluid
+  double slope = 0;    // N s/m, d(force)/dv of the fluid at the last balance, where the next one's solve begins
+};
 
 }  // namespace mrdamp
 

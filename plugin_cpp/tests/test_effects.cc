@@ -197,6 +197,34 @@ TEST(GasLimitsTheForceByItsPressure) {
   NEAR(mrdamp::LimitedByGas(p, s, -100 * limit, &rate), -limit, 1e-3);
 }
 
+TEST(APocketInSeriesIsPressedPolytropically) {
+  Params p;
+  CHECK(!mrdamp::HasPocket(p));
+  p.trapped_gas_series = 1, p.trapped_gas_force = 50, p.trapped_gas_s_g = 0.002, p.trapped_gas_shape = 1.3;
+  CHECK(mrdamp::HasPocket(p) && !mrdamp::HasTrappedGas(p));
+  const double force = 50 * (std::pow(0.25, -1.3) - 1), step = 1e-3;
+  NEAR(mrdamp::PocketStretch(p, force), 1.5e-3, 1e-12);
+  NEAR(mrdamp::PocketForce(p, 1.5e-3), force, 1e-9);
+  const double chord = (mrdamp::PocketStretch(p, force + step) - mrdamp::PocketStretch(p, force - step)) / (2 * step);
+  NEAR(mrdamp::PocketGive(p, 1.5e-3), chord, 1e-4 * chord);
+  CHECK(mrdamp::PocketStretch(p, -300) == 0);  // at its stop
+  p.trapped_gas_direction = -1;
+  CHECK(mrdamp::PocketStretch(p, 300) == 0);
+  NEAR(mrdamp::PocketStretch(p, -force), -1.5e-3, 1e-12);
+  NEAR(mrdamp::PocketForce(p, -1.5e-3), -force, 1e-9);
+  p.trapped_gas_direction = 0;
+  NEAR(mrdamp::PocketStretch(p, -force), -mrdamp::PocketStretch(p, force), 1e-15);
+}
+
+TEST(APocketTakesItsWayFromTheFluidWhileItIsPressed) {
+  Params p;
+  p.trapped_gas_direction = -1, p.trapped_gas_width = 0.01;
+  NEAR(mrdamp::PocketShare(p, -0.1), 1, 1e-8);
+  NEAR(mrdamp::PocketShare(p, 0.01), 0.5 * (1 - std::tanh(1.0)), 1e-12);
+  p.trapped_gas_direction = 0;
+  CHECK(mrdamp::PocketShare(p, 0.1) == 1);
+}
+
 TEST(AStrokeCountsFromItsOwnWayBack) {
   Params p;
   p.trapped_gas_d = 0.6, p.trapped_gas_turn = 1e-3;

@@ -25,8 +25,8 @@ _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
 #: Hz, of the sines of a proposed test.
 _LOWEST, _HIGHEST = 0.3, 10.0
-#: s, the chain's step while searching, the same for rough runs and where a mount is solved for in every step, and in
-#: the last fit.
+#: s, the chain's step while searching, the same for rough runs and where a mount or gas is solved for in every step,
+#: and in the last fit.
 _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
 
 
@@ -106,7 +106,8 @@ class DamperRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
-        step = (_ROUGH if mount or self.rough else _COARSE) if coarse else _FINE
+        solved = mount or any(s.get("trapped_gas_series", 0) > 0 for s in settings)
+        step = (_ROUGH if solved or self.rough else _COARSE) if coarse else _FINE
         pieces = 0.5 if coarse and mount and self.rough else 1.0  # the chain halves a step behind a mount
         return self._run(settings, self._fine(record, step), pieces=pieces)
 

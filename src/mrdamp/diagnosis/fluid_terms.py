@@ -157,12 +157,13 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
                 "fluid",
                 (
                     positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
-                    positive("trapped_gas_s_g", 0.3 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
+                    positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
                     positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
+                    positive("trapped_gas_width", 0.05 * s.velocity, 2e-3 * s.velocity, s.velocity),
                 ),
-                ((0.2 * s.force, 0.15 * s.stroke, 1.2), (0.2 * s.force, 0.5 * s.stroke, 1.2)),
-                form=f"{form}, by its pressure",
-                fixed={"trapped_gas_direction": direction},
+                ((0.2 * s.force, 0.07 * s.stroke, 1.2, 0.05 * s.velocity),),
+                form=f"{form}, in series",
+                fixed={"trapped_gas_direction": direction, "trapped_gas_series": 1.0},
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0))
         ),
