@@ -106,12 +106,9 @@ class FloorSensors:
             leaks.append(given(frame.acc_leakage2, 0.0))
         self.share = share
         self.leaks = [OnePole(tau, period, n, high=True) for tau in leaks if len(leaks) > 1 or tau.any()]
-        poles = [np.where(ratio > 0, 0.0, tau) for tau in (lag, lag2)]
-        self.lags: list[OnePole | TwoPoles | Settling] = [
-            OnePole(tau, period, n, high=False) for tau in poles if tau.any()
-        ]
-        if ratio.any():
-            self.lags.append(TwoPoles(lag, ratio, period, n))
+        self.lags: list[OnePole | TwoPoles | Settling] = [TwoPoles(lag, ratio, period, n)] if ratio.any() else []
+        poles = (np.where(ratio > 0, 0.0, lag), lag2)
+        self.lags += [OnePole(tau, period, n, high=False) for tau in poles if tau.any()]
         settle = given(frame.acc_settle, 0.0)
         if settle.any():
             self.lags.append(Settling(settle, given(frame.acc_settle_time, 0.0), period, n))

@@ -17,6 +17,7 @@ FRAME = FrameInput(np.array([90.0, 80.0]), np.array([5e5, 4e5]), np.array([90.0,
 SENSED = {
     "poles": {"acc_lag": [0.0, 0.01], "acc_lag2": [0.0, 0.004], "acc_offset": [0.2, 0.0]},
     "second order": {"acc_lag": [0.012, 0.01], "acc_ratio": [0.7, 0.0], "acc_gain": [1.2, 0.9]},
+    "third order": {"acc_lag": [0.012, 0.01], "acc_ratio": [0.7, 0.0], "acc_lag2": [0.006, 0.003]},
     "two leaks": {"acc_leakage": [0.1, 0.0], "acc_leakage_share": [0.3, 0.0], "acc_leakage2": [0.6, 0.0]},
     "settling": {"acc_settle": [0.5, -0.3], "acc_settle_time": [0.4, 0.0], "acc_lag": [0.01, 0.0]},
     "a share that stays": {"acc_leakage": [0.1, 0.2], "acc_leakage_share": [0.3, 0.0]},

@@ -91,7 +91,7 @@ FRAME_EFFECTS = {
     ),
     "other forms": (
         Effect("storey_damping", {"e": 0.5, "quadratic": 2000.0}, 1),
-        Effect("sensor_lag", {"tau": 0.006, "ratio": 0.6}, 1),
+        Effect("sensor_lag", {"tau": 0.006, "ratio": 0.6, "tau2": 0.004}, 1),
         Effect("sensor_leakage", {"tau": 0.2, "share": 0.4, "tau2": 1.0}, 2),
         Effect("sensor_offset", {"settle": 0.5, "time": 0.6}, 3),
         Effect("sensor_leakage", {"tau": 0.2, "share": 0.4}, 3),

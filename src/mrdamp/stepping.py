@@ -234,9 +234,9 @@ def _through_floor_sensors(model: Model, out: dict[str, Array], dt: float) -> No
             a = _leaked(a, dt, leakage)
         if ratio > 0 and lag > 0:
             a = second_order(a, dt, lag, ratio)
-        else:
-            for tau in (lag, lag2):
-                a = _first_order(a, dt, tau, high=False) if tau > 0 else a
+            lag = 0.0
+        for tau in (lag, lag2):
+            a = _first_order(a, dt, tau, high=False) if tau > 0 else a
         if frame.acc_offset is not None:
             a = a + frame.acc_offset[j]
         if frame.acc_settle is not None:
