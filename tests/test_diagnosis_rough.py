@@ -139,6 +139,9 @@ def test_rough_runs_of_a_damper_stay_near_and_are_left_out_where_they_spare_noth
     assert quick.rougher(()) is None
     mount = next(t for t in quick.terms if t.stage == "mount")
     assert quick.rougher((mount,)) is not None
+    late = next(t for t in rig.terms if t.cause == "command_delay")
+    assert rig.rougher((late,)) is None
+    assert rig.rougher((late, mount)) is not None
 
 
 def test_threads_change_nothing() -> None:

@@ -112,9 +112,12 @@ class DamperRig:
         return self._run(settings, self._fine(record, step), pieces=pieces)
 
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
-        """The same with longer steps in a search; None where the records' own samples are no further apart."""
+        """The same with longer steps in a search; None where the records' own samples are no further apart, and where
+        the command is late: by how much less than a step counts at its jumps."""
         longer = any(r.sample_time > 1.5 * _COARSE for r in self.records)
-        return self._rough if longer or any(t.stage == "mount" for t in terms) else None
+        if any(t.stage == "mount" for t in terms):
+            return self._rough
+        return self._rough if longer and all(t.stage != "driver" for t in terms) else None
 
     @cached_property
     def _rough(self) -> DamperRig | None:
