@@ -46,6 +46,14 @@ EFFECTS = {
         Effect("remanence", {"b": 0.1, "d": 0.2}),
         Effect("sensor_lag", {"tau": 0.004}),
     ),
+    "a valve's plate, gas in series": (
+        Effect("asymmetry", {"a": 0.2, "force": 300.0, "time": 0.02}),
+        Effect("trapped_gas", {"force": 200.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0}),
+    ),
+    "gas in series behind a mount": (
+        Effect("mount_compliance", {"k": 2e6}),
+        Effect("trapped_gas", {"force": 200.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0}),
+    ),
     "shift, saturation, gain": (
         Effect("channel_shift", {"d": 0.003}),
         Effect("saturation", {"i_s": 1.0, "shape": 1.0}),
@@ -80,6 +88,9 @@ FRAME_EFFECTS = {
         Effect("floor_mass", {"dm": 15.0}, 3),
         Effect("storey_damping", {"e": 2.0}, 1),
         Effect("joint_friction", {"coulomb": 60.0, "width": 0.003}, 3),
+    ),
+    "gas in series": (
+        Effect("trapped_gas", {"force": 300.0, "s_g": 5e-4, "shape": 1.2, "width": 5e-3, "series": 1.0}),
     ),
     "driver and sensors": (
         Effect("driver_lag", {"tau": 0.01}),
