@@ -55,12 +55,6 @@ LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, dou
   }
 }
 
-double SealLimit(const Params& p, double v) {
-  return SealFriction::Limit(p.seal_friction_coulomb, p.seal_friction_breakaway, p.seal_friction_v_s, v);
-}
-
-double SealSigma(const Params& p) { return p.seal_friction_coulomb * p.seal_friction_breakaway / p.seal_friction_presliding; }
-
 // Force of the fluid alone, that moves at v; the law's spring is left at the piston's x in `spring`.
 double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
   const Params& p = d.p;
@@ -159,31 +153,6 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
     c.heat = rise.fluid;
     c.body = rise.body;
   }
-}
-
-// The stretch at which the friction inside the mount last turned or rests.
-double Turn(const Params& p, const Rubber& rubber) {
-  const double half = 0.5 * p.backlash_gap;
-  return rubber.stretch > 0 ? rubber.stretch + half : rubber.stretch < 0 ? rubber.stretch - half : 0;
-}
-
-// Root of the increasing f with slope `rise` that is steepest at `turn` and flattens to either side of it, as friction
-// does: Newton's steps from there do not overshoot. aside: from where the slope at a turn is taken. Not a number
-// where they do not arrive.
-template <class F, class Slope>
-double FrictionBalance(F&& f, Slope&& rise, double turn, double aside, double tolerance) {
-  const double y0 = f(0);
-  double at = -y0 / rise(0), y = f(at);
-  if (std::fabs(y) <= tolerance) return at;
-  at = 0;
-  y = y0;
-  if (turn * y0 < 0) y = f(at = turn);
-  for (int i = 0; i < 30; i++) {
-    if (std::fabs(y) <= tolerance) return at;
-    at -= y / rise(at + (y < 0 ? aside : -aside));
-    y = f(at);
-  }
-  return std::nan("");
 }
 
 // Nodes of the two-stage SDIRK that steps what is in series: each stage is an implicit Euler step of kGamma dt.

@@ -57,6 +57,25 @@ double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
   return SolveSum(f, nothing, along, x, slope, tolerance);
 }
 
+// Root of the increasing f with slope `rise` that is steepest at `turn` and flattens to either side of it, as friction
+// does: Newton's steps from there do not overshoot. aside: from where the slope at a turn is taken. Not a number
+// where they do not arrive.
+template <class F, class Slope>
+double FrictionBalance(F&& f, Slope&& rise, double turn, double aside, double tolerance) {
+  const double y0 = f(0);
+  double at = -y0 / rise(0), y = f(at);
+  if (std::fabs(y) <= tolerance) return at;
+  at = 0;
+  y = y0;
+  if (turn * y0 < 0) y = f(at = turn);
+  for (int i = 0; i < 30; i++) {
+    if (std::fabs(y) <= tolerance) return at;
+    at -= y / rise(at + (y < 0 ? aside : -aside));
+    y = f(at);
+  }
+  return std::nan("");
+}
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_CORE_SOLVE_H_

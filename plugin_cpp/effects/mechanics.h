@@ -52,6 +52,12 @@ struct SealFriction {
   }
 };
 
+inline double SealLimit(const Params& p, double v) {
+  return SealFriction::Limit(p.seal_friction_coulomb, p.seal_friction_breakaway, p.seal_friction_v_s, v);
+}
+
+inline double SealSigma(const Params& p) { return p.seal_friction_coulomb * p.seal_friction_breakaway / p.seal_friction_presliding; }
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_EFFECTS_MECHANICS_H_

@@ -61,6 +61,12 @@ struct Rubber {
   }
 };
 
+// The stretch at which the friction inside the mount last turned or rests.
+inline double Turn(const Params& p, const Rubber& rubber) {
+  const double half = 0.5 * p.backlash_gap;
+  return rubber.stretch > 0 ? rubber.stretch + half : rubber.stretch < 0 ? rubber.stretch - half : 0;
+}
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_EFFECTS_MOUNT_H_
