@@ -31,8 +31,8 @@ STEEPNESS = 2.0
 #: 269 answers on opened cases of the blind test that stated .99 or more, 12 were.
 LAPSE = 0.04
 #: Probability of an unknown cause where two runs of one test differ by more than their noise, and no cause is found:
-#: no set of numbers does that. Of 400 opened cases of the blind test eight without a cause of the catalogue were so, and
-#: none with wrong numbers alone or without a gap.
+#: no set of numbers does that. Of 400 opened cases of the blind test eight without a cause of the catalogue were so,
+#: and none with wrong numbers alone or without a gap.
 UNSTEADY = 0.9
 
 
