@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from mrdamp.between import between, mended_ends
 from mrdamp.core import Array
 from mrdamp.files import write_atomic
+from mrdamp.logged import FACTOR, finer, logged, rings_before_jumps
 from mrdamp.model import Model
 from mrdamp.record_csv import render
 from mrdamp.records import Record, read_record
@@ -33,12 +35,25 @@ def predict(model: Model, record: Path | str) -> dict[str, Array]:
 def free_run(model: Model, record: Record) -> dict[str, Array]:
     """The simulated channels, (n,) each, for the inputs of a record."""
     factor, sample_time, inputs = played(model, record)
-    return {name: y[::factor] for name, y in model.simulate(sample_time, inputs).items()}
+    return as_logged(model, record, factor, model.simulate(sample_time, inputs))
+
+
+def as_logged(model: Model, record: Record, factor: int, channels: Mapping[str, Array]) -> dict[str, Array]:
+    """Simulated channels on the clock of `played` at the record's own samples."""
+    if model.rig == "frame" and factor > 1:
+        filtered = rings_before_jumps(np.asarray(record.command))
+        return {name: logged(y, filtered) for name, y in channels.items()}
+    return {name: y[::factor] for name, y in channels.items()}
 
 
 def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     """What the simulator is driven with: inputs on a clock so many times as fine, its sample time (s), the inputs."""
     inputs = {name: np.asarray(record.channel(name)) for name in INPUTS[model.rig][1:]}
+    if model.rig == "frame" and model.law != "narx":
+        ground, command = (inputs[name] for name in INPUTS["frame"][1:])
+        between_samples = finer(ground, command, rings_before_jumps(command))
+        driven = dict(zip(INPUTS["frame"][1:], between_samples, strict=True))
+        return FACTOR, record.sample_time / FACTOR, driven
     factor = max(1, math.ceil(record.sample_time / _STEP - 1e-9))
     if model.rig == "frame" or model.law == "narx" or factor == 1:
         return 1, record.sample_time, inputs

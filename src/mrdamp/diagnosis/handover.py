@@ -15,7 +15,7 @@ from mrdamp.diagnosis.result import Diagnosis
 from mrdamp.errors import InputError
 from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
-from mrdamp.predict import played
+from mrdamp.predict import as_logged, played
 from mrdamp.records import Record
 
 #: The two gaps agree within this share of the measurement's RMS.
@@ -76,7 +76,7 @@ def agreement(model: Model, record: Record) -> Agreement:
     factor, sample_time, inputs = played(model, record)
     drive = drive_rig if model.rig == "damper" else drive_frame
     offline, stepped = (
-        {name: y[::factor] for name, y in run(sample_time, inputs).items()}
+        as_logged(model, record, factor, run(sample_time, inputs))
         for run in (model.simulate, lambda dt, given: drive(model, dt, given))
     )
     names = [name for name in offline if name in record.channels]

@@ -1,0 +1,65 @@
+"""Between the samples of a frame's records: a smooth ground, and jumps of a command that may have been filtered.
+
+A filter without delay, such as a converter's decimating one, turns a jump into a wave that begins before it. Between
+the samples of such a log the sampling theorem's curve is right (Shannon 1949, doi:10.1109/JRPROC.1949.232969), and
+straight lines take 15 % of what there is at a fifth of the sampling rate; between the samples of an unfiltered one
+that curve overshoots and lines are the better guess. So the log itself has to say which of the two it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import resample_poly
+
+from mrdamp.core import Array
+
+#: Samples on the finer clock for each of the log's: with more of them a frame's runs came no nearer.
+FACTOR = 2
+#: Share of the command's span that is a jump, the samples it may take, and those before it in which its wave runs.
+_JUMP, _RISE, _WAVE = 0.3, 3, 12
+#: Shares of a jump: by how much a wave goes the other way first, and how flat the command is before that.
+_BEFORE, _FLAT = 0.004, 0.001
+
+
+def jumps(command: Array) -> bool:
+    """True where a command (n,) jumps from one of its samples to the next few."""
+    return bool(np.any(np.abs(command[_RISE:] - command[:-_RISE]) > _JUMP * np.ptp(command)))
+
+
+def rings_before_jumps(command: Array) -> bool:
+    """True where most jumps of a command (n,), out of rest, are led by a wave the other way."""
+    span = float(np.ptp(command)) if len(command) else 0.0
+    if not span > 0:
+        return False
+    told = []
+    risen = np.abs(command[_RISE:] - command[:-_RISE]) > _JUMP * span
+    for k in np.flatnonzero(risen[1:] & ~risen[:-1]) + 1:  # the last sample before the jump, or one earlier
+        before = command[max(0, k - 2 * _WAVE) : max(0, k - _WAVE)]
+        jump = float(command[k + _RISE] - command[k])
+        if len(before) < _WAVE or float(np.ptp(before)) > _FLAT * abs(jump):
+            continue
+        wave = (command[k - _WAVE : k + _RISE] - before.mean()) / jump
+        told.append(float(wave.min()) < -_BEFORE)
+    return 2 * sum(told) > len(told)
+
+
+def finer(ground: Array, command: Array, filtered: bool) -> tuple[Array, Array]:
+    """A ground's acceleration and a command (n,) on a clock `FACTOR` times as fine, ((n - 1) FACTOR + 1,) each.
+
+    filtered: the log went through a filter. Without one a ground, which is smooth, runs along a cubic spline (lines
+    between samples at 500 Hz leave out .1 % of a frame's motion) and a command, which may jump, along lines.
+    """
+    n = len(ground)
+    fine = np.arange((n - 1) * FACTOR + 1) / FACTOR
+    if filtered:
+        one, other = (resample_poly(x, FACTOR, 1, padtype="line")[: len(fine)] for x in (ground, command))
+        return np.asarray(one), np.asarray(other)
+    return CubicSpline(np.arange(n), ground)(fine), np.interp(fine, np.arange(n), command)
+
+
+def logged(values: Array, filtered: bool) -> Array:
+    """A simulated channel (..., m) on that clock as the logger takes it, at every `FACTOR`th sample."""
+    if not filtered:
+        return values[..., ::FACTOR]
+    return np.asarray(resample_poly(values, 1, FACTOR, axis=-1, padtype="line"))
