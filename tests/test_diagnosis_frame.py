@@ -11,7 +11,7 @@ from frame_case import DT, LAW, altered, believed, case_of, records
 from mrdamp.diagnosis.experiment import columns, drawn
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.frame import FrameRig, averaged, block_means
-from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, telling
+from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, telling, too_coarse
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import blocks, place_intervals, place_shares
 from mrdamp.diagnosis.problem import Problem
@@ -99,6 +99,30 @@ def test_averaging_takes_both_sides_alike(measured: dict[str, Record]) -> None:
     np.testing.assert_allclose(coarse.simulate([{}], 0), block_means(fine.simulate([{}], 0), 4), rtol=1e-12)
     np.testing.assert_allclose(coarse.measured(0), block_means(fine.measured(0), 4), rtol=1e-12)
     assert averaged(measured["off"], 4).sample_time == pytest.approx(4 * DT)
+
+
+def test_a_record_whose_command_jumps_is_compared_as_it_is(measured: dict[str, Record]) -> None:
+    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
+    assert [r.sample_time for r in rig.records] == pytest.approx([4 * DT, DT])
+    np.testing.assert_array_equal(rig.measured(1)[0], measured["steps"].channel(rig.channels[0]))
+    assert rig.simulate([{}], 1).shape[2] == measured["steps"].n
+    assert [rig.noise_share(k) for k in (0, 1)] == [1.0, 2.0]
+
+
+def test_steps_get_finer_only_where_they_are_called_for(measured: dict[str, Record]) -> None:
+    """The errors of a step are those against half of it, in records whose command jumps and in the others apart."""
+    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
+    problem = Problem(rig, coarse=True)
+    of = {b.record: b for b in problem.blocks}
+    apart = {}
+    for name in ("jump_step", "coarse_step"):
+        half = Problem(replace(rig, **{name: getattr(rig, name) / 2}), coarse=True)
+        change = problem.of_settings([{}])[0] - half.of_settings([{}])[0]
+        apart[name] = [bool(np.any(change[of[k].span])) for k in (0, 1)]
+    assert apart == {"jump_step": [False, True], "coarse_step": [True, False]}
+    loud, quiet = (np.full(len(problem.blocks), level) for level in (1.0, 1e-6))
+    assert not any(too_coarse(problem, loud, jumps) for jumps in (True, False))
+    assert all(too_coarse(problem, quiet, jumps) for jumps in (True, False))
 
 
 def test_clean_blocks_rule_causes_out(measured: dict[str, Record]) -> None:

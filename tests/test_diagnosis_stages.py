@@ -8,8 +8,11 @@ import pytest
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import fit
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.run import carried_over, judge
 from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.settle import Settled
 from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.verdict import UNSTEADY
 from mrdamp.diagnosis.where import Changes, stage_shares
 from toy_rig import toy
 
@@ -54,3 +57,22 @@ def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:
     assert best is not None
     assert set(best.hypothesis.causes) == {"sign", "offset"}
     assert search.solved(best)
+
+
+def test_a_cause_that_does_not_carry_over_is_unknown_where_tests_do_not_repeat() -> None:
+    problem = Problem(toy({"sign": 0.6}, 0.005))
+    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
+    terms = {t.effect: t for t in problem.rig.terms}
+    right = Hypothesis((), (terms["sign"],))
+    search.keep(fit(problem, right, right.start()))
+    fits, decision = judge(search)
+    assert decision.verdict == "effect"
+    chosen = fits[decision.chosen.index]
+    well = Settled(chosen, (), problem.gaps(chosen.residual), problem)
+    badly = Settled(chosen, (), 0.9 * problem.gaps(search.residual), problem)
+    assert carried_over(search, badly, decision) is decision  # a cause in a steady rig: the records may just be few
+    search.steady = False
+    assert carried_over(search, well, decision) is decision
+    told = carried_over(search, badly, decision)
+    assert told.verdict == "unknown"
+    assert told.unknown == UNSTEADY

@@ -71,6 +71,9 @@ class ToyRig:
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         return self._answer(settings, signal.motion)
 
+    def noise_share(self, record: int) -> float:
+        return 1.0
+
     def input_noise(self, settings: Settings, record: int) -> Array:
         return np.zeros(1)
 

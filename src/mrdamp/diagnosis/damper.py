@@ -213,6 +213,10 @@ class DamperRig:
         inputs = between(signal.motion, signal.command, self.sizes.sample_time, factor)
         return self._run(settings, inputs)
 
+    def noise_share(self, record: int) -> float:
+        """1: all records are compared as they are."""
+        return 1.0
+
     def conditions(self, record: int) -> dict[str, Array]:
         """What the gap is mapped over: name with unit -> (n,)."""
         r, v = self.records[record], self.velocity(record)

@@ -21,12 +21,14 @@ from mrdamp.diagnosis.outside import command_rivals, commanded, grouped, inside_
 from mrdamp.diagnosis.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.errors import InputError
+from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
 from mrdamp.records import Record
 from mrdamp.sampling import derivative
 from mrdamp.structures import ShearFrame
 
-#: s, the chain's inner step while searching and for the last fit; the frame is stepped with half of it.
+#: s, the chain's inner step while searching and for the last fit, where a finer one is not called for; the frame is
+#: stepped with half of it.
 _COARSE, FINE = 2e-3, 1e-3
 #: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
 _ROUGH, _ROUGHER = 4e-3, 3.0
@@ -43,11 +45,13 @@ class FrameRig:
 
     raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
     the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
+    Records whose command jumps are compared as they are: after a jump a damper rings with its floor, near 100 Hz.
     clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there.
     quiet: no block is at fault, so that what there is is small; storeys are asked after all, since a resonance shows
     in a free run what their own balance has in its noise.
     free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
-    coarse_step: s, the chain's inner step while searching. threads: that run settings side by side.
+    coarse_step: s, the chain's inner step while searching; jump_step: the same in records whose command jumps, after
+    which a damper rings with its floor. threads: that run settings side by side.
     """
 
     nominal_model: Model
@@ -58,12 +62,21 @@ class FrameRig:
     placed: bool = False
     quiet: bool = False
     coarse_step: float = _COARSE
+    jump_step: float = _COARSE
     threads: int = 1
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
         """The records at the rate of the comparison."""
-        return tuple(averaged(r, self.block) for r in self.raw)
+        return tuple(averaged(r, block) for r, block in zip(self.raw, self._blocks, strict=True))
+
+    @cached_property
+    def _jumps(self) -> tuple[bool, ...]:
+        return tuple(jumps(np.asarray(r.command)) for r in self.raw)
+
+    @cached_property
+    def _blocks(self) -> tuple[int, ...]:
+        return tuple(1 if jump else self.block for jump in self._jumps)
 
     @cached_property
     def structure(self) -> ShearFrame:
@@ -87,6 +100,23 @@ class FrameRig:
         )
 
     @cached_property
+    def _filtered(self) -> tuple[bool, ...]:
+        """Of each record, whether its command's jumps went through a filter."""
+        return tuple(rings_before_jumps(np.asarray(r.command)) for r in self.raw)
+
+    @cached_property
+    def _driven(self) -> tuple[tuple[int, float, Array, Array], ...]:
+        """Of each record, as the simulator is driven with it: samples in one of the record's, sample time (s), ground
+        acceleration and command. In the longest steps nothing is put between samples but where a filter's wave is."""
+        out = []
+        for r, filtered in zip(self.raw, self._filtered, strict=True):
+            ground, command = np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command)
+            plain = self.nominal_model.law == "narx" or (self.coarse_step > _COARSE and not filtered)
+            fine = (FACTOR, r.sample_time / FACTOR, *finer(ground, command, filtered))
+            out.append((1, r.sample_time, ground, command) if plain else fine)
+        return tuple(out)
+
+    @cached_property
     def _free_runs(self) -> list[dict[str, Array]]:
         """Of the nominal simulator, one for each record."""
         return [self._run([{}], k, coarse=True)[0] for k in range(len(self.raw))]
@@ -96,16 +126,17 @@ class FrameRig:
         """What the damper goes through in the nominal simulator's free runs."""
         runs = self._free_runs
         x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
-        dt = max(r.sample_time for r in self.raw)
-        heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o in runs)
+        steps = [sample_time for _, sample_time, _, _ in self._driven]
+        timed = list(zip(runs, steps, strict=True))
+        heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o, dt in timed)
         return Sizes(
             force=rms(f) or 1.0,
             stroke=2 * rms(x),
             velocity=rms(v),
-            acceleration=rms(np.concatenate([derivative(o["stroke_velocity"], dt) for o in runs])),
+            acceleration=rms(np.concatenate([derivative(o["stroke_velocity"], dt) for o, dt in timed])),
             command=max(float(np.abs(r.command).max()) for r in self.raw) or 1.0,
             heat=heat,
-            sample_time=dt,
+            sample_time=max(r.sample_time for r in self.raw),
         )
 
     @cached_property
@@ -162,6 +193,8 @@ class FrameRig:
         r = self.raw[record]
         runs = self._run(settings, record, coarse=coarse)
         out = np.array([[o[c] for c in self.columns] for o in runs])
+        if self._driven[record][0] > 1:
+            out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
         t = r.sample_time * np.arange(r.n)
         for row, setting in zip(out, settings, strict=True):
@@ -169,7 +202,7 @@ class FrameRig:
             if shift:
                 for k in late:
                     row[k] = np.interp(t - shift, t, row[k])
-        return block_means(out, self.block)
+        return block_means(out, self._blocks[record])
 
     def rougher(self, terms: Sequence[Term]) -> FrameRig | None:
         """The same with longer steps in a search."""
@@ -177,12 +210,17 @@ class FrameRig:
 
     @cached_property
     def _rough(self) -> FrameRig | None:
-        step = min(_ROUGH, _ROUGHER * self.coarse_step)
-        return replace(self, coarse_step=step) if step > self.coarse_step else None
+        steps = {name: getattr(self, name) for name in ("coarse_step", "jump_step")}
+        longer = {name: min(_ROUGH, _ROUGHER * step) for name, step in steps.items()}
+        return replace(self, **longer) if longer != steps else None
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,), nothing: a table's motion and the command are taken as they were sent."""
         return np.zeros(len(self.channels))
+
+    def noise_share(self, record: int) -> float:
+        """White noise of a record over what it is in means of `block` samples."""
+        return float(np.sqrt(self.block / self._blocks[record]))
 
     def conditions(self, record: int) -> dict[str, Array]:
         """What the gap is mapped over: name with unit -> (n,)."""
@@ -250,7 +288,8 @@ class FrameRig:
         return dict(self.nominal_model.attributes)
 
     def _run(self, settings: Sequence[Settings], record: int, *, coarse: bool) -> list[dict[str, Array]]:
-        r = self.raw[record]
+        _, sample_time, ground, command = self._driven[record]
+        step = self.jump_step if self._jumps[record] else self.coarse_step
         out: list[dict[str, Array]] = [{}] * len(settings)
         for outside, rows in grouped(settings):
             own = [inside_of(settings[k]) for k in rows]
@@ -262,10 +301,10 @@ class FrameRig:
                 self.nominal_model.law,
                 np.array(vectors),
                 [bent(outside, self._frame(s)) for s in own],
-                r.sample_time,
-                r.channel("ground_acceleration_m_s2"),
-                commanded(outside, np.asarray(r.command), r.sample_time),
-                substep=self.coarse_step if coarse else min(self.coarse_step, FINE),
+                sample_time,
+                ground,
+                commanded(outside, command, sample_time),
+                substep=step if coarse else max(min(step / 2, FINE), FINE / 4),
                 threads=self.threads,
                 narx=self.nominal_model.narx,
             )

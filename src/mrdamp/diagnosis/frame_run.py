@@ -56,7 +56,7 @@ _FREED, _FORM = 2, 0.02
 #: Iterations for the nominal numbers alone, where no single cause will do.
 _FREE = 15
 #: Share of the noise's cost above which the step's own errors ask for a finer one.
-_STEP_ERROR = 0.05
+_STEP_ERROR = 0.03
 #: Share of the noise's cost by which a cause in a block at fault has to lower the cost.
 _SEEN = 0.003
 #: Records that a search goes by, at most.
@@ -64,13 +64,14 @@ _RECORDS = 4
 
 
 def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[Case, FrameRig]:
-    """The case at the rate of the comparison, and its rig. threads: that run settings side by side."""
+    """The case in means over _AVERAGE, which its noise is known from, and its rig. threads: that run settings side by
+    side."""
     block = max(1, round(_AVERAGE / case.records[0].sample_time))
     clean = frozenset(b.name for b in found if b.clean)
     quiet = len(clean) == len(found) > 0
     rig = FrameRig(case.model, case.records, block, clean, quiet=quiet, threads=threads)
     repeats = tuple((averaged(r, block), k) for r, k in case.repeats)
-    return replace(case, records=rig.records, repeats=repeats), rig
+    return replace(case, records=tuple(averaged(r, block) for r in case.records), repeats=repeats), rig
 
 
 def diagnose_frame(
@@ -108,6 +109,7 @@ def diagnose_frame(
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
     settled = settle(search, chosen, mend=decision.verdict != "none")
+    decision = run.carried_over(search, settled, decision)
     progress("looking at what is tied and unseen", 0.85)
     answer = run.assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
     evidence = damper_evidence(case, found) if decision.verdict == "unknown" else None
@@ -158,13 +160,14 @@ def _search(
 
     Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
     """
-    problem = Problem(replace(rig, placed=True), telling(rig.records), coarse=True)
+    problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
-    for step in (FINE, FINE / 2):
-        if not too_coarse(problem, floor):
-            break
-        rig = replace(rig, coarse_step=step)
-        problem = Problem(replace(rig, placed=True), problem.records, coarse=True)
+    for jumps in (True, False):
+        for step in (FINE, FINE / 2, FINE / 4)[: 3 if jumps else 2]:
+            if not too_coarse(problem, floor, jumps):
+                break
+            rig = replace(rig, jump_step=step) if jumps else replace(rig, coarse_step=step)
+            problem = Problem(replace(rig, placed=True), problem.records, coarse=True)
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
     search.steady = noise.steady
@@ -220,12 +223,13 @@ def _search(
     return search, floor
 
 
-def too_coarse(problem: Problem, floor: Array) -> bool:
-    """True where the nominal simulator's own step errors are no trifle beside the noise (floor (blocks,), gaps)."""
-    assert isinstance(problem.rig, FrameRig)
-    half = Problem(
-        replace(problem.rig, coarse_step=problem.rig.coarse_step / 2), problem.records, coarse=True
-    )
+def too_coarse(problem: Problem, floor: Array, jumps: bool) -> bool:
+    """True where the nominal simulator's own step errors, in the records whose command jumps or in the others, are no
+    trifle beside the noise (floor (blocks,), gaps)."""
+    rig = problem.rig
+    assert isinstance(rig, FrameRig)
+    halved = replace(rig, jump_step=rig.jump_step / 2) if jumps else replace(rig, coarse_step=rig.coarse_step / 2)
+    half = Problem(halved, problem.records, coarse=True)
     apart = problem.gaps(problem.of_settings([{}])[0] - half.of_settings([{}])[0])
     return problem.cost(apart) > _STEP_ERROR * problem.cost(floor)
 
@@ -274,8 +278,9 @@ def telling(records: Sequence[Record]) -> tuple[int, ...]:
         u, ground = r.command, r.channel("ground_acceleration_m_s2")
         steps = float(np.std(derivative(u, r.sample_time)))
         rate = float(np.std(derivative(ground, r.sample_time)) / (np.std(ground) or 1.0))
-        signs.append((float(np.mean(u)), float(np.std(u)), steps, 0.5 * np.log(rate)))
-    scaled = np.array(signs) / np.maximum(np.std(signs, axis=0), 1e-9)
+        signs.append((float(np.mean(u)), float(np.std(u)), steps, np.log(rate)))
+    # Of grounds, which a structure answers alike, rather one is left out than of commands.
+    scaled = np.array(signs) / np.maximum(np.std(signs, axis=0), 1e-9) * [1, 1, 1, 0.5]
     kept = list(range(len(records)))
     while len(kept) > _RECORDS:
         pairs = [(float(np.linalg.norm(scaled[a] - scaled[b])), a, b) for a in kept for b in kept if a < b]

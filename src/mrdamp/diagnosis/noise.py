@@ -69,8 +69,12 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
 def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
     """Gap (blocks,) that the noise alone leaves: the outputs' own, and the inputs' carried through the simulator."""
     carried = {k: problem.rig.input_noise(settings, k) for k in problem.records}
+    share = {k: problem.rig.noise_share(k) for k in problem.records}
     return np.array(
-        [np.hypot(noise.levels[b.channel], carried[b.record][b.channel]) / b.size for b in problem.blocks]
+        [
+            np.hypot(share[b.record] * noise.levels[b.channel], carried[b.record][b.channel]) / b.size
+            for b in problem.blocks
+        ]
     )
 
 

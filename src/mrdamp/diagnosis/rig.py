@@ -57,6 +57,10 @@ class Rig(Protocol):
         """(channels,): RMS change of the simulated channels by the noise that is on the measured inputs."""
         ...
 
+    def noise_share(self, record: int) -> float:
+        """What the levels of the channels' noise are multiplied by in a record."""
+        ...
+
     @property
     def envelope(self) -> Envelope:
         """Limits that a test stays within."""

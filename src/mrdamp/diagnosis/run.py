@@ -29,7 +29,7 @@ from mrdamp.diagnosis.settle import Settled, heldout, settle
 from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
-from mrdamp.diagnosis.verdict import Decision, Scored, by_causes, decide, of_cause, with_lapse
+from mrdamp.diagnosis.verdict import UNSTEADY, Decision, Scored, by_causes, decide, of_cause, with_lapse
 from mrdamp.diagnosis.where import cause_shares, record_shares, regimes, stage_intervals, stage_shares
 from mrdamp.diagnosis.words import sentence
 
@@ -40,6 +40,8 @@ _SAMPLES = 20_000
 _RESAMPLES, _SEED = 2000, 3
 #: Fits of an unknown cause that are tried on records left out.
 _NEAREST = 6
+#: Share of the excess that a cause may leave of records left out, where tests do not repeat.
+_CARRIED = 0.5
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -90,6 +92,7 @@ def diagnose(
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
     settled = settle(search, chosen, mend=decision.verdict != "none")
+    decision = carried_over(search, settled, decision)
     progress("looking at what is tied and unseen", 0.85)
     return assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
 
@@ -116,6 +119,17 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
     found = fits[best]
     left = max(found.cost - decision.floor, 0.0) / decision.excess
     return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
+
+
+def carried_over(search: Search, settled: Settled, decision: Decision) -> Decision:
+    """The decision; `unknown` where two runs of one test differ by more than their noise and the cause that fits the
+    records says little of those left out: what changes from run to run is fitted by anything with numbers enough."""
+    if search.steady or decision.verdict != "effect":
+        return decision
+    left = (search.problem.cost(settled.heldout) - decision.floor) / decision.excess
+    if left <= _CARRIED:
+        return decision
+    return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
 
 
 def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> list[Scored]:
@@ -192,7 +206,7 @@ def assemble(
     put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
     unknown = decision.verdict == "unknown"
     level, near = float(noise.levels[-1]), of_one_stage(search)
-    evidence = StageEvidence.of(search.problem, level, near) if unknown else None
+    evidence = StageEvidence.of(search.problem, level, near, search.base) if unknown else None
     where = Where(
         stages=stage_shares(search, chosen, decision.verdict, put_in.found, evidence),
         intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, evidence),
