@@ -20,8 +20,9 @@ _SAMPLES = 20_000
 
 def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
     """Evidence of the stages of a frame's damper, which its own sensor is none of; None where the damper's block is not
-    at fault, or was not measured."""
-    block = next((b for b in found if b.kind == "damper" and not b.clean), None)
+    at fault though others are, or was not measured."""
+    asked = (b for b in found if b.kind == "damper" and (not b.clean or all(other.clean for other in found)))
+    block = next(asked, None)
     if block is None:
         return None
     rig = damper_alone(case)

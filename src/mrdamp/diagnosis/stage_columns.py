@@ -70,7 +70,7 @@ def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
         out["mount"].add([*mount, *(s[f"by gap {gap}"] for gap in _GAPS)], (s["by force"],))
         reading = ["by v", "by v in time", "by sign of v", "by x", "by x squared", "by time", "by one"]
         out["reading"].add([s[name] for name in reading], (s["by v"], s["by one"]))
-        out["sensor"].add(_sensor(s, size), (np.ones(len(made)),))
+        out["sensor"].add(_sensor(s, size), (np.ones(len(made)), s["force rate"]))
     if rig.channels[-1] != "force_N":
         del out["sensor"]
     return out
@@ -91,7 +91,9 @@ def _magnetics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array
     loops = [s[f"loop {width}"] for width in _LOOPS]
     path = [*loops, loops[-1] * u, np.tanh(turn / 0.1), np.tanh(turn / 0.4), u * np.tanh(turn / 0.2)]
     field = [*_hats(u, knots["u"]), u**2, u**3, *path]
-    return [*(s["slope"] * c for c in field), u**2, u**2 * s["x"], u**2 * s["slip"]]
+    small = [np.minimum(u, d) / d for d in _SMALL]
+    pull = [u**2 * c for c in (*_hats(s["x"], knots["x"]), s["x"], s["slip"])]
+    return [*(s["slope"] * c for c in (*field, *small)), *pull]
 
 
 def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> list[Array]:

@@ -36,6 +36,8 @@ _WINDOWS = (0.0, 0.032, 0.128)
 _WAVERING, _UNTOUCHED, _TOUCHED = 4.0, 200.0, 0.3
 #: Of a wavering error: levels of the rest, sizes over the error's own, shares of the windows that it is in.
 _LEVELS, _SIZES, _SHARES = 7, np.geomspace(0.03, 30, 6), (0.15, 0.999)
+#: A fit tells something of its effects' stage where it leaves no more than so much of what the law's numbers leave.
+_MORE = 0.8
 #: Stages whose errors are commonly random in time, and the price (nats) of that in another.
 _RANDOM, _RANDOM_PRICE = ("driver", "fluid", "sensor"), 1.0
 
@@ -51,10 +53,10 @@ class StageEvidence:
 
     @classmethod
     def of(
-        cls, problem: Problem, noise: float, found: Mapping[str, Fit] | None = None
+        cls, problem: Problem, noise: float, found: Mapping[str, Fit] | None = None, base: Fit | None = None
     ) -> StageEvidence | None:
         """Of the nominal simulator's error in a damper's last channel (noise: standard deviation, N); None for
-        another rig. found: by stage, the best fit with its effects alone."""
+        another rig. found: by stage, the best fit with its effects alone; base: with none, the law's numbers free."""
         if not isinstance(problem.rig, DamperRig):
             return None
         errors = _Errors(problem)
@@ -62,16 +64,18 @@ class StageEvidence:
         level = noise**2 * float(np.mean([u**2 for u in errors.units]))
         plain: dict[str, Array] = {}
         told: dict[str, Array] = {}
+        laws = [law, errors.weighted]
+        most = np.inf if base is None else _MORE * _cost(errors.parts(base.residual))
         costs = [_cost(law)]
         for name, own in columns_of(problem, problem.rig).items():
             stage = "sensor" if name == "reading" else name
             models = [(errors.left(own.columns), 0.0)]
-            if found and stage in found:
-                f = found[stage]
+            f = (found or {}).get(stage)
+            if f is not None and _cost(errors.parts(f.residual)) < most:
                 price = NUMBER_PRICE * (len(f.point) - len(f.hypothesis.nominal))
                 models.append((errors.parts(f.residual), price))
             costs += [_cost(left) for left, _ in models]
-            models.append((law, 0.0 if name in _RANDOM else _RANDOM_PRICE))
+            models += [(left, 0.0 if name in _RANDOM else _RANDOM_PRICE) for left in laws]
             means = [errors.likelihoods(left, own, level) for left, _ in models]
             values = [
                 (INDEPENDENT - _WAVERING) * white + _WAVERING * mean - price
