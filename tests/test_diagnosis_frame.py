@@ -10,10 +10,11 @@ import pytest
 from frame_case import DT, LAW, altered, believed, case_of, records
 from mrdamp.diagnosis.experiment import columns, drawn
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.frame import FrameRig, averaged, block_means
-from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, telling, too_coarse
+from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged, block_means
+from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, stepped, telling, too_coarse
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import blocks, place_intervals, place_shares
+from mrdamp.diagnosis.noise import Noise
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.store import Kept, Store
 from mrdamp.diagnosis.terms import Hypothesis
@@ -107,6 +108,7 @@ def test_a_record_whose_command_jumps_is_compared_as_it_is(measured: dict[str, R
     np.testing.assert_array_equal(rig.measured(1)[0], measured["steps"].channel(rig.channels[0]))
     assert rig.simulate([{}], 1).shape[2] == measured["steps"].n
     assert [rig.noise_share(k) for k in (0, 1)] == [1.0, 2.0]
+    assert [r.sample_time for r in replace(rig, full_rate=False).records] == pytest.approx([4 * DT, 4 * DT])
 
 
 def test_steps_get_finer_only_where_they_are_called_for(measured: dict[str, Record]) -> None:
@@ -239,3 +241,11 @@ def test_a_lag_beside_wrong_numbers_is_one_cause(measured: dict[str, Record]) ->
     assert [e.effect for e in answer.effects] == ["driver_lag"]
     assert not [name for name in fitted if name.startswith("held") and "+" in name]
     assert answer.gap.corrected < answer.gap.recalibrated
+
+
+def test_where_no_step_will_do_after_a_jump_means_are_compared(measured: dict[str, Record]) -> None:
+    rig = FrameRig(believed(), (measured["off"], measured["steps"]), 4)
+    loud, quiet = (Noise(np.full(7, level), "high band", np.full(7, level)) for level in (10.0, 1e-7))
+    easy, hard = stepped(rig, loud), stepped(rig, quiet)
+    assert (easy.full_rate, easy.jump_step, easy.coarse_step) == (True, COARSE, COARSE)
+    assert (hard.full_rate, hard.jump_step, hard.coarse_step) == (False, FINE / 2, FINE / 2)

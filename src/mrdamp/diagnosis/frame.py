@@ -29,7 +29,7 @@ from mrdamp.structures import ShearFrame
 
 #: s, the chain's inner step while searching and for the last fit, where a finer one is not called for; the frame is
 #: stepped with half of it.
-_COARSE, FINE = 2e-3, 1e-3
+COARSE, FINE = 2e-3, 1e-3
 #: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
 _ROUGH, _ROUGHER = 4e-3, 3.0
 #: The law's numbers are free within so many times the damper's ranges.
@@ -45,13 +45,13 @@ class FrameRig:
 
     raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
     the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
-    Records whose command jumps are compared as they are: after a jump a damper rings with its floor, near 100 Hz.
+    full_rate: records whose command jumps are compared as they are: there a damper rings with its floor, near 100 Hz.
     clean: names of the blocks (`mrdamp.diagnosis.frame_where`) that are not at fault; nothing is sought there.
     quiet: no block is at fault, so that what there is is small; storeys are asked after all, since a resonance shows
     in a free run what their own balance has in its noise.
     free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
-    coarse_step: s, the chain's inner step while searching; jump_step: the same in records whose command jumps, after
-    which a damper rings with its floor. threads: that run settings side by side.
+    coarse_step: s, the chain's inner step while searching; jump_step: the same in records whose command jumps.
+    threads: that run settings side by side.
     """
 
     nominal_model: Model
@@ -61,8 +61,9 @@ class FrameRig:
     free_structure: bool = False
     placed: bool = False
     quiet: bool = False
-    coarse_step: float = _COARSE
-    jump_step: float = _COARSE
+    coarse_step: float = COARSE
+    jump_step: float = COARSE
+    full_rate: bool = True
     threads: int = 1
 
     @cached_property
@@ -76,7 +77,7 @@ class FrameRig:
 
     @cached_property
     def _blocks(self) -> tuple[int, ...]:
-        return tuple(1 if jump else self.block for jump in self._jumps)
+        return tuple(1 if jump and self.full_rate else self.block for jump in self._jumps)
 
     @cached_property
     def structure(self) -> ShearFrame:
@@ -105,16 +106,20 @@ class FrameRig:
         return tuple(rings_before_jumps(np.asarray(r.command)) for r in self.raw)
 
     @cached_property
-    def _driven(self) -> tuple[tuple[int, float, Array, Array], ...]:
-        """Of each record, as the simulator is driven with it: samples in one of the record's, sample time (s), ground
-        acceleration and command. In the longest steps nothing is put between samples but where a filter's wave is."""
-        out = []
-        for r, filtered in zip(self.raw, self._filtered, strict=True):
-            ground, command = np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command)
-            plain = self.nominal_model.law == "narx" or (self.coarse_step > _COARSE and not filtered)
-            fine = (FACTOR, r.sample_time / FACTOR, *finer(ground, command, filtered))
-            out.append((1, r.sample_time, ground, command) if plain else fine)
-        return tuple(out)
+    def _fine(self) -> tuple[tuple[Array, Array], ...]:
+        """Ground acceleration and command of each record between its samples."""
+        return tuple(
+            finer(np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command), filtered)
+            for r, filtered in zip(self.raw, self._filtered, strict=True)
+        )
+
+    def _driven(self, record: int, coarse: bool) -> tuple[int, Array, Array]:
+        """Samples in one of the record's, ground acceleration and command that the simulator is driven with. In a
+        search nothing is put between samples but where a filter's wave is."""
+        if self.nominal_model.law == "narx" or (coarse and not self._filtered[record]):
+            r = self.raw[record]
+            return 1, np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command)
+        return FACTOR, *self._fine[record]
 
     @cached_property
     def _free_runs(self) -> list[dict[str, Array]]:
@@ -126,7 +131,7 @@ class FrameRig:
         """What the damper goes through in the nominal simulator's free runs."""
         runs = self._free_runs
         x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
-        steps = [sample_time for _, sample_time, _, _ in self._driven]
+        steps = [r.sample_time / self._driven(k, True)[0] for k, r in enumerate(self.raw)]
         timed = list(zip(runs, steps, strict=True))
         heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o, dt in timed)
         return Sizes(
@@ -193,7 +198,7 @@ class FrameRig:
         r = self.raw[record]
         runs = self._run(settings, record, coarse=coarse)
         out = np.array([[o[c] for c in self.columns] for o in runs])
-        if self._driven[record][0] > 1:
+        if self._driven(record, coarse)[0] > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
         t = r.sample_time * np.arange(r.n)
@@ -288,8 +293,9 @@ class FrameRig:
         return dict(self.nominal_model.attributes)
 
     def _run(self, settings: Sequence[Settings], record: int, *, coarse: bool) -> list[dict[str, Array]]:
-        _, sample_time, ground, command = self._driven[record]
-        step = self.jump_step if self._jumps[record] else self.coarse_step
+        factor, ground, command = self._driven(record, coarse)
+        sample_time = self.raw[record].sample_time / factor
+        step = self._step(record, coarse)
         out: list[dict[str, Array]] = [{}] * len(settings)
         for outside, rows in grouped(settings):
             own = [inside_of(settings[k]) for k in rows]
@@ -304,13 +310,19 @@ class FrameRig:
                 sample_time,
                 ground,
                 commanded(outside, command, sample_time),
-                substep=step if coarse else max(min(step / 2, FINE), FINE / 4),
+                substep=step,
                 threads=self.threads,
                 narx=self.nominal_model.narx,
             )
             for k, run in zip(rows, runs, strict=True):
                 out[k] = run
         return out
+
+    def _step(self, record: int, coarse: bool) -> float:
+        """s, the chain's inner step in a record."""
+        jump = self._jumps[record]
+        step = self.jump_step if jump else self.coarse_step
+        return step if coarse else min(step / 2 if jump else step, FINE)
 
     def _frame(self, settings: Settings) -> FrameInput:
         s = self.structure

@@ -17,7 +17,7 @@ from mrdamp.diagnosis import run
 from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.frame import FINE, FrameRig, averaged
+from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.frame_damper import damper_evidence
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import (
@@ -93,6 +93,7 @@ def diagnose_frame(
     small, rig = reduced(case, found, jobs)
     noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
     notes += note
+    rig = stepped(rig, noise)
 
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
@@ -162,12 +163,6 @@ def _search(
     """
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
-    for jumps in (True, False):
-        for step in (FINE, FINE / 2, FINE / 4)[: 3 if jumps else 2]:
-            if not too_coarse(problem, floor, jumps):
-                break
-            rig = replace(rig, jump_step=step) if jumps else replace(rig, coarse_step=step)
-            problem = Problem(replace(rig, placed=True), problem.records, coarse=True)
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
     search.steady = noise.steady
@@ -221,6 +216,22 @@ def _search(
         if not search.solved(best):
             search.outside()
     return search, floor
+
+
+def stepped(rig: FrameRig, noise: Noise) -> FrameRig:
+    """The rig with steps for a search, and with means in all records where those that jump would need finer ones yet: a
+    Bouc-Wen damper is a stiff spring after a jump."""
+    for full_rate in (True, False):
+        rig = replace(rig, full_rate=full_rate, jump_step=COARSE, coarse_step=COARSE)
+        records = telling(rig.raw)
+        floor = floors(Problem(rig, records, coarse=True), noise, {})
+        for jumps in (True, False):
+            for step in (FINE, FINE / 2):
+                if too_coarse(Problem(rig, records, coarse=True), floor, jumps):
+                    rig = replace(rig, jump_step=step) if jumps else replace(rig, coarse_step=step)
+        if not too_coarse(Problem(rig, records, coarse=True), floor, True):
+            break
+    return rig
 
 
 def too_coarse(problem: Problem, floor: Array, jumps: bool) -> bool:
