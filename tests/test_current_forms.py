@@ -176,6 +176,14 @@ def test_stops_of_a_magnetic_circuit_change_with_the_current(up: float, down: fl
     np.testing.assert_allclose(field, UP_AND_DOWN - b * np.array(branch)[::10], atol=2e-3)
 
 
+def test_loops_of_a_magnetic_circuit_close_at_saturation() -> None:
+    b, d, knee = 0.1, 0.2, 0.6
+    loops = {"remanence_b": b, "remanence_d": d, "remanence_stops": 1.0}
+    plain, closing = run("field", UP_AND_DOWN, **loops), run("field", UP_AND_DOWN, **loops, remanence_knee=knee)
+    lag = UP_AND_DOWN - plain
+    np.testing.assert_allclose(UP_AND_DOWN - closing, lag * np.exp(-((UP_AND_DOWN / knee) ** 2)), atol=1e-12)
+
+
 def test_a_magnetic_circuit_begins_on_its_bound() -> None:
     b, up, down = 0.1, -0.4, 0.9
     for start, rise, bound in ((1.0, 0.0, 1 + 0.5 * up), (-1.0, 0.0, -(1 + 0.5 * down)), (0.0, 1.0, 0.5)):

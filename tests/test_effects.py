@@ -196,6 +196,7 @@ def test_neutral_values_change_nothing(base: str) -> None:
         "moving_mass_share": 0.4, "sensor_leakage_tau2": 0.5, "sensor_lag_ratio": 0.7, "driver_lag_ratio": 0.5,
         "driver_lag_share": 0.3, "remanence_up": 0.4, "remanence_down": -0.3, "trapped_gas_end": 1.0,
         "trapped_gas_time": 0.2, "trapped_gas_series": 1.0, "command_delay_phase": 0.5, "asymmetry_time": 0.02,
+        "remanence_knee": 0.5,
     }  # fmt: skip
     columns = ("force", "reference", "true", "current", "field", "piston", "state")
     plain = record.run(b.law, b.parameters, columns)

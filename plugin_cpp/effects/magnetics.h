@@ -67,7 +67,11 @@ struct Magnet {
   static double Width(const Params& p, int k) { return p.remanence_d * 2 * (k + 1) / (kStops + 1); }
 };
 
-inline double FieldOf(const Params& p, double i, double h) { return Saturate(p, i - p.remanence_b * h); }
+// Loops close towards a core's saturation, where nothing is left that a path could have changed.
+inline double FieldOf(const Params& p, double i, double h) {
+  const double q = p.remanence_knee > 0 ? i / p.remanence_knee : 0;
+  return Saturate(p, i - p.remanence_b * h * std::exp(-q * q));
+}
 
 }  // namespace mrdamp
 

@@ -103,6 +103,16 @@ TEST(BoundsOfRemanenceFollowTheCurrent) {
   }
 }
 
+TEST(LoopsOfRemanenceCloseAtTheirKnee) {
+  Params p;
+  p.remanence_b = 0.2, p.remanence_knee = 0.8;
+  NEAR(mrdamp::FieldOf(p, 0, 1), -0.2, 1e-15);
+  NEAR(mrdamp::FieldOf(p, 0.8, -1), 0.8 + 0.2 * std::exp(-1), 1e-15);
+  NEAR(mrdamp::FieldOf(p, -0.4, 1), -0.4 - 0.2 * std::exp(-0.25), 1e-15);
+  p.remanence_knee = 0;
+  NEAR(mrdamp::FieldOf(p, 0.8, 1), 0.6, 1e-15);
+}
+
 TEST(RemanenceBeginsAsAfterARiseFromZero) {
   const auto still = [](double) { return 0.0; };
   const Record r = Sample(kDt, 3, still, still, [](double) { return 0.3; });

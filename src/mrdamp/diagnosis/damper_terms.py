@@ -119,6 +119,21 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             form="closing loops, by the current",
             fixed={"remanence_stops": 1.0},
         ),
+        Term(
+            "remanence",
+            "magnetics",
+            (
+                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
+                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                positive("remanence_knee", 0.7 * s.command, 0.2 * s.command, 5 * s.command),
+            ),
+            (
+                (0.1 * s.command, 0.1 * s.command, 0.8 * s.command),
+                (0.1 * s.command, 0.3 * s.command, 0.6 * s.command),
+            ),
+            form="closing loops, up to saturation",
+            fixed={"remanence_stops": 1.0},
+        ),
         *fluid_terms(s),
         Term(
             "gas_spring",

@@ -31,7 +31,7 @@ from mrdamp.structures import ShearFrame
 #: stepped with half of it.
 COARSE, FINE = 2e-3, 1e-3
 #: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
-_ROUGH, _ROUGHER = 4e-3, 3.0
+_ROUGH, _ROUGHER = 4e-3, 4.0
 #: The law's numbers are free within so many times the damper's ranges.
 _WIDER = 4.0
 #: Hz, of the sines of a proposed test.
@@ -114,9 +114,10 @@ class FrameRig:
         )
 
     def _driven(self, record: int, coarse: bool) -> tuple[int, Array, Array]:
-        """Samples in one of the record's, ground acceleration and command that the simulator is driven with. In a
-        search nothing is put between samples but where a filter's wave is."""
-        if self.nominal_model.law == "narx" or (coarse and not self._filtered[record]):
+        """Samples in one of the record's, ground acceleration and command that the simulator is driven with. In
+        longer steps than a search's nothing is put between samples but where a filter's wave is."""
+        rough = coarse and self.coarse_step > COARSE and not self._filtered[record]
+        if self.nominal_model.law == "narx" or rough:
             r = self.raw[record]
             return 1, np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command)
         return FACTOR, *self._fine[record]
