@@ -7,6 +7,7 @@ import pytest
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import fit
+from mrdamp.diagnosis.frame_run import take_through
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import carried_over, judge
 from mrdamp.diagnosis.search import Search
@@ -76,3 +77,20 @@ def test_a_cause_that_does_not_carry_over_is_unknown_where_tests_do_not_repeat()
     told = carried_over(search, badly, decision)
     assert told.verdict == "unknown"
     assert told.unknown == UNSTEADY
+
+
+def test_fewer_causes_beside_free_numbers_are_fitted_on_before_a_cause_more_counts() -> None:
+    problem = Problem(toy({"sign": 0.6, "gain": 2.3}, 0.005))
+    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
+    terms = {t.effect: t for t in problem.rig.terms}
+    alone = Hypothesis(problem.rig.nominal, (terms["sign"],))
+    search.keep(fit(problem, alone, alone.start(), most=0))  # broken off where it began
+    pair = Hypothesis((), (terms["sign"], terms["cubic"]))
+    best = fit(problem, pair, pair.start())
+    search.keep(best)
+    assert search.ranked(True)[0].cost > best.cost
+    take_through(search, best)
+    found = search.ranked(True)[0]
+    assert found.hypothesis.causes == ("sign",)
+    assert found.cost < best.cost
+    assert search.solved(found)

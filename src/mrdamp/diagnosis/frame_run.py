@@ -207,6 +207,8 @@ def _search(
     if len(best.hypothesis.causes) == 1 and not search.solved(best):
         try_lesser(search, best)
         best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    take_through(search, best)
+    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
     if asked and not search.solved(best):
         # A rival's law is freed: what it is held against has the same.
@@ -280,6 +282,16 @@ def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
     return search.fitted(
         free, np.concatenate([np.zeros(len(rig.nominal)), held.point]), most=4, stage=" freed"
     )
+
+
+def take_through(search: Search, best: Fit) -> None:
+    """Fewer causes of the best fit beside free numbers, fitted again from where they came to: a law's signatures, taken
+    once at the start of a fit, may end its way too soon for a match with a cause more."""
+    causes = set(best.hypothesis.causes)
+    fewer = (f for f in search.ranked(True) if f.hypothesis.terms and set(f.hypothesis.causes) < causes)
+    found = next(fewer, None)
+    if found is not None:
+        search.keep(search.fitted(found.hypothesis, found.point, most=_FREE, stage=" through"))
 
 
 def telling(records: Sequence[Record]) -> tuple[int, ...]:
