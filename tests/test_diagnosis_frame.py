@@ -14,6 +14,7 @@ from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged, block_means
 from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, stepped, telling, too_coarse
 from mrdamp.diagnosis.frame_structure import deviations, promoted
 from mrdamp.diagnosis.frame_where import blocks, place_intervals, place_shares
+from mrdamp.diagnosis.handover import agreement
 from mrdamp.diagnosis.noise import Noise
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.store import Kept, Store
@@ -249,3 +250,9 @@ def test_where_no_step_will_do_after_a_jump_means_are_compared(measured: dict[st
     easy, hard = stepped(rig, loud), stepped(rig, quiet)
     assert (easy.full_rate, easy.jump_step, easy.coarse_step) == (True, COARSE, COARSE)
     assert (hard.full_rate, hard.jump_step, hard.coarse_step) == (False, FINE / 2, FINE / 2)
+
+
+def test_the_written_frame_follows_jumps_as_the_c_entry_does(measured: dict[str, Record]) -> None:
+    told = agreement(believed(), measured["steps"])
+    assert told.within
+    assert told.difference < 0.01

@@ -16,6 +16,9 @@ from mrdamp.files import write_atomic
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.structures import ShearFrame
 
+#: s, engine's steps of the rig, and of a frame: after a jump of its command a damper rings with its floor near 100 Hz,
+#: and the engine's error, of first order, is 2 to 3 % of a record with jumps in twice that step.
+RIG_STEP, FRAME_STEP = 5e-4, 1.25e-4
 _WEIGHTS_TEXT = "damper_weights"
 _STOREY_HEIGHT = 0.54  # m between slabs, as drawn
 _FIRST_HEIGHT = 0.58
@@ -32,20 +35,20 @@ def damper_config(model: Model) -> dict[str, str]:
 def mjcf(model: Model, *, damper: bool = True, timestep: float | None = None) -> str:
     """MJCF text of the model's rig: `rig` or a frame of as many storeys as the structure has.
 
-    damper: False leaves the damper out (frame alone). timestep: s; by default 0.5 ms for the rig and 0.25 ms for
-    a frame. Raises InputError.
+    damper: False leaves the damper out (frame alone). timestep: s; by default `RIG_STEP` and `FRAME_STEP`. Raises
+    InputError.
     """
     if model.rig == "damper":
         root = _parse("rig")
         root.set("model", "mrdamp_rig")
         _signal_sensors(root, ("true_force", "current", "temperature"))
-        step = timestep or 5e-4
+        step = timestep or RIG_STEP
     else:
         assert model.structure is not None
         root = _parse("frame3")
         root.set("model", "mrdamp_frame")
         _build_storeys(root, model)
-        step = timestep or 2.5e-4
+        step = timestep or FRAME_STEP
     _find(root, "option").set("timestep", repr(step))
     if damper:
         _put_damper(root, model)

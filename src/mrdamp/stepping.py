@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from mrdamp.control.base import Controller
 from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.mjcf import mjcf
+from mrdamp.mjcf import FRAME_STEP, RIG_STEP, mjcf
 from mrdamp.model import Model, floor_channels
 from mrdamp.motions import GroundMotion
 
@@ -34,7 +34,7 @@ def _steps(dt: float, largest: float) -> int:
 
 
 def drive_rig(
-    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 5e-4
+    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = RIG_STEP
 ) -> dict[str, Array]:
     """A damper record through MuJoCo: force_N and reference_force_N (n,) at the record's sample times.
 
@@ -178,7 +178,7 @@ def run_frame(
 
 
 def drive_frame(
-    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = 2.5e-4
+    model: Model, dt: float, inputs: Mapping[str, Array], largest_step: float = FRAME_STEP
 ) -> dict[str, Array]:
     """A frame record through MuJoCo: channels as in `Model.simulate`, (n,) each, at the sample time dt (s)."""
     if model.structure is None:

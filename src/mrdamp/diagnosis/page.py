@@ -13,6 +13,7 @@ from mrdamp.diagnosis.words import number, share
 from mrdamp.model import Model
 from mrdamp.pictures import damper as damper_pictures
 from mrdamp.pictures import diagnosis as pictures
+from mrdamp.predict import free_run
 from mrdamp.records import Record
 from mrdamp.report import Page
 from mrdamp.sampling import derivative
@@ -208,9 +209,8 @@ def _nrms(simulated: Array, measured: Array) -> float:
 
 
 def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
-    inputs = {"displacement_m": record.displacement, "command": record.command}
     velocity = record.channels.get("velocity_m_s")
-    before, after = (m.simulate(record.sample_time, inputs)["force_N"] for m in (nominal, corrected))
+    before, after = (free_run(m, record)["force_N"] for m in (nominal, corrected))
     return pictures.ResidualData(
         record.name,
         record.time,
@@ -224,9 +224,7 @@ def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.R
 
 def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
     assert nominal.structure is not None
-    names = ("ground_acceleration_m_s2", "command")
-    inputs = {name: record.channel(name) for name in names}
-    before, after = (m.simulate(record.sample_time, inputs) for m in (nominal, corrected))
+    before, after = (free_run(m, record) for m in (nominal, corrected))
     floors = [f"floor{k}_acceleration_m_s2" for k in range(1, nominal.structure.storeys + 1)]
     floor = max(
         (f for f in floors if f in record.channels), key=lambda f: _nrms(before[f], record.channel(f))
