@@ -40,7 +40,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 positive("driver_lag_tau", 0.005, 1e-4, 0.5),
                 positive("driver_lag_rate", 50 * s.command, 0.5 * s.command, 5000 * s.command),
             ),
-            ((5e-4, 300 * s.command), (0.005, 50 * s.command), (0.005, 10 * s.command)),
+            ((5e-4, 300 * s.command), (0.005, 50 * s.command), (0.005, 10 * s.command), (0.02, 4 * s.command)),
             form="slew",
         ),
         Term(
