@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from mrdamp.core import Array
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.fit import fit
 from mrdamp.diagnosis.frame_damper import damper_evidence
 from mrdamp.diagnosis.frame_where import Block, intervals_by_stage, shares_by_stage
 from mrdamp.diagnosis.limits import Limits
@@ -22,6 +23,7 @@ from mrdamp.diagnosis.result import Measured
 from mrdamp.diagnosis.search import Search
 from mrdamp.diagnosis.stage_columns import columns_of, play
 from mrdamp.diagnosis.stage_evidence import StageEvidence, wavering
+from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.diagnosis.where import stage_intervals, stage_shares
 from mrdamp.model import Model
 from mrdamp.records import Record
@@ -67,6 +69,16 @@ def stuck_field(x: Array, u: Array) -> Array:
     return damper(x, u + 0.25 * np.exp(-((u / 0.3) ** 2)) * np.cos(3 * u))
 
 
+def pulled_piston(x: Array, u: Array) -> Array:
+    """The coil pulls at the piston near one place, moving or not."""
+    return np.asarray(damper(x, u) + 90 * u**2 * np.exp(-(((x - 0.3 * SIZE) / (0.25 * SIZE)) ** 2)))
+
+
+def magnet(x: Array, u: Array) -> Array:
+    """Against the coil: the field falls until the current undoes it, and is there without one."""
+    return damper(x, 0.15 + np.abs(u - 0.15))
+
+
 def worn_place(x: Array, u: Array) -> Array:
     return np.asarray(damper(x, u) * (1 - 0.3 * np.exp(-(((x - 0.4 * SIZE) / (0.2 * SIZE)) ** 2))))
 
@@ -101,6 +113,8 @@ FAULTS = [
     (tired_driver, "driver"),
     (dropouts, "driver"),
     (stuck_field, "magnetics"),
+    (pulled_piston, "magnetics"),
+    (magnet, "magnetics"),
     (worn_place, "fluid"),
     (chatter, "fluid"),
     (bumper, "mechanics"),
@@ -137,6 +151,22 @@ def test_the_stage_of_a_fault_that_no_catalogue_has(fault: Fault, stage: str) ->
     assert shares[stage] > 0.5
     low, high = stage_intervals(search, search.base, "unknown", (), None, evidence)[stage]
     assert low - 1e-9 <= shares[stage] <= high + 1e-9
+
+
+def test_a_fit_that_tells_no_more_than_the_laws_numbers_says_nothing_of_its_stage() -> None:
+    """A sensor's fit that leaves what the freed law leaves as well does not make the sensor the stage."""
+    search = searched(magnet)
+    problem = search.problem
+    law = fit(problem, Hypothesis(problem.rig.nominal), np.zeros(len(problem.rig.nominal)))
+    plain = StageEvidence.of(problem, NOISE)
+    held = StageEvidence.of(problem, NOISE, {"sensor": law}, law)
+    counted = StageEvidence.of(problem, NOISE, {"sensor": law})
+    assert plain is not None
+    assert held is not None
+    assert counted is not None
+    assert held.at() == pytest.approx(plain.at())
+    at = plain.stages.index("sensor")
+    assert counted.values[0][at] > plain.values[0][at] + 1  # without that rule it would have
 
 
 def test_behind_a_load_cell_the_sensor_is_the_reading_of_the_displacement() -> None:
