@@ -61,6 +61,23 @@ def test_a_rival_that_explains_more_makes_the_answer_unknown() -> None:
     assert shares["mechanics"] == 1.0
 
 
+def test_pairs_are_not_sought_where_a_rival_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[tuple[bool, int]] = []
+    extend = Search.extend
+
+    def listed(search: Search, free: bool, depth: int) -> None:
+        tried.append((free, depth))
+        extend(search, free, depth)
+
+    monkeypatch.setattr(Search, "extend", listed)
+    search, _ = judged({"fifth": 0.5}, rivals=True)
+    assert tried == [(False, 1)]
+    assert search.ranked(True)[0].hypothesis.causes == ("cubic",)  # but what comes nearest has its numbers freed
+    tried.clear()
+    judged({"fifth": 0.5}, rivals=False)
+    assert (False, 2) in tried
+
+
 @pytest.mark.parametrize("truth", [{"cubic": 0.4}, {"sign": 0.3, "offset": 0.4}, {"gain": 2.6}, {}])
 def test_a_rival_takes_nothing_from_what_the_catalogue_explains(truth: dict[str, float]) -> None:
     with_rival, without = judged(truth, rivals=True)[1], judged(truth, rivals=False)[1]

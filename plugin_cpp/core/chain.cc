@@ -252,24 +252,37 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
       tried = v;
       return force + mass * (v - base_velocity) / h;
     };
-    const auto mount = [&](double v) { return -start.rubber.Force(p, rod - base - h * v); };
+    Rubber::View view{};
+    const auto mount = [&](double v) {
+      view = start.rubber.Look(p, rod - base - h * v);
+      return -view.force;
+    };
     // The mount costs little, and is what bends: at the ends of its clearance, where its friction turns.
-    const auto balance = [&](double v, double force, double slope) {
+    const auto balance = [&](double v, double force, double sum, double slope) {
       const double stretch = rod - base - h * v;
-      const auto both = [&](double move) { return force + slope * move + mount(v + move); };
-      const auto rise = [&](double move) { return slope + h * start.rubber.Slope(p, stretch - h * move); };
+      Rubber::View seen = view;
+      const auto both = [&](double move) {
+        seen = start.rubber.Look(p, stretch - h * move);
+        return force + slope * move - seen.force;
+      };
+      // A move ahead lets the stretch go.
+      const auto rise = [&](double aside) { return slope + h * start.rubber.Slope(p, seen, -h * aside); };
       if (p.mount_compliance_friction > 0) {
-        const double move = FrictionBalance(both, rise, (stretch - Turn(p, start.rubber)) / h,
+        const double move = FrictionBalance(both, rise, sum, (stretch - Turn(p, start.rubber)) / h,
                                             1e-3 * p.mount_compliance_slide / h, tolerance);
         if (std::isfinite(move)) return move;
+        seen = view;
       }
       return SolveIncreasing(both, 0, rise(0), tolerance);
     };
     if (!(own > 0)) PistonForce(d, *s, from, x_from, guess, &own);
-    const double v = SolveSum(damper, mount, balance, guess, own + mass / h, tolerance);
+    double rise = own + mass / h;
+    const double v = SolveSum(damper, mount, balance, guess, &rise, tolerance);
     s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
-    s->c.piston_slope = own;
+    // A hysteresis bends within a step: the secant over it is the better guess for the next one.
+    const bool bends = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
+    s->c.piston_slope = bends ? std::fmin(std::fmax(rise - mass / h, own), 1e3 * own) : own;
     if (p.mount_compliance_friction > 0) s->c.rubber.Follow(p, rod - s->c.piston);
     return v;
   };

@@ -75,6 +75,7 @@ struct Element {
   int input;                   // column of the structure's inputs
   int upper, lower;            // floor indices, -1 the ground
   double force = 0, next = 0;  // at the start and the end of the step
+  double rise = 0;             // N s/m, its slope over what the step may bring
   bool ready = false;          // the damper's trial state was stepped to the end that was found
 };
 
@@ -277,23 +278,25 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
             const double along = (v - fv) / wv;
             return law(v, fx + wx * along) - along;
           };
-          double guess = fv + wv * e.next, slope = -1 / wv;
+          double guess = fv + wv * e.next, slope = (sweep > 0 && e.input == 1 ? e.rise : 0) - 1 / wv;
           if (sweep == 0) {
             // The slope over all that the step may bring, from no force to the force without give (core/weight.h).
             const double f0 = law(fv, fx), dv = 2 * ramp_v * f0;
             if (std::fabs(dv) > 1e-12 * std::fabs(fv) + 1e-15) {
-              const double f1 = law(fv + dv, fx + 2 * ramp_x * f0), rise = std::max(0.0, (f1 - f0) / dv), free_v = fv;
-              blend[j] = 2 * EndWeight(-2 * ramp_v * rise) - 1;
+              const double f1 = law(fv + dv, fx + 2 * ramp_x * f0), free_v = fv;
+              e.rise = std::max(0.0, (f1 - f0) / dv);
+              blend[j] = 2 * EndWeight(-2 * ramp_v * e.rise) - 1;
               fx -= hold_x * e.force * blend[j];
               fv -= hold_v * e.force * blend[j];
               wx += blend[j] * hold_x;
               wv += blend[j] * hold_v;
               if (e.input == 1) {  // along the secant of these two the balance is near
-                slope = rise - 1 / wv;
-                guess = fv + wv * (f0 + rise * (fv - free_v)) / (1 - rise * wv);
+                slope = e.rise - 1 / wv;
+                guess = fv + wv * (f0 + e.rise * (fv - free_v)) / (1 - e.rise * wv);
               }
-            } else if (e.input == 1) {
-              slope += std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope);
+            } else {
+              e.rise = e.input == 1 ? std::max(0.0, Observe(d, state.s, x0, v0, acceleration_along, u1).slope) : 0;
+              slope += e.rise;
             }
           }
           const double solved = SolveIncreasing(residual, guess, slope, 1e-7 * std::fabs(e.next) + 1e-7);

@@ -7,11 +7,11 @@
 
 namespace mrdamp {
 
-// slow(x) + quick(x) increasing, `slope` a positive guess of slow', `tolerance` on the sum. step(x, y, slope): where
-// y + slope (x' - x) + quick(x') is zero, as x' - x; y of slow alone. A jump through zero (dry friction) ends at the
+// slow(x) + quick(x) increasing, *slope a positive guess of slow' and then the secant found, `tolerance` on the sum. step(x, y, sum, slope): where
+// y + slope (x' - x) + quick(x') is zero, as x' - x; y of slow alone, sum of both. A jump through zero (dry friction) ends at the
 // jump. The number of calls of slow is bounded.
 template <class Slow, class Quick, class Step>
-double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double slope, double tolerance) {
+double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double* slope, double tolerance) {
   double lo = 0, hi = 0;
   bool has_lo = false, has_hi = false;
   double part = slow(x), y = part + quick(x), x_old = x, part_old = part, y_old = y;
@@ -26,9 +26,9 @@ double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double slope,
     }
     if (i > 0 && x != x_old) {
       const double secant = (part - part_old) / (x - x_old);
-      if (secant > 0) slope = secant;
+      if (secant > 0) *slope = secant;
     }
-    const double move = step(x, part, slope);
+    const double move = step(x, part, y, *slope);
     double next = x + move;
     if (has_lo && has_hi) {
       const double width = hi - lo;
@@ -53,25 +53,30 @@ double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double slope,
 template <class F>
 double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
   const auto nothing = [](double) { return 0.0; };
-  const auto along = [](double, double y, double rise) { return -y / rise; };
-  return SolveSum(f, nothing, along, x, slope, tolerance);
+  const auto along = [](double, double, double y, double rise) { return -y / rise; };
+  return SolveSum(f, nothing, along, x, &slope, tolerance);
 }
 
-// Root of the increasing f with slope `rise` that is steepest at `turn` and flattens to either side of it, as friction
-// does: Newton's steps from there do not overshoot. aside: from where the slope at a turn is taken. Not a number
-// where they do not arrive.
+// Root of the increasing f, y0 at 0, that is steepest at `turn` and flattens to either side of it, as friction does:
+// Newton's steps from there do not overshoot. rise(aside): its slope where f was last taken, or first before that, as
+// far aside as a slope at a turn is taken. Not a number where they do not arrive.
 template <class F, class Slope>
-double FrictionBalance(F&& f, Slope&& rise, double turn, double aside, double tolerance) {
-  const double y0 = f(0);
-  double at = -y0 / rise(0), y = f(at);
+double FrictionBalance(F&& f, Slope&& rise, double y0, double turn, double aside, double tolerance) {
+  const double first = rise(0.0), toward = rise(y0 < 0 ? aside : -aside);
+  double at = -y0 / first, y = f(at);
   if (std::fabs(y) <= tolerance) return at;
   at = 0;
   y = y0;
-  if (turn * y0 < 0) y = f(at = turn);
+  bool anew = true;  // f was last taken elsewhere
+  if (turn * y0 < 0) {
+    y = f(at = turn);
+    anew = false;
+  }
   for (int i = 0; i < 30; i++) {
     if (std::fabs(y) <= tolerance) return at;
-    at -= y / rise(at + (y < 0 ? aside : -aside));
+    at -= y / (anew ? toward : rise(y < 0 ? aside : -aside));
     y = f(at);
+    anew = false;
   }
   return std::nan("");
 }

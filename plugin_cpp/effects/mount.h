@@ -53,11 +53,24 @@ struct Rubber {
     const double spring = MountForce(p, d);
     return p.mount_compliance_friction > 0 ? spring + p.mount_compliance_friction * Held(p, d) : spring;
   }
-  double Slope(const Params& p, double d) const {
-    const double spring = MountSlope(p, d);
+  double Slope(const Params& p, double d) const { return Slope(p, Look(p, d), 0); }
+
+  // Force at the stretch d with what its slope takes, so that both cost one exponential.
+  struct View {
+    double beyond, held, force;
+  };
+  View Look(const Params& p, double d) const {
+    const double spring = MountForce(p, d);
+    if (!(p.mount_compliance_friction > 0)) return {BeyondGap(p, d), held, spring};
+    const double share = Held(p, d);
+    return {BeyondGap(p, d), share, spring + p.mount_compliance_friction * share};
+  }
+  // The slope (N/m) there, of friction that runs on to where `aside` (m) from there would have it.
+  double Slope(const Params& p, const View& at, double aside) const {
+    const double spring = MountStiffness(p) * (1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond);
     if (!(p.mount_compliance_friction > 0)) return spring;
-    const double end = BeyondGap(p, d) < stretch ? -1 : 1;
-    return spring + p.mount_compliance_friction / p.mount_compliance_slide * (1 - end * Held(p, d));
+    const double end = at.beyond + aside < stretch ? -1 : 1;
+    return spring + p.mount_compliance_friction / p.mount_compliance_slide * (1 - end * at.held);
   }
 };
 

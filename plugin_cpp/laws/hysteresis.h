@@ -28,7 +28,10 @@ inline double Square(double u, double A, double B, double s, double* left) {
     *left = s - std::atanh(-u / c) / rate;
     return 0;
   }
-  const double angle = std::atan(u / c) + rate * s;
+  // tan of a sum while that is below 1.5, where the law is stopped from running away.
+  const double w = u / c, turn = rate * s < 1.5 ? std::tan(rate * s) : 0, over = 1 - w * turn;
+  if (turn > 0 && over > 0 && w + turn < 14 * over && !(u < 0 && w + turn > 0)) return c * (w + turn) / over;
+  const double angle = std::atan(w) + rate * s;
   if (u < 0 && angle > 0) {
     *left = angle / rate;
     return 0;

@@ -115,11 +115,12 @@ TEST(SolveSparesTheSlowPart) {
       for (const double pull : {40.0, 150.0, -150.0}) {
         int calls = 0;
         const auto slow = [&](double x) { calls++; return 2 * x + 0.01 * x * x * x - pull; };
-        const auto step = [&](double x, double y, double slope) {
+        const auto step = [&](double x, double y, double, double slope) {
           const auto both = [&](double move) { return y + slope * move + bent(x + move); };
           return SolveIncreasing(both, 0, slope, 1e-9);
         };
-        const double root = SolveSum(slow, bent, step, start, 1, 1e-6);
+        double rise = 1;
+        const double root = SolveSum(slow, bent, step, start, &rise, 1e-6);
         CHECK(calls < (pull == 40 ? 8 : 20));
         if (pull == 40) NEAR(root, 0.3, std::max(1e-8, width));
         else NEAR(slow(root) + bent(root), 0, 1e-6);

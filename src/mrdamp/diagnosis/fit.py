@@ -13,6 +13,8 @@ from mrdamp.diagnosis.terms import Hypothesis, Settings
 
 #: What the priors' sum of squares counts in units of a cost (gap squared): they settle what records leave open.
 PRIOR_WEIGHT = 3e-6
+#: Relative fall of the cost that ends a fit, and one whose last figures do not matter.
+TOLERANCE, ROUGHLY = 2e-3, 0.01
 #: Dampings tried at once, times the present one; the first of them.
 _DAMPINGS, _DAMPING = (0.03, 1.0, 30.0), 1e-2
 #: Iterations after which a fit has to be below its bar.
@@ -72,7 +74,7 @@ def fit(
     start: Array,
     *,
     most: int = 12,
-    tolerance: float = 2e-3,
+    tolerance: float = TOLERANCE,
     known: Array | None = None,
     frozen: bool = False,
     bar: float = np.inf,
@@ -142,6 +144,8 @@ class _Descent:
     def run(self, most: int, tolerance: float, bar: float) -> None:
         """Steps until they gain little."""
         self.converged = False
+        if self.stepper is not self.problem:
+            tolerance = max(tolerance, ROUGHLY)  # where they lead to is off by more
         while self.iterations < most:
             self.iterations += 1
             gain = self.step()
@@ -150,7 +154,7 @@ class _Descent:
             if gain < tolerance:
                 if self.fresh or self.frozen:
                     if self.damping >= 1e3 or gain > 0:
-                        self.converged = True
+                        self.converged = gain < TOLERANCE
                         return
                     self.damping *= 1e3
                     continue

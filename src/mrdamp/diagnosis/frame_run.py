@@ -53,6 +53,8 @@ _LOOKED_AT = 3
 _LEFT = 0.02
 #: Best held fits whose nominal numbers are freed; a share of the excess that another form of the same cause may leave.
 _FREED, _FORM = 2, 0.02
+#: How much less one cause beside free numbers leaves than one without, for two without not to be tried.
+_AHEAD = 0.3
 #: Iterations for the nominal numbers alone, where no single cause will do.
 _FREE = 15
 #: Share of the noise's cost above which the step's own errors ask for a finer one.
@@ -101,7 +103,8 @@ def diagnose_frame(
     search, floor = _search(rig, noise, limits, jobs, store or Store(), part(0.05, 0.45))
     fits, decision = judge(search, rig)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
-    if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT:
+    outside = any(search.solved(f) for f in search.rivals)
+    if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
         # What was kept is of other nominal numbers.
         search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7))
@@ -174,12 +177,19 @@ def _search(
         ("one cause, the damper's among them", rig, True, 1),
         ("two causes", rig, True, 2),
     )
+    asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
     beside_law = False
     for number, (what, sought, wanted, depth) in enumerate(steps):
         if not wanted or _enough(search, rig, at_fault, law=number > 2):
             continue
-        progress(what, (number + 1) / 6)
         problem.rig = sought
+        if depth == 2:
+            if asked and search.explained_outside():
+                problem.rig = rig
+                return search, floor
+            if beside_law and _ahead(search):
+                continue
+        progress(what, (number + 1) / 6)
         search.extend(False, depth)
         if not sought.placed and depth == 1 and not _enough(search, rig, at_fault):
             search.keep(
@@ -209,7 +219,6 @@ def _search(
         best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     take_through(search, best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
     if asked and not search.solved(best):
         # A rival's law is freed: what it is held against has the same.
         if best.hypothesis.terms and not best.hypothesis.nominal:
@@ -218,6 +227,13 @@ def _search(
         if not search.solved(best):
             search.outside()
     return search, floor
+
+
+def _ahead(search: Search) -> bool:
+    """True where one cause beside free numbers leaves much less than the best one without: two causes without would
+    only stand in for the numbers."""
+    free, held = search.best(True, 1), search.best(False, 1)
+    return free is not None and held is not None and search.unexplained(free) < _AHEAD * search.unexplained(held)
 
 
 def stepped(rig: FrameRig, noise: Noise) -> FrameRig:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from mrdamp.diagnosis.fit import Fit
 
 if TYPE_CHECKING:
-    from mrdamp.diagnosis.search import Promise, Search
+    from mrdamp.diagnosis.breadth import Promise
+    from mrdamp.diagnosis.search import Search
 
 #: A cause is fitted where it promises this relative fall of what the fit leaves, and so many of them, the best first.
 _PROMISE, _MOST = 0.2, 2

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.audit import audit
@@ -67,12 +68,17 @@ def diagnose(
 
     Raises InputError.
     """
-    if case.model.rig == "frame":
-        from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame
+    store = store or Store()
+    # The same sums in the same order on every machine; the work is done elsewhere.
+    with threadpool_limits(limits=1):
+        if case.model.rig == "frame":
+            from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame
 
-        return diagnose_frame(
-            case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store or Store()
-        )
+            return diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store)
+        return _diagnose_damper(case, jobs, progress, limits or Limits(), store)
+
+
+def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, store: Store) -> Diagnosis:
     begun = time.monotonic()
     rig = make_rig(case, jobs)
     notes = list(audit(case))
@@ -84,7 +90,7 @@ def diagnose(
     floor = floors(plain, noise, {})
     problem = Problem(rig, stride=stride, coarse=True, trust=trust(plain, floor))
     progress("recalibrating the nominal parameters", 0.02)
-    search = Search(problem, problem.cost(floor), limits or Limits(), jobs, store or Store())
+    search = Search(problem, problem.cost(floor), limits, jobs, store)
     search.steady = noise.steady
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)

@@ -16,8 +16,9 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.breadth import FLOOR_DOUBT, Promise, first_forms, parents, worth_a_fit
 from mrdamp.diagnosis.clock import try_clock
-from mrdamp.diagnosis.fit import Fit, fit, taken_up
+from mrdamp.diagnosis.fit import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.store import Store
@@ -33,24 +34,6 @@ _PROMISE = 0.03
 _SOLVED = 0.001
 #: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
 _NEARLY = 0.02
-#: The noise floor is known to about this share of itself (sampling of the motion, start states).
-_FLOOR_DOUBT = 0.3
-
-
-@dataclass(frozen=True)
-class Promise:
-    """Cost that a term promises, with its start and the factor that its signature is stretched by."""
-
-    cost: float
-    term: Term
-    start: int
-    by: float
-
-
-def first_forms(ranked: Sequence[Promise]) -> list[Promise]:
-    """Of what is promised, best first, the best form of each cause."""
-    first = {p.term.cause: p for p in reversed(ranked)}
-    return [p for p in ranked if first[p.term.cause] is p]
 
 
 @dataclass
@@ -71,6 +54,7 @@ class Search:
     steady: bool = True
     others: tuple[Fit, list[Promise]] | None = None
     _fine_costs: dict[str, float] = field(default_factory=dict)
+    _asked: bool = False
 
     def __post_init__(self) -> None:
         rig = self.problem.rig
@@ -149,6 +133,9 @@ class Search:
             before = self.best(False)
             if before is not None and (self.solved(before) or (free and self.unexplained(before) < _NEARLY)):
                 break
+            if depth > 1 and not free and self.explained_outside():
+                self.free_best()
+                return
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
@@ -240,8 +227,20 @@ class Search:
         cost = float(residual @ residual)
         return Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
 
+    def explained_outside(self) -> bool:
+        """True where a cause outside the catalogue leaves nothing and none in it comes near: two of those can say no
+        more, with more numbers."""
+        if min(self.unexplained(f) for f in self.fits.values()) < _NEARLY:
+            return False
+        self.outside()
+        return any(self.solved(f) for f in self.rivals)
+
     def outside(self) -> None:
-        """Causes outside the catalogue, the most promising alone, with the nominal parameters held and free."""
+        """Causes outside the catalogue, the most promising alone, with the nominal parameters held and free; asked for
+        once."""
+        if self._asked:
+            return
+        self._asked = True
         held = self.fits[False, frozenset()]
         ranked = [
             p for p in self.screen(held, self.problem.rig.rivals) if p.cost < (1 - _PROMISE) * held.cost
@@ -276,16 +275,17 @@ class Search:
         return self._little(self._fine_costs[key])
 
     def _little(self, cost: float) -> bool:
-        return cost - self.floor < _SOLVED * self.excess + _FLOOR_DOUBT * self.floor
+        return cost - self.floor < _SOLVED * self.excess + FLOOR_DOUBT * self.floor
 
     def extend(self, free: bool, depth: int) -> None:
-        parents = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1][: self.limits.beam]
+        smaller = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1]
+        beside = parents(smaller, self.limits.beam, self.floor, _SOLVED * self.excess)
         tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
-        for parent in parents:
+        for parent in beside:
             taken = set(parent.hypothesis.causes)
             terms = [t for t in self.problem.rig.terms if t.cause not in taken]
             ranked = [p for p in self.screen(parent, terms) if p.cost < (1 - _PROMISE) * parent.cost]
-            for promise in self._choose(ranked, depth):
+            for promise in worth_a_fit(ranked, depth, self.limits):
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 key = frozenset(t.name for t in hypothesis.terms)
                 if (free, key) not in self.fits:
@@ -302,26 +302,6 @@ class Search:
     def _polish(self, found: Fit) -> Fit:
         return self.fitted(found.hypothesis, found.point, most=4, stage=" polished")
 
-    def _choose(self, ranked: list[Promise], depth: int) -> list[Promise]:
-        """The most promising causes in their best forms; of singles also the best of every stage."""
-        count = self.limits.singles if depth == 1 else self.limits.additions
-        causes = list(dict.fromkeys(p.term.cause for p in ranked))
-        wanted = set(causes[:count])
-        if depth == 1:
-            stages = {p.term.stage for p in ranked if p.term.cause in wanted}
-            for promise in ranked:
-                if promise.term.stage not in stages:
-                    stages.add(promise.term.stage)
-                    wanted.add(promise.term.cause)
-        forms: dict[str, int] = {}
-        chosen = []
-        for promise in ranked:
-            cause = promise.term.cause
-            if cause in wanted and forms.get(cause, 0) < self.limits.forms:
-                forms[cause] = forms.get(cause, 0) + 1
-                chosen.append(promise)
-        return chosen
-
     @staticmethod
     def law_columns(found: Fit) -> Array | None:
         """Columns of a fit's Jacobian for the nominal parameters; None where they are held."""
@@ -330,7 +310,8 @@ class Search:
 
     def _try(self, hypothesis: Hypothesis, start: Array, known: Array | None, bar: float) -> Fit | None:
         try:
-            return self.fitted(hypothesis, start, most=8 if hypothesis.nominal else 15, known=known, bar=bar)
+            most = 8 if hypothesis.nominal else 15  # evidence goes by the logarithm of what is left
+            return self.fitted(hypothesis, start, most=most, known=known, bar=bar, tolerance=ROUGHLY)
         except (np.linalg.LinAlgError, ValueError) as error:
             self.failed.append(f"{hypothesis.name}: the fit failed ({error})")
             return None
@@ -344,9 +325,11 @@ class Search:
         known: Array | None = None,
         stage: str = "",
         bar: float = np.inf,
+        tolerance: float = TOLERANCE,
     ) -> Fit:
         """A fit from a start, or what an interrupted run had found for it. known: columns of the Jacobian that stay as
-        they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below."""
+        they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below. tolerance: see
+        `fit`."""
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
         if known is None and hypothesis.nominal:
             # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
@@ -361,7 +344,14 @@ class Search:
         if kept is not None and kept.point.shape == start.shape:
             return taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
         found = fit(
-            self.problem, hypothesis, start, most=most, known=known, frozen=known is not None, bar=bar
+            self.problem,
+            hypothesis,
+            start,
+            most=most,
+            tolerance=tolerance,
+            known=known,
+            frozen=known is not None,
+            bar=bar,
         )
         self.store.put(name, found.point, found.converged, found.at)
         return found

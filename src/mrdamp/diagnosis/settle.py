@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,8 +19,11 @@ _WORTH = 0.15
 _ROUNDS = 2
 #: Other fits of the same causes that are settled where the chosen one is worse than nothing.
 _OTHERS = 3
-#: Iterations that a fit which was still moving goes on for.
-_THROUGH = 15
+#: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
+_SAME, _NOTHING = 0.02, 1e-4
+#: A fit that was still moving goes on for so many turns of so many iterations, each with the law's signatures taken
+#: anew, as long as one takes this share off its cost.
+_TURNS, _THROUGH, _GAIN = 3, 5, 0.01
 
 
 @dataclass(frozen=True)
@@ -101,14 +104,23 @@ def _through(search: Search, found: Fit) -> Fit:
     """A fit that a search broke off while it was still moving, taken to where it rests."""
     if found.converged or not found.hypothesis.coordinates:
         return found
-    further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=" through")
-    return min(further, found, key=lambda f: f.cost)
+    for turn in range(1, _TURNS + 1):
+        further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=f" through {turn}")
+        gain = 1 - further.cost / found.cost
+        found = min(further, found, key=lambda f: f.cost)
+        if further.converged or gain < _GAIN:
+            break
+    return found
 
 
 def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settled:
     coarse = search.problem
     fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
-    final = fit(fine, found.hypothesis, found.point, most=2)
+    final = replace(fit(fine, found.hypothesis, found.point, most=0), converged=found.converged)
+    # Where the steps of a search were good enough that is that.
+    if abs(final.cost - found.cost) > max(_SAME * found.cost, _NOTHING * search.excess):
+        known = search.law_columns(found)
+        final = fit(fine, found.hypothesis, found.point, most=2, known=known, frozen=known is not None)
     return Settled(final, corrections, heldout(fine, final), fine)
 
 

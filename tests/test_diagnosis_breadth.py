@@ -1,0 +1,32 @@
+"""Which fits get a cause added, and when a search need go no further."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from mrdamp.diagnosis.breadth import parents
+from mrdamp.diagnosis.fit import Fit
+
+
+def fit_of(cost: float, *causes: str) -> Fit:
+    return cast(Fit, SimpleNamespace(cost=cost, hypothesis=SimpleNamespace(causes=causes)))
+
+
+@pytest.mark.parametrize(
+    ("fits", "chosen"),
+    [
+        ([(0.1, "a"), (0.3, "b"), (0.5, "c")], [0, 1]),  # what leaves five times as much
+        ([(0.1, "a"), (0.11, "a"), (0.14, "a"), (0.2, "b")], [0, 1]),  # a lesser form, and past the beam
+        ([(0.1, "a"), (0.3, "b"), (0.32, "b")], [0, 1, 2]),  # a form that is as good
+        ([(0.0101, "a"), (0.0125, "b"), (0.014, "c")], [0, 1]),  # within the noise floor's doubt
+        ([(0.0101, "a"), (0.0101, "b"), (0.0101, "c")], [0, 1, 2]),
+        ([], []),
+    ],
+)
+def test_causes_are_added_to_fits_that_come_near_the_best(fits: list[Any], chosen: list[int]) -> None:
+    ranked = [fit_of(*f) for f in fits]
+    found = parents(ranked, 3, 0.01, 1e-4)
+    assert [ranked.index(f) for f in found] == chosen
