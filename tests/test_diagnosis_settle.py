@@ -62,8 +62,8 @@ def test_the_least_bad_is_kept_where_all_are_worse(monkeypatch: pytest.MonkeyPat
     [
         ([0.005], "turn 1"),
         ([0.02], "chosen"),
-        ([0.005, 0.004, 0.003], "turn 3"),  # while it moves, so many turns and no more
-        ([0.005, 0.00499, 0.001], "turn 2"),  # a turn that gains little is the last
+        ([0.005, 0.004, 0.003], "turn 2"),  # while it moves, so many turns and no more
+        ([0.00999, 0.001], "turn 1"),  # a turn that gains little is the last
     ],
 )
 def test_a_fit_that_was_still_moving_is_taken_on(

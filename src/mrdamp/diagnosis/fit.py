@@ -122,6 +122,7 @@ class _Descent:
         self.damping, self.iterations, self.converged = _DAMPING, 0, False
         self.steps_there = 0  # iterations up to where the full step was last taken
         self.there = True  # the full step was taken where it stands
+        self.exact = False  # the Jacobian is of full runs
         self.look()
 
     def cost(self, r: Array, q: Array) -> float:
@@ -135,10 +136,14 @@ class _Descent:
         return np.asarray(self.rough.residuals(self.hypothesis, self.q)[0])
 
     def look(self) -> None:
-        """The Jacobian where it stands."""
+        """The Jacobian where it stands; by rough runs as long as that leads on."""
         known = self.known if self.frozen or not self.fresh else None
-        before = self.own if self.stepper is self.rough else self.r
-        self.at, self.j = self.q, _jacobian(self.stepper, self.hypothesis, self.q, before, known)
+        runs, before = self.stepper, self.r
+        if self.stepper is self.rough:
+            before = self.own
+        elif not self.exact:
+            runs, before = self.rough, self.rough_run()
+        self.at, self.j = self.q, _jacobian(runs, self.hypothesis, self.q, before, known)
         self.fresh = known is None
 
     def run(self, most: int, tolerance: float, bar: float) -> None:
@@ -152,13 +157,16 @@ class _Descent:
             if self.iterations == _PATIENCE and self.total > bar:
                 return
             if gain < tolerance:
-                if self.fresh or self.frozen:
+                if self.stepper is not self.rough and not self.exact:
+                    self.exact = True
+                elif self.fresh or self.frozen:
                     if self.damping >= 1e3 or gain > 0:
                         self.converged = gain < TOLERANCE
                         return
                     self.damping *= 1e3
                     continue
-                self.known, self.fresh = None, True  # the known columns may be what holds it up
+                else:
+                    self.known, self.fresh = None, True  # the known columns may be what holds it up
             self.look()
 
     def step(self) -> float:

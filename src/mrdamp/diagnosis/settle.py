@@ -23,7 +23,7 @@ _OTHERS = 3
 _SAME, _NOTHING = 0.02, 1e-4
 #: A fit that was still moving goes on for so many turns of so many iterations, each with the law's signatures taken
 #: anew, as long as one takes this share off its cost.
-_TURNS, _THROUGH, _GAIN = 3, 5, 0.01
+_TURNS, _THROUGH, _GAIN = 2, 5, 0.01
 
 
 @dataclass(frozen=True)
