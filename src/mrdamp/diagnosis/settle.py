@@ -20,7 +20,7 @@ _ROUNDS = 2
 #: Other fits of the same causes that are settled where the chosen one is worse than nothing.
 _OTHERS = 3
 #: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
-_SAME, _NOTHING = 0.02, 1e-4
+_SAME, _NOTHING = 0.02, 1e-5
 #: A fit that was still moving goes on for so many turns of so many iterations, each with the law's signatures taken
 #: anew, as long as one takes this share off its cost.
 _TURNS, _THROUGH, _GAIN = 2, 5, 0.01
