@@ -7,9 +7,9 @@
 
 namespace mrdamp {
 
-// slow(x) + quick(x) increasing, *slope a positive guess of slow' and then the secant found, `tolerance` on the sum. step(x, y, sum, slope): where
-// y + slope (x' - x) + quick(x') is zero, as x' - x; y of slow alone, sum of both. A jump through zero (dry friction) ends at the
-// jump. The number of calls of slow is bounded.
+// slow(x) + quick(x) increasing, `tolerance` on the sum; *slope a positive guess of slow', then the last secant.
+// step(x, y, sum, slope): where y + slope (x' - x) + quick(x') is zero, as x' - x; y of slow alone, sum of both. A jump
+// through zero (dry friction) ends at the jump. The number of calls of slow is bounded.
 template <class Slow, class Quick, class Step>
 double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double* slope, double tolerance) {
   double lo = 0, hi = 0;

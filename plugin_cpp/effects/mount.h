@@ -26,12 +26,6 @@ inline double MountForce(const Params& p, double d) {
   return MountStiffness(p) * d * (1 + p.mount_compliance_k3 * d * d);
 }
 
-// Its slope (N/m), within the clearance that at its ends.
-inline double MountSlope(const Params& p, double d) {
-  d = BeyondGap(p, d);
-  return MountStiffness(p) * (1 + 3 * p.mount_compliance_k3 * d * d);
-}
-
 // Friction inside the mount as a share of its largest, held' = (d' - abs(d') held) / slide (Dahl 1968; in parallel with
 // the spring as Berg, Vehicle System Dynamics 30 (1998), has friction in rubber): a function of the path of the stretch alone.
 struct Rubber {
@@ -48,14 +42,7 @@ struct Rubber {
     held = Held(p, d);
     stretch = BeyondGap(p, d);
   }
-  // Force (N) through spring and friction, and its slope (N/m).
-  double Force(const Params& p, double d) const {
-    const double spring = MountForce(p, d);
-    return p.mount_compliance_friction > 0 ? spring + p.mount_compliance_friction * Held(p, d) : spring;
-  }
-  double Slope(const Params& p, double d) const { return Slope(p, Look(p, d), 0); }
-
-  // Force at the stretch d with what its slope takes, so that both cost one exponential.
+  // Force (N) through spring and friction at a stretch, with what its slope takes: both cost one exponential.
   struct View {
     double beyond, held, force;
   };
@@ -65,13 +52,15 @@ struct Rubber {
     const double share = Held(p, d);
     return {BeyondGap(p, d), share, spring + p.mount_compliance_friction * share};
   }
-  // The slope (N/m) there, of friction that runs on to where `aside` (m) from there would have it.
+  // The slope (N/m) there, within the clearance that at its ends; of friction towards `aside` (m) from there.
   double Slope(const Params& p, const View& at, double aside) const {
     const double spring = MountStiffness(p) * (1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond);
     if (!(p.mount_compliance_friction > 0)) return spring;
     const double end = at.beyond + aside < stretch ? -1 : 1;
     return spring + p.mount_compliance_friction / p.mount_compliance_slide * (1 - end * at.held);
   }
+  double Force(const Params& p, double d) const { return Look(p, d).force; }
+  double Slope(const Params& p, double d) const { return Slope(p, Look(p, d), 0); }
 };
 
 // The stretch at which the friction inside the mount last turned or rests.

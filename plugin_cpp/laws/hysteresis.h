@@ -28,7 +28,7 @@ inline double Square(double u, double A, double B, double s, double* left) {
     *left = s - std::atanh(-u / c) / rate;
     return 0;
   }
-  // tan of a sum while that is below 1.5, where the law is stopped from running away.
+  // tan(atan(w) + rate s) by the sum's rule, up to near where the law is stopped from running away.
   const double w = u / c, turn = rate * s < 1.5 ? std::tan(rate * s) : 0, over = 1 - w * turn;
   if (turn > 0 && over > 0 && w + turn < 14 * over && !(u < 0 && w + turn > 0)) return c * (w + turn) / over;
   const double angle = std::atan(w) + rate * s;
