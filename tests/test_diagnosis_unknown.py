@@ -215,6 +215,10 @@ def test_the_stage_of_a_fault_of_a_frames_damper(fault: Fault, stage: str, betwe
     assert shares["sensor"] == 0
     low, high = intervals_by_stage(search, search.base, "unknown", [block], evidence)[stage]
     assert 0.5 < low <= high <= 1
+    # In half of the draws no block is at fault: those have shares too.
+    faint = replace(block, drawn=np.where(np.arange(DRAWS) % 2, 0.04, 0.0))
+    low, high = intervals_by_stage(search, search.base, "unknown", [faint], evidence)[stage]
+    assert 0.5 < low <= high <= 1
 
 
 def test_wavering_is_told_from_a_white_rest_and_by_its_gain() -> None:

@@ -175,7 +175,7 @@ def _of_blocks(
     found: Sequence[Block], nearest: dict[str, float], places: Mapping[str, float]
 ) -> dict[str, float]:
     if not sum(places.values()) > 0:
-        return nearest
+        return {s: nearest.get(s, 0.0) for s in STAGES}
     damper = {s: nearest.get(s, 0.0) for s in STAGES if s not in ("sensor", "structure")}
     whole = sum(damper.values())
     damper = {s: v / whole for s, v in damper.items()} if whole > 0 else {"fluid": 1.0}
