@@ -216,7 +216,7 @@ def test_the_stage_of_a_fault_of_a_frames_damper(fault: Fault, stage: str, betwe
     low, high = intervals_by_stage(search, search.base, "unknown", [block], evidence)[stage]
     assert 0.5 < low <= high <= 1
     # In half of the draws no block is at fault: those have shares too.
-    faint = replace(block, drawn=np.where(np.arange(DRAWS) % 2, 0.04, 0.0))
+    faint = replace(block, drawn=np.where(np.arange(DRAWS) % 2, 0.0, 0.04))
     low, high = intervals_by_stage(search, search.base, "unknown", [faint], evidence)[stage]
     assert 0.5 < low <= high <= 1
 
