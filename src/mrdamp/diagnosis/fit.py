@@ -13,7 +13,7 @@ from mrdamp.diagnosis.terms import Hypothesis, Settings
 
 #: What the priors' sum of squares counts in units of a cost (gap squared): they settle what records leave open.
 PRIOR_WEIGHT = 3e-6
-#: Relative fall of the cost that ends a fit, and one whose last figures do not matter.
+#: Relative fall of the cost that ends a fit, and full steps of one whose last figures do not matter.
 TOLERANCE, ROUGHLY = 2e-3, 0.01
 #: Dampings tried at once, times the present one; the first of them.
 _DAMPINGS, _DAMPING = (0.03, 1.0, 30.0), 1e-2
@@ -149,8 +149,8 @@ class _Descent:
     def run(self, most: int, tolerance: float, bar: float) -> None:
         """Steps until they gain little."""
         self.converged = False
-        if self.stepper is not self.problem:
-            tolerance = max(tolerance, ROUGHLY)  # where they lead to is off by more
+        if self.stepper is self.rough:
+            tolerance = min(tolerance, TOLERANCE)  # these cost little, and stopped early a slow way ends far off
         while self.iterations < most:
             self.iterations += 1
             gain = self.step()

@@ -21,6 +21,10 @@ _ROUNDS = 2
 _OTHERS = 3
 #: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
 _SAME, _NOTHING = 0.02, 1e-5
+#: Iterations that a fit which was still moving goes on for.
+_THROUGH = 8
+#: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
+_SAME, _NOTHING = 0.02, 1e-5
 #: A fit that was still moving goes on for so many turns of so many iterations, each with the law's signatures taken
 #: anew, as long as one takes this share off its cost.
 _TURNS, _THROUGH, _GAIN = 2, 5, 0.01
@@ -104,13 +108,8 @@ def _through(search: Search, found: Fit) -> Fit:
     """A fit that a search broke off while it was still moving, taken to where it rests."""
     if found.converged or not found.hypothesis.coordinates:
         return found
-    for turn in range(1, _TURNS + 1):
-        further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=f" through {turn}")
-        gain = 1 - further.cost / found.cost
-        found = min(further, found, key=lambda f: f.cost)
-        if further.converged or gain < _GAIN:
-            break
-    return found
+    further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=" through")
+    return min(further, found, key=lambda f: f.cost)
 
 
 def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settled:
