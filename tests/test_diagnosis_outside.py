@@ -61,15 +61,34 @@ def test_a_rival_that_explains_more_makes_the_answer_unknown() -> None:
     assert shares["mechanics"] == 1.0
 
 
-def test_pairs_are_not_sought_where_a_rival_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[tuple[bool, int]] = []
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[tuple[bool, int]]:
+    """What searches try: with numbers free, how many causes."""
+    steps: list[tuple[bool, int]] = []
     extend = Search.extend
 
     def listed(search: Search, free: bool, depth: int) -> None:
-        tried.append((free, depth))
+        steps.append((free, depth))
         extend(search, free, depth)
 
     monkeypatch.setattr(Search, "extend", listed)
+    return steps
+
+
+@pytest.mark.parametrize(
+    ("truth", "asked"), [({"gain": 2.3, "cubic": 0.008}, True), ({"gain": 2.3}, False), ({}, False)]
+)
+def test_numbers_that_may_stand_in_for_a_cause_have_causes_tried_beside_them(
+    truth: dict[str, float], asked: bool, tried: list[tuple[bool, int]]
+) -> None:
+    search, decision = judged(truth, rivals=False)
+    assert search.solved(search.base)
+    assert ((True, 1) in tried) == asked
+    assert (True, 2) not in tried
+    assert decision.verdict == ("parameters" if truth else "none")  # too little to name it
+
+
+def test_pairs_are_not_sought_where_a_rival_leaves_nothing(tried: list[tuple[bool, int]]) -> None:
     search, _ = judged({"fifth": 0.5}, rivals=True)
     assert tried == [(False, 1)]
     assert search.ranked(True)[0].hypothesis.causes == ("cubic",)  # but what comes nearest has its numbers freed

@@ -16,7 +16,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.breadth import FLOOR_DOUBT, Promise, first_forms, parents, worth_a_fit
+from mrdamp.diagnosis.breadth import FLOOR_DOUBT, Promise, first_forms, parents, promising, worth_a_fit
 from mrdamp.diagnosis.clock import try_clock
 from mrdamp.diagnosis.fit import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.limits import Limits
@@ -28,11 +28,11 @@ Progress = Callable[[str, float], None]
 
 #: A signature is stretched by no more than this when it is screened.
 _STRETCH = 4.0
-#: A term is fitted where its signature promises at least this relative fall of the cost.
-_PROMISE = 0.03
-#: The same beside another cause. Its evidence asks for half of what that leaves; of 63 pairs on opened cases of the
-#: blind test that promised less, one took as much off.
-_BESIDE = 0.2
+#: Free numbers alone may stand in for a cause: where they take most of a gap, but leave this share of the floor more
+#: than it, causes are tried beside them.
+_LAW_DOUBT, _STANDS_IN = 0.1, 0.3
+#: Turns that a fit with free numbers is polished for, and the share that one has to take off for another.
+_POLISHED, _GAINS = 4, 0.3
 #: Nothing material is left for another cause below this unexplained share.
 _SOLVED = 0.001
 #: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
@@ -132,6 +132,8 @@ class Search:
         """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
         for number, (free, depth) in enumerate(product((False, True), range(1, self.limits.depth + 1))):
             if self.solved(self.base) and (free or depth > 1):
+                if (1 + _LAW_DOUBT) * self.floor < self.base.cost < _STANDS_IN * self.nominal_cost:
+                    self.extend(True, 1)
                 break
             before = self.best(False)
             if before is not None and (self.solved(before) or (free and self.unexplained(before) < _NEARLY)):
@@ -245,9 +247,7 @@ class Search:
             return
         self._asked = True
         held = self.fits[False, frozenset()]
-        ranked = [
-            p for p in self.screen(held, self.problem.rig.rivals) if p.cost < (1 - _PROMISE) * held.cost
-        ]
+        ranked = promising(self.screen(held, self.problem.rig.rivals), held.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
         tasks = [(*self.start_from(held, p.term, p.start, p.by), None, np.inf) for p in chosen]
         self.rivals = [f for f in self._map(self._try, tasks) if f is not None]
@@ -288,9 +288,7 @@ class Search:
             taken = set(parent.hypothesis.causes)
             terms = [t for t in self.problem.rig.terms if t.cause not in taken]
             ranked = self.screen(parent, terms)
-            # Where nothing promises much, the best of it all the same.
-            share = _PROMISE if depth == 1 or not ranked else min(_BESIDE, 1 - ranked[0].cost / parent.cost)
-            ranked = [p for p in ranked if p.cost <= (1 - max(share, _PROMISE)) * parent.cost]
+            ranked = promising(ranked, parent.cost, beside=depth > 1)
             for promise in worth_a_fit(ranked, depth, self.limits):
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 key = frozenset(t.name for t in hypothesis.terms)
@@ -306,7 +304,13 @@ class Search:
         try_clock(self, self.best(free, depth))
 
     def _polish(self, found: Fit) -> Fit:
-        return self.fitted(found.hypothesis, found.point, most=4, stage=" polished")
+        """With the law's signatures taken anew, as often as that takes a good part off."""
+        for turn in range(_POLISHED):
+            better = self.fitted(found.hypothesis, found.point, most=4, stage=f" polished {turn}")
+            found, before = min(better, found, key=lambda f: f.cost), found
+            if found.cost > (1 - _GAINS) * before.cost:
+                break
+        return found
 
     @staticmethod
     def law_columns(found: Fit) -> Array | None:
