@@ -257,23 +257,8 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
       view = start.rubber.Look(p, rod - base - h * v);
       return -view.force;
     };
-    // The mount costs little, and is what bends: at the ends of its clearance, where its friction turns.
     const auto balance = [&](double v, double force, double sum, double slope) {
-      const double stretch = rod - base - h * v;
-      Rubber::View seen = view;
-      const auto both = [&](double move) {
-        seen = start.rubber.Look(p, stretch - h * move);
-        return force + slope * move - seen.force;
-      };
-      // A move ahead lets the stretch go.
-      const auto rise = [&](double aside) { return slope + h * start.rubber.Slope(p, seen, -h * aside); };
-      if (p.mount_compliance_friction > 0) {
-        const double move = FrictionBalance(both, rise, sum, (stretch - Turn(p, start.rubber)) / h,
-                                            1e-3 * p.mount_compliance_slide / h, tolerance);
-        if (std::isfinite(move)) return move;
-        seen = view;
-      }
-      return SolveIncreasing(both, 0, rise(0), tolerance);
+      return MountBalance(p, start.rubber, view, rod - base - h * v, h, {force, sum, slope}, tolerance);
     };
     if (!(own > 0)) PistonForce(d, *s, from, x_from, guess, &own);
     double rise = own + mass / h;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/params.h"
+#include "core/solve.h"
 
 namespace mrdamp {
 
@@ -67,6 +68,32 @@ struct Rubber {
 inline double Turn(const Params& p, const Rubber& rubber) {
   const double half = 0.5 * p.backlash_gap;
   return rubber.stretch > 0 ? rubber.stretch + half : rubber.stretch < 0 ? rubber.stretch - half : 0;
+}
+
+// A damper before a balance: its force (N), that less the mount's, the slope (N s/m) of its own over its velocity.
+struct Pushed {
+  double force, sum, slope;
+};
+
+// By how much faster (m/s) a piston has to go for damper and mount to balance, where h (s) of that is taken off a
+// stretch whose force is in `view`. The mount costs little, and is what bends: at the ends of its clearance, where its
+// friction turns.
+inline double MountBalance(const Params& p, const Rubber& rubber, const Rubber::View& view, double stretch, double h,
+                           const Pushed& damper, double tolerance) {
+  Rubber::View seen = view;
+  const auto both = [&](double move) {
+    seen = rubber.Look(p, stretch - h * move);
+    return damper.force + damper.slope * move - seen.force;
+  };
+  // A move ahead lets the stretch go.
+  const auto rise = [&](double aside) { return damper.slope + h * rubber.Slope(p, seen, -h * aside); };
+  if (p.mount_compliance_friction > 0) {
+    const double move = FrictionBalance(both, rise, damper.sum, (stretch - Turn(p, rubber)) / h,
+                                        1e-3 * p.mount_compliance_slide / h, tolerance);
+    if (std::isfinite(move)) return move;
+    seen = view;
+  }
+  return SolveIncreasing(both, 0, rise(0), tolerance);
 }
 
 }  // namespace mrdamp

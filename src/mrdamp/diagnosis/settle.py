@@ -23,11 +23,6 @@ _OTHERS = 3
 _SAME, _NOTHING = 0.02, 1e-5
 #: Iterations that a fit which was still moving goes on for.
 _THROUGH = 8
-#: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
-_SAME, _NOTHING = 0.02, 1e-5
-#: A fit that was still moving goes on for so many turns of so many iterations, each with the law's signatures taken
-#: anew, as long as one takes this share off its cost.
-_TURNS, _THROUGH, _GAIN = 2, 5, 0.01
 
 
 @dataclass(frozen=True)
