@@ -48,7 +48,9 @@ def ground(t: Array, seed: int) -> Array:
 
 def records(seed: int = 1) -> dict[str, Record]:
     """off, steps and repeat (the steps again, new noise), by name."""
-    t: Array = np.linspace(0, SECONDS, round(SECONDS / DT) + 1)
+    # Sampled half a step after the command may jump: a line between two samples is in its middle then where the jump is.
+    t: Array = np.linspace(0, SECONDS, round(2 * SECONDS / DT) + 1)
+    read = slice(1, None, 2)
     rng = np.random.default_rng(seed)
     count = round(SECONDS / HOLD)
     out: dict[str, Record] = {}
@@ -56,13 +58,11 @@ def records(seed: int = 1) -> dict[str, Record]:
         {"off": np.zeros(count), "steps": rng.choice([0.0, 0.7, 1.8], count)}.items()
     ):
         a = ground(t, seed + number)
-        run = frame_reference.solve(partial(_at, t, a), commands, HOLD, DT)
-        each = round(HOLD / DT)
-        held = np.append(np.repeat(commands, each), commands[-1])
-        # Half way at a jump: a line between samples that only begins to rise before it would be early by half a sample.
-        held[each::each] = 0.5 * (held[each - 1 : -1 : each] + held[each::each])
+        run = frame_reference.solve(partial(_at, t, a), commands, HOLD, 0.5 * DT)
+        held = np.append(np.repeat(commands, round(2 * HOLD / DT)), commands[-1])
+        found = {kind: values[read] for kind, values in run.items()}
         for again in (name, "repeat") if name == "steps" else (name,):
-            out[again] = _noisy(again, t, a, held, run, rng)
+            out[again] = _noisy(again, t[read] - t[1], a[read], held[read], found, rng)
     return out
 
 

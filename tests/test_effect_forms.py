@@ -186,6 +186,38 @@ def test_a_mount_has_friction_inside(gap: float) -> None:
     assert error(mount_compliance_slide=2 * slide) > 0.012
 
 
+@pytest.mark.parametrize("gap", [0.0, 3e-4])
+def test_a_mount_lets_go(gap: float) -> None:
+    """Against SciPy: a standard linear solid in series with a dashpot."""
+    c, k, loss, time = 3e3, 2e5, 1.5, 0.04
+    law = {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+    rubber = {"mount_compliance_k": k, "mount_compliance_loss": loss, "mount_compliance_time": time,
+              "backlash_gap": gap}  # fmt: skip
+    x = X + 4e-4 * np.sin(2 * np.pi * 17 * T)
+
+    def beyond(d: np.ndarray | float) -> np.ndarray | float:
+        return d - np.clip(d, -gap / 2, gap / 2)
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        rod = 0.01 * np.sin(3 * np.pi * t) + 4e-4 * np.sin(34 * np.pi * t)
+        speed = 0.03 * np.pi * np.cos(3 * np.pi * t) + 0.0136 * np.pi * np.cos(34 * np.pi * t)
+        d = beyond(rod - y[0])
+        force = k * (d + loss * y[1])
+        stretch = (speed - force / c) * (d != 0 or gap == 0)
+        return [force / c, stretch - y[1] / time]
+
+    y = solve_ivp(rates, (0, T[-1]), [0.0, 0.0], t_eval=T, max_step=1e-4, rtol=1e-6, atol=1e-9).y
+    expected = k * (beyond(x - y[0]) + loss * y[1])
+
+    def error(**other: float) -> float:
+        force = core.run("bingham", law | rubber | other, DT, x, u=0.0, columns=("force",))["force"]
+        return rms((force - expected)[5:-5]) / rms(expected)
+
+    assert error() < 0.01
+    assert error(mount_compliance_loss=0.0) > 0.03
+    assert error(mount_compliance_time=2 * time) > 0.012
+
+
 def test_a_moving_mass_rings_on_its_own_spring() -> None:
     """Against SciPy: the load cell feels the mass's own acceleration, whatever the step."""
     mass, hz, ratio = 5.0, 12.0, 0.1

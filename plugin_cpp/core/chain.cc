@@ -229,6 +229,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
                          double to, double guess, double gas) {
     const ChainState start = s->c;
     if (s->past) past = *s->past;
+    const Easing over = Ease(p, dt);
     const double tolerance = 1e-6 * std::fabs(start.rubber.Force(p, rod - x_from)) + 1e-7;
     double tried = guess, own = start.piston_slope;  // where the state in s stands; d(force)/dv
     const auto attempt = [&](double v) {
@@ -254,11 +255,11 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     };
     Rubber::View view{};
     const auto mount = [&](double v) {
-      view = start.rubber.Look(p, rod - base - h * v);
+      view = start.rubber.Look(p, rod - base - h * v, over);
       return -view.force;
     };
     const auto balance = [&](double v, double force, double sum, double slope) {
-      return MountBalance(p, start.rubber, view, rod - base - h * v, h, {force, sum, slope}, tolerance);
+      return MountBalance(p, start.rubber, over, view, rod - base - h * v, h, {force, sum, slope}, tolerance);
     };
     if (!(own > 0)) PistonForce(d, *s, from, x_from, guess, &own);
     double rise = own + mass / h;
@@ -268,7 +269,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     // A hysteresis bends within a step: the secant over it is the better guess for the next one.
     const bool bends = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
     s->c.piston_slope = bends ? std::fmin(std::fmax(rise - mass / h, own), 1e3 * own) : own;
-    if (p.mount_compliance_friction > 0) s->c.rubber.Follow(p, rod - s->c.piston);
+    if (HasRubber(p)) s->c.rubber.Follow(p, rod - s->c.piston, over);
     return v;
   };
   const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();

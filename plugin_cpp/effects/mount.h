@@ -11,6 +11,9 @@ namespace mrdamp {
 
 inline bool HasMount(const Params& p) { return p.mount_compliance_k > 0 || p.backlash_gap > 0; }
 
+// The mount remembers its path.
+inline bool HasRubber(const Params& p) { return p.mount_compliance_friction > 0 || p.mount_compliance_loss > 0; }
+
 inline double MountStiffness(const Params& p) {
   return p.mount_compliance_k > 0 ? p.mount_compliance_k : p.backlash_k;
 }
@@ -27,11 +30,30 @@ inline double MountForce(const Params& p, double d) {
   return MountStiffness(p) * d * (1 + p.mount_compliance_k3 * d * d);
 }
 
+// Over some time of an even path: what a spring that lets go keeps of its stretch, and of the path.
+struct Easing {
+  double keep = 1, take = 1;
+};
+
+// Of the mount's second spring over dt (s).
+inline Easing Ease(const Params& p, double dt) {
+  if (!(p.mount_compliance_loss > 0)) return {};
+  const double part = dt / p.mount_compliance_time;
+  return {std::exp(-part), part > 0 ? -std::expm1(-part) / part : 1};
+}
+
 // Friction inside the mount as a share of its largest, held' = (d' - abs(d') held) / slide (Dahl 1968; in parallel with
 // the spring as Berg, Vehicle System Dynamics 30 (1998), has friction in rubber): a function of the path of the stretch alone.
+// Beside them a second spring that lets go in its own time, eased' = d' - eased / time (Zener 1948, the standard linear
+// solid): rubber is stiffer for fast motions than for slow ones.
 struct Rubber {
   double stretch = 0;  // m, beyond the clearance
   double held = 0;     // -1 to 1
+  double eased = 0;    // m, of the second spring
+
+  double Eased(const Params& p, double d, const Easing& over) const {
+    return over.keep * eased + over.take * (BeyondGap(p, d) - stretch);
+  }
 
   double Held(const Params& p, double d) const {
     const double path = BeyondGap(p, d) - stretch;
@@ -39,23 +61,26 @@ struct Rubber {
     const double end = path > 0 ? 1 : -1;
     return end + (held - end) * std::exp(-std::fabs(path) / p.mount_compliance_slide);
   }
-  void Follow(const Params& p, double d) {
-    held = Held(p, d);
+  void Follow(const Params& p, double d, const Easing& over) {
+    if (p.mount_compliance_friction > 0) held = Held(p, d);
+    if (p.mount_compliance_loss > 0) eased = Eased(p, d, over);
     stretch = BeyondGap(p, d);
   }
   // Force (N) through spring and friction at a stretch, with what its slope takes: both cost one exponential.
   struct View {
     double beyond, held, force;
   };
-  View Look(const Params& p, double d) const {
-    const double spring = MountForce(p, d);
+  View Look(const Params& p, double d, const Easing& over = {}) const {
+    double spring = MountForce(p, d);
+    if (p.mount_compliance_loss > 0) spring += MountStiffness(p) * p.mount_compliance_loss * Eased(p, d, over);
     if (!(p.mount_compliance_friction > 0)) return {BeyondGap(p, d), held, spring};
     const double share = Held(p, d);
     return {BeyondGap(p, d), share, spring + p.mount_compliance_friction * share};
   }
   // The slope (N/m) there, within the clearance that at its ends; of friction towards `aside` (m) from there.
-  double Slope(const Params& p, const View& at, double aside) const {
-    const double spring = MountStiffness(p) * (1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond);
+  double Slope(const Params& p, const View& at, double aside, const Easing& over = {}) const {
+    const double grown = 1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond;
+    const double spring = MountStiffness(p) * (grown + p.mount_compliance_loss * over.take);
     if (!(p.mount_compliance_friction > 0)) return spring;
     const double end = at.beyond + aside < stretch ? -1 : 1;
     return spring + p.mount_compliance_friction / p.mount_compliance_slide * (1 - end * at.held);
@@ -78,15 +103,15 @@ struct Pushed {
 // By how much faster (m/s) a piston has to go for damper and mount to balance, where h (s) of that is taken off a
 // stretch whose force is in `view`. The mount costs little, and is what bends: at the ends of its clearance, where its
 // friction turns.
-inline double MountBalance(const Params& p, const Rubber& rubber, const Rubber::View& view, double stretch, double h,
-                           const Pushed& damper, double tolerance) {
+inline double MountBalance(const Params& p, const Rubber& rubber, const Easing& over, const Rubber::View& view,
+                           double stretch, double h, const Pushed& damper, double tolerance) {
   Rubber::View seen = view;
   const auto both = [&](double move) {
-    seen = rubber.Look(p, stretch - h * move);
+    seen = rubber.Look(p, stretch - h * move, over);
     return damper.force + damper.slope * move - seen.force;
   };
   // A move ahead lets the stretch go.
-  const auto rise = [&](double aside) { return damper.slope + h * rubber.Slope(p, seen, -h * aside); };
+  const auto rise = [&](double aside) { return damper.slope + h * rubber.Slope(p, seen, -h * aside, over); };
   if (p.mount_compliance_friction > 0) {
     const double move = FrictionBalance(both, rise, damper.sum, (stretch - Turn(p, rubber)) / h,
                                         1e-3 * p.mount_compliance_slide / h, tolerance);

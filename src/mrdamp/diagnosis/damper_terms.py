@@ -226,6 +226,17 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             form="with friction inside",
         ),
         Term(
+            "mount_compliance",
+            "mount",
+            (
+                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                positive("mount_compliance_loss", 1.0, 0.05, 20.0),
+                positive("mount_compliance_time", 0.03, 1e-3, 1.0),
+            ),
+            ((30 * k, 1.0, 0.03), (200 * k, 1.0, 0.03)),
+            form="letting go",
+        ),
+        Term(
             "backlash",
             "mount",
             (

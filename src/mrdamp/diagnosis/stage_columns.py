@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.ceiling import memory, stroke_since_reversal
@@ -23,14 +24,19 @@ from mrdamp.sampling import derivative
 
 #: Steps of the command and of the motion, as shares of the largest command and of the stroke's amplitude.
 _STEP_COMMAND, _STEP_MOTION = 0.02, 0.01
-#: s, memories of the command, of its square, and of the force.
+#: s, memories of the command, of its square, of the force, and of the displacement.
 _COMMAND, _LOAD, _FORCE = (0.005, 0.02, 0.1, 0.5, 2.0), (0.1, 0.5, 2.0), (0.005, 0.02, 0.1, 0.5, 2.0, 10.0)
+_MOTION = (0.02, 0.1, 0.5)
 #: Widths of what happens about no command, and of the plays of the command: shares of the largest one.
 _SMALL, _LOOPS = (0.05, 0.1, 0.2, 0.35), (0.03, 0.1, 0.3)
+#: Steps of a source that knows a few levels only, shares of the largest command.
+_STEPS = np.geomspace(0.05, 0.6, 16)
 #: Widths of plays of the motion (shares of the stroke) in a mount and on the rod.
 _GAPS, _SLACK = (0.01, 0.03, 0.1), (0.02, 0.1)
 #: Velocity, over the RMS one, at which friction is all there; way of a command back that makes a turn of it.
 _SLIP, _TURN = 0.1, 0.01
+#: Forces (over the RMS one) that something may open at, and times (s) in which it closes again.
+_OPENS, _CLOSES = (1.1, 1.4, 1.7), (0.3, 0.8)
 #: s, what time is measured in.
 _TIME = 10.0
 
@@ -62,7 +68,7 @@ def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
     for s in states:
         # What the command makes of the force fails or wavers with the current.
         made = s["force"] - s["still"]
-        out["driver"].add(_driver(s), (made, s["slope"]))
+        out["driver"].add(_driver(s), (made, s["slope"], s["slope"] * s["u"]))
         out["magnetics"].add(_magnetics(s, knots), (made,))
         out["fluid"].add(_fluid(s, knots, size), (s["force"],))
         out["mechanics"].add(_mechanics(s, knots), (np.ones(len(made)),))
@@ -82,7 +88,8 @@ def _driver(s: Mapping[str, Array]) -> list[Array]:
     late = [u - s[f"u {tau}"] for tau in _COMMAND]
     lags = [*(np.maximum(d, 0) for d in late), *(np.minimum(d, 0) for d in late)]
     sunk = [*(u * s[f"load {tau}"] for tau in _LOAD), *(u * s[f"u {tau}"] for tau in _LOAD), u * s["t"]]
-    return [s["slope"] * c for c in (*lags, *sunk, *(np.minimum(u, d) / d for d in _SMALL))]
+    coarse = [step * np.round(u / step) - u for step in _STEPS]
+    return [s["slope"] * c for c in (*lags, *sunk, *coarse, *(np.minimum(u, d) / d for d in _SMALL))]
 
 
 def _magnetics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array]:
@@ -101,7 +108,8 @@ def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> l
     turn, speed, one = s["turn"], np.abs(s["v"]), np.ones(len(s["t"]))
     gone = [s["t"], s["heat"], np.exp(-s["path"] / 3), np.exp(-s["path"] / 20)]
     near = [np.exp(-np.abs(turn) / 0.1), np.exp(-np.abs(turn) / 0.4)]
-    since = [np.tanh(turn / 0.1), np.tanh(turn / 0.5), *near, *gone]
+    open_ = [s[f"open {force} {tau}"] for force in _OPENS for tau in _CLOSES]
+    since = [np.tanh(turn / 0.1), np.tanh(turn / 0.5), *near, *gone, *open_]
     motion = [one, s["slip"], *_hats(s["v"], knots["v"])[:-1], *_hats(s["x"], knots["x"])[:-1]]
     whole = [*motion, *since, *_hats(s["force"], knots["force"])]
     viscous = [one, speed, np.exp(-speed), np.exp(-3 * speed)]
@@ -110,11 +118,12 @@ def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> l
 
 
 def _mechanics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array]:
-    """Functions of the motion alone."""
+    """Functions of the motion alone, and of what of it was before (springs that let go)."""
     places = _hats(s["x"], knots["x"])[:-1]
     plain = [np.ones(len(s["t"])), s["slip"], s["a"], s["t"], s["x"] * s["t"], s["v"]]
     slack = [s[f"slack {gap}"] for gap in _SLACK]
-    return [*plain, *_hats(s["v"], knots["v"])[:-1], *places, *(s["slip"] * c for c in places), *slack]
+    late = [s["x"] - s[f"x {tau}"] for tau in _MOTION]
+    return [*plain, *_hats(s["v"], knots["v"])[:-1], *places, *(s["slip"] * c for c in places), *slack, *late]
 
 
 def _sensor(s: Mapping[str, Array], size: float) -> list[Array]:
@@ -175,6 +184,8 @@ def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
         # A test begins at rest: what sinks under load has not sunk yet.
         **{f"load {tau}": memory(np.concatenate([[0.0], u**2]), dt, tau)[1:] for tau in _LOAD},
         **{f"force {tau}": memory(force, dt, tau) for tau in _FORCE},
+        **{f"x {tau}": memory(place, dt, tau) for tau in _MOTION},
+        **{f"open {a} {tau}": np.exp(-dt * _since(np.abs(f) > a) / tau) for a in _OPENS for tau in _CLOSES},
         **{name: (c - force) / _STEP_MOTION for name, c in changed.items()},
     }
     return {name: values[take] for name, values in states.items()}
@@ -187,6 +198,13 @@ def play(x: Array, width: float) -> Array:
         at = min(max(at, value - width), value + width)
         out[k] = at
     return out
+
+
+def _since(at: NDArray[np.bool_]) -> Array:
+    """(n,) samples since it was last so; without end before the first time."""
+    number = np.arange(len(at))
+    last = np.maximum.accumulate(np.where(at, number, -1))
+    return np.where(last < 0, np.inf, number - last)
 
 
 def _knots(values: Array, count: int) -> Array:

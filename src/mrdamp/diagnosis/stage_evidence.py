@@ -1,8 +1,9 @@
 """Which stage an unknown cause sits in: how well each stage's own variables tell the error of records left out.
 
-Three models of the nominal simulator's error stand for a stage: the law's numbers with the stage's own columns
-(`stage_columns`), a ridge fitted to the other records; for what is random in time the law's numbers alone; and the
-catalogue's best effect of the stage, as the search fitted it. What a model leaves is then held against the stage once
+Four models of the nominal simulator's error stand for a stage: the law's numbers with the stage's own columns
+(`stage_columns`), a ridge fitted to the other records; for what is random in time the law's numbers alone; for what is
+another in each record a number of its own in each; and the catalogue's best effect of the stage, as the search fitted
+it. What a model leaves is then held against the stage once
 more: an error of the stage that wavers is the stage's gain times a number of its own in every window, so that it stops
 where the gain does and turns with it. The log likelihood of that counts beside the one of a white rest.
 """
@@ -29,8 +30,8 @@ from mrdamp.diagnosis.verdict import INDEPENDENT, NUMBER_PRICE
 _RIDGES, _EVERY = (1e-3, 1e-2, 1e-1), 3
 #: The law's prior against the whole square of the error.
 _LAW_PRIOR = 3e-3
-#: s, of a window (the first: a sample) of a wavering error.
-_WINDOWS = (0.0, 0.032, 0.128)
+#: s, of a window (the first: a sample, the last: a record) of a wavering error.
+_WINDOWS = (0.0, 0.032, 0.128, np.inf)
 #: Independent samples, of those of a verdict, that its likelihood counts for: it can follow nearly anything. Where no
 #: model explains _TOUCHED (share of the error), the wavering is all there is, and counts for up to so many more.
 _WAVERING, _UNTOUCHED, _TOUCHED = 4.0, 200.0, 0.3
@@ -74,8 +75,10 @@ class StageEvidence:
             if f is not None and _cost(errors.parts(f.residual)) < most:
                 price = NUMBER_PRICE * (len(f.point) - len(f.hypothesis.nominal))
                 models.append((errors.parts(f.residual), price))
+            rare = 0.0 if name in _RANDOM else _RANDOM_PRICE
+            models.append((errors.by_record(own), NUMBER_PRICE * len(own.gains) + rare))
             costs += [_cost(left) for left, _ in models]
-            models += [(left, 0.0 if name in _RANDOM else _RANDOM_PRICE) for left in laws]
+            models += [(left, rare) for left in laws]
             means = [errors.likelihoods(left, own, level) for left, _ in models]
             values = [
                 (INDEPENDENT - _WAVERING) * white + _WAVERING * mean - price
@@ -143,6 +146,15 @@ class _Errors:
             found.append(left)
         return min(found, key=_cost)
 
+    def by_record(self, own: Columns) -> list[Array]:
+        """What a number of its own for each record, times the best of a stage's gains, leaves of the error."""
+        found = []
+        for kind in range(len(own.gains[0])):
+            gains = [g[kind] for g in own.gains]
+            scale = [float(e @ g) / max(float(g @ g), 1e-30) for e, g in zip(self.weighted, gains, strict=True)]
+            found.append([e - c * g for e, c, g in zip(self.weighted, scale, gains, strict=True)])
+        return min(found, key=_cost)
+
     def likelihoods(self, left: Sequence[Array], own: Columns, level: float) -> tuple[Array, Array]:
         """Mean log likelihoods (1 + draws,) of what a model leaves: as a white rest, and as wavering with the best of
         the stage's gains."""
@@ -184,7 +196,7 @@ def wavering(
     for window in _WINDOWS:
         rows = []
         for e, g, dt, group in zip(errors, gains, times, groups, strict=True):
-            n = max(1, round(window / dt))
+            n = round(min(max(window / dt, 1.0), len(e)))
             cut = slice(0, len(e) // n * n)
             a, b = e[cut].reshape(-1, n), g[cut].reshape(-1, n)
             sums = ((a * a).sum(1), (a * b).sum(1), (b * b).sum(1))
