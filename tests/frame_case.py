@@ -48,7 +48,7 @@ def ground(t: Array, seed: int) -> Array:
 
 def records(seed: int = 1) -> dict[str, Record]:
     """off, steps and repeat (the steps again, new noise), by name."""
-    # Sampled half a step after the command may jump: a line between two samples is in its middle then where the jump is.
+    # Sampled half a step after the command may jump: a line between two samples then has its middle where the jump is.
     t: Array = np.linspace(0, SECONDS, round(2 * SECONDS / DT) + 1)
     read = slice(1, None, 2)
     rng = np.random.default_rng(seed)
