@@ -309,7 +309,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
 def nominal_coordinates(
     law: str, parameters: Settings, command: float, stroke: float
 ) -> tuple[Coordinate, ...]:
-    """The law's parameters, free about their nominal values: a factor of 4 and a prior of a third to either side.
+    """The law's parameters, free about their nominal values: a factor of 8 and a prior of a third to either side.
 
     An exponent of 1 or 2 is a choice of form and stays: hysteresis has a closed form there, five times as fast.
     """
@@ -324,7 +324,7 @@ def nominal_coordinates(
                 Coordinate(name, value, value - 2 * stroke, value + 2 * stroke, 0.1 * stroke, prior=3.0)
             )
         elif value > 0:
-            out.append(Coordinate(name, value, value / 4, 4 * value, 0.1, log=True, prior=3.0))
+            out.append(Coordinate(name, value, value / 8, 8 * value, 0.1, log=True, prior=3.0))
         else:
             size = _size(name, parameters, command)
             out.append(Coordinate(name, value, value - 2 * size, value + 2 * size, 0.1 * size, prior=3.0))
