@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/forces.h"
 #include "core/solve.h"
 #include "effects/magnetics.h"
 #include "effects/mechanics.h"
-#include "laws/bingham.h"
 #include "laws/bouc_wen.h"
 #include "laws/hyperbolic_tangent.h"
 #include "laws/modified_bouc_wen.h"
@@ -27,88 +27,6 @@ struct Piece {
   double path() const { return 0.5 * (va + vb) * dt; }
 };
 
-Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
-  Fluid f;
-  f.b = field;
-  if (d.p.heating_kappa != 0) f.viscosity = Thinned(d.p, c.heat);
-  if (d.p.heating_kappa_yield != 0) f.yield = std::exp(-d.p.heating_kappa_yield * c.heat);
-  return f;
-}
-
-double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil.current, c.magnet.branch); }
-
-LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v) {
-  const ChainState& c = s.c;
-  if (d.law == Law::kNarx) {
-    const double now = c.time / d.net->sample_time - s.past->count;
-    // Rounding must not put a grid sample into the next interval, nor the start before the first.
-    const double part = now < 1e-9 ? 0 : std::min(now, 1.0);
-    const double yield = d.p.heating_kappa_yield != 0 ? std::exp(-d.p.heating_kappa_yield * c.heat) : 1;
-    return {yield * Narx::Force(*d.net, *s.past, part, x, v, field), 0, 0};
-  }
-  const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), v);
-  switch (d.law) {
-    case Law::kBingham: return Bingham::Force(d.p, k, v);
-    case Law::kBoucWen: return BoucWen::Force(d.p, k, c.z, x, v);
-    case Law::kHyperbolicTangent: return HyperbolicTangent::Force(d.p, k, c.z, c.r, x, v);
-    default: return ModifiedBoucWen::Force(d.p, k, c.z, c.r, x, v);
-  }
-}
-
-// Force of the fluid alone, that moves at v; the law's spring is left at the piston's x in `spring`.
-double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
-  const Params& p = d.p;
-  LawForce f = ForceOfLaw(d, s, field, x, v);
-  double rate = 1;
-  if (p.asymmetry_travel > 0 || HasTimedPlate(p)) {
-    rate = 1 + p.asymmetry_a * s.c.plate;
-    f.fluid *= rate;
-  } else if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
-    f.fluid = AsymmetryByForce(p, f.fluid, &rate);
-  } else {
-    rate = Asymmetry(p, v);
-    f.fluid *= rate;
-  }
-  double factor = 1;
-  if (HasTrappedGas(p)) {
-    Stroke stroke = s.c.stroke;
-    stroke.Follow(x, p);
-    if (p.trapped_gas_force > 0) {
-      double limited;
-      f.fluid = LimitedByGas(p, stroke, f.fluid, &limited);
-      rate *= limited;
-    } else {
-      factor *= TrappedGas(p, stroke, x, v);
-    }
-  }
-  *slope = factor * rate * f.slope;
-  *spring = f.spring;
-  return factor * f.fluid;
-}
-
-// Force of damper and mechanics on the piston side of the mount, without inertia.
-double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope) {
-  const Params& p = d.p;
-  double spring, fluid = FluidForce(d, s, field, x, v, slope, &spring);
-  if (HasPocket(p)) {
-    // Pressed gas carries its own force whatever the velocity; at its stop it carries none of its own side.
-    const double side = p.trapped_gas_direction;
-    if (s.c.gas.stretch != 0 || !(fluid * side < 0)) {
-      fluid = PocketForce(p, s.c.gas.stretch);
-      *slope = 0;
-    }
-  }
-  double force = fluid + spring + GasSpring(p, x);
-  if (p.seal_friction_coulomb > 0 && p.seal_friction_width > 0) {
-    double own;
-    force += SealFriction::Slip(SealLimit(p, v), p.seal_friction_width, v, &own);
-    *slope += own;
-  } else if (p.seal_friction_coulomb > 0) {
-    force += SealSigma(p) * s.c.bristle;
-  }
-  return force;
-}
-
 // Pieces of a step, none longer than asked for; behind a mount the piston's own motion asks for shorter ones.
 int Pieces(const Damper& d, double dt) {
   const double n = dt / d.p.substep * (HasMount(d.p) ? 2 : 1);
@@ -125,6 +43,8 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
     return PlateRest(p, p.asymmetry_force > 0 ? ForceOfLaw(d, *s, field, x, v).fluid : 0, v);
   };
   const double plate = HasTimedPlate(p) ? rest(field0, m.x, m.va) : 0;
+  double slope, spring;
+  const double flow = HasSecantPocket(p) ? FlowForce(d, *s, field0, m.x, m.va, &slope, &spring) : 0;
   if (d.law == Law::kNarx) {
     const double end = c.time + m.dt, sample = d.net->sample_time;
     for (double k = s->past->count + 1; k * sample <= end + 1e-9 * sample; k += 1) {
@@ -146,8 +66,11 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
   if (p.asymmetry_travel > 0) c.plate = FollowPlate(p, c.plate, path);
   if (HasTimedPlate(p)) c.plate = Lag(c.plate, plate, rest(field1, m.x + path, m.vb), p.asymmetry_time, m.dt);
   if (HasTrappedGas(p)) c.stroke.Follow(m.x + path, p, m.dt);
+  if (HasSecantPocket(p)) {
+    const double to = FlowForce(d, *s, field1, m.x + path, m.vb, &slope, &spring);
+    c.gas.Press(p, flow * to > 0 ? 0.5 * (flow + to) : to, path);
+  }
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
-    double slope, spring;
     const double fluid = FluidForce(d, *s, field1, m.x + path, m.vb, &slope, &spring);
     const Rise rise = Heat(p, {c.heat, c.body}, std::fabs(fluid * m.vb), m.dt);
     c.heat = rise.fluid;

@@ -61,9 +61,11 @@ inline double PlateRest(const Params& p, double f, double v) {
 }
 
 // Gas that is in series with the fluid, which then moves less than the piston.
-inline bool HasPocket(const Params& p) { return p.trapped_gas_series > 0 && p.trapped_gas_force > 0; }
+inline bool HasSeries(const Params& p) { return p.trapped_gas_series > 0 && p.trapped_gas_force > 0; }
+inline bool HasSecantPocket(const Params& p) { return HasSeries(p) && p.trapped_gas_secant > 0; }
+inline bool HasPocket(const Params& p) { return HasSeries(p) && !(p.trapped_gas_secant > 0); }
 
-inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || (p.trapped_gas_force > 0 && !HasPocket(p)); }
+inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || (p.trapped_gas_force > 0 && !HasSeries(p)); }
 
 // Stroke over which a pocket is pressed shut; 0 where every turn opens it.
 inline double PocketReach(const Params& p) {
@@ -168,7 +170,30 @@ struct Pocket {
   double rate = 0;     // m/s
   double flow = 0;     // m/s, velocity of the fluid
   double slope = 0;    // N s/m, d(force)/dv of the fluid at the last balance, where the next one's solve begins
+
+  void Press(const Params& p, double f, double path);
 };
+
+// Whether gas in series with a fluid that gives way by its secant carries the fluid's force f.
+inline bool CarriedByGas(const Params& p, double f) {
+  return p.trapped_gas_direction == 0 || f * p.trapped_gas_direction > 0;
+}
+
+// The force through it: the gas's own, beside it the fluid's whole one to the other side.
+inline double ThroughSecantPocket(const Params& p, const Pocket& gas, double f) {
+  return PocketForce(p, gas.stretch) + (CarriedByGas(p, f) ? 0 : f);
+}
+
+// Pressed on over a path (m) by a fluid that would carry f with all of the motion, and does as a dashpot of that secant
+// with its part: dq = abs(dx) (sign(f) - held(q) / abs(f)). An exponential Rosenbrock step, exact where held is straight.
+inline void Pocket::Press(const Params& p, double f, double path) {
+  const double way = std::fabs(path), size = std::fmax(std::fabs(f), 0.05 * p.trapped_gas_force);
+  const double part = way / (size * PocketGive(p, stretch));
+  const double taken = part > 1e-9 ? -std::expm1(-part) / part : 1;
+  const double side = p.trapped_gas_direction, most = (1 - 1e-9) * p.trapped_gas_s_g;
+  stretch += taken * way * ((f > 0) - (f < 0) - PocketForce(p, stretch) / size);
+  stretch = std::fmin(std::fmax(stretch, side > 0 ? 0 : -most), side < 0 ? 0 : most);
+}
 
 }  // namespace mrdamp
 

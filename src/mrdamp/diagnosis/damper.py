@@ -106,7 +106,7 @@ class DamperRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
-        solved = mount or any(s.get("trapped_gas_series", 0) > 0 for s in settings)
+        solved = mount or any(s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings)
         step = (_ROUGH if solved or self.rough else _COARSE) if coarse else _FINE
         pieces = 0.5 if coarse and mount and self.rough else 1.0  # the chain halves a step behind a mount
         return self._run(settings, self._fine(record, step), pieces=pieces)

@@ -167,4 +167,19 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0))
         ),
+        *(
+            Term(
+                "trapped_gas",
+                "fluid",
+                (
+                    positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
+                    positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
+                    positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
+                ),
+                ((0.2 * s.force, 0.1 * s.stroke, 1.2), (0.5 * s.force, 0.4 * s.stroke, 1.2)),
+                form=f"{form}, in series by the secant",
+                fixed={"trapped_gas_direction": direction, "trapped_gas_series": 1.0, "trapped_gas_secant": 1.0},
+            )
+            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        ),
     )
