@@ -321,11 +321,25 @@ TEST(AMountIsStifferForSmallMotionsByItsFriction) {
   NEAR(r.Slope(p, 0), 1e5 + 50 / 1e-4, 1e-3);
   const double step = 1e-9;
   NEAR(r.Slope(p, 1e-4), (r.Force(p, 1e-4 + step) - r.Force(p, 1e-4 - step)) / (2 * step), 1);
-  r.Follow(p, 2e-3);
+  r.Follow(p, 2e-3, {});
   NEAR(r.Force(p, 2e-3), 250, 1e-5);
   NEAR(r.Slope(p, 2e-3), 1e5, 1);  // slides
   NEAR(r.Force(p, 2e-3 - 1e-4), 190 + 50 * (2 * std::exp(-1.0) - 1), 1e-5);
   NEAR(r.Slope(p, 2e-3 - step), 1e5 + 2 * 50 / 1e-4, 20);
+}
+
+TEST(AMountLetsGo) {
+  Params p;
+  p.mount_compliance_k = 1e5, p.mount_compliance_loss = 2, p.mount_compliance_time = 0.05;
+  mrdamp::Rubber r;
+  const mrdamp::Easing over = mrdamp::Ease(p, 0.05);
+  NEAR(r.Look(p, 1e-4, over).force, 10 + 20 * (1 - std::exp(-1.0)), 1e-9);  // pulled evenly
+  NEAR(r.Slope(p, r.Look(p, 1e-4, over), 0, over), 1e5 + 2e5 * (1 - std::exp(-1.0)), 1e-6);
+  r.Follow(p, 1e-4, over);
+  r.Follow(p, 1e-4, over);  // held
+  NEAR(r.Force(p, 1e-4), 10 + 20 * (1 - std::exp(-1.0)) * std::exp(-1.0), 1e-9);
+  NEAR(r.Force(p, 2e-4), r.Force(p, 1e-4) + 30, 1e-9);  // at once by both springs
+  NEAR(mrdamp::Ease(p, 0).take, 1, 0);
 }
 
 TEST(MountForceHasADeadZone) {
