@@ -109,9 +109,35 @@ def slow_clock(x: Array, u: Array) -> Array:
     return damper(np.asarray(np.interp(TIME + 4e-3 * TIME, TIME, x)), u)
 
 
+def few_levels(x: Array, u: Array) -> Array:
+    return damper(x, 0.35 * np.floor(u / 0.35 + 0.5))
+
+
+def other_coil(x: Array, u: Array) -> Array:
+    """Warmer or colder in each record: of the command comes another share."""
+    return damper(x, u * (1 + 0.4 * np.sin(1e3 * u.mean())))
+
+
+def opening_valve(x: Array, u: Array) -> Array:
+    """Opens by the force, and closes in its own time."""
+    whole, out, opened = damper(x, u), np.empty(len(x)), 0.0
+    for k, force in enumerate(whole):
+        opened = 1.0 if abs(force) > 450 else opened * np.exp(-DT / 0.4)
+        out[k] = force * (1 - 0.3 * opened)
+    return out
+
+
+def leaking_spring(x: Array, u: Array) -> Array:
+    return np.asarray(damper(x, u) + 3e4 * (x - low_pass(x, 0.12)))
+
+
 FAULTS = [
     (tired_driver, "driver"),
     (dropouts, "driver"),
+    (few_levels, "driver"),
+    (other_coil, "driver"),
+    (opening_valve, "fluid"),
+    (leaking_spring, "mechanics"),
     (stuck_field, "magnetics"),
     (pulled_piston, "magnetics"),
     (magnet, "magnetics"),

@@ -30,13 +30,15 @@ _MOTION = (0.02, 0.1, 0.5)
 #: Widths of what happens about no command, and of the plays of the command: shares of the largest one.
 _SMALL, _LOOPS = (0.05, 0.1, 0.2, 0.35), (0.03, 0.1, 0.3)
 #: Steps of a source that knows a few levels only, shares of the largest command.
-_STEPS = np.geomspace(0.05, 0.6, 16)
+_STEPS = np.geomspace(0.06, 0.6, 24)
 #: Widths of plays of the motion (shares of the stroke) in a mount and on the rod.
 _GAPS, _SLACK = (0.01, 0.03, 0.1), (0.02, 0.1)
 #: Velocity, over the RMS one, at which friction is all there; way of a command back that makes a turn of it.
 _SLIP, _TURN = 0.1, 0.01
 #: Forces (over the RMS one) that something may open at, and times (s) in which it closes again.
 _OPENS, _CLOSES = (1.1, 1.4, 1.7), (0.3, 0.8)
+#: Velocities (over the RMS one) at which an orifice beside the fluid holds the RMS force.
+_ORIFICES = (0.1, 0.25, 0.6)
 #: s, what time is measured in.
 _TIME = 10.0
 
@@ -110,7 +112,9 @@ def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> l
     near = [np.exp(-np.abs(turn) / 0.1), np.exp(-np.abs(turn) / 0.4)]
     open_ = [s[f"open {force} {tau}"] for force in _OPENS for tau in _CLOSES]
     since = [np.tanh(turn / 0.1), np.tanh(turn / 0.5), *near, *gone, *open_]
-    motion = [one, s["slip"], *_hats(s["v"], knots["v"])[:-1], *_hats(s["x"], knots["x"])[:-1]]
+    passed = [s["v"] ** 2 / d**2 for d in _ORIFICES]
+    past = [o / np.hypot(s["force"] / size, o + 1e-9) - 1 for o in passed]
+    motion = [one, s["slip"], *_hats(s["v"], knots["v"])[:-1], *_hats(s["x"], knots["x"])[:-1], *past]
     whole = [*motion, *since, *_hats(s["force"], knots["force"])]
     viscous = [one, speed, np.exp(-speed), np.exp(-3 * speed)]
     parts = (s["force"], whole), (s["force"] - s["still"], [one, s["slip"], *since]), (s["still"], viscous)
