@@ -33,7 +33,7 @@ COARSE, FINE = 2e-3, 1e-3
 #: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
 _ROUGH, _ROUGHER = 4e-3, 4.0
 #: The law's numbers are free within so many times the damper's ranges.
-_WIDER = 4.0
+_WIDER = 2.0
 #: Hz, of the sines of a proposed test.
 _LOWEST, _HIGHEST = 0.8, 16.0
 _STRUCTURE = ("mass", "stiffness", "damping")

@@ -17,6 +17,7 @@ from mrdamp.diagnosis import run
 from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.forms import reform
 from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.frame_damper import damper_evidence
 from mrdamp.diagnosis.frame_structure import deviations, promoted
@@ -106,8 +107,9 @@ def diagnose_frame(
     outside = any(search.solved(f) for f in search.rivals)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
-        # What was kept is of other nominal numbers.
-        search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7))
+        # What was kept is of other nominal numbers, but where those are held.
+        known = [f for f in search.ranked(False) if len(f.hypothesis.causes) == 1]
+        search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7), known)
         fits, decision = judge(search, rig)
     decision = run.with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
@@ -158,17 +160,26 @@ def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
 
 
 def _search(
-    rig: FrameRig, noise: Noise, limits: Limits, jobs: int, store: Store, progress: Progress
+    rig: FrameRig,
+    noise: Noise,
+    limits: Limits,
+    jobs: int,
+    store: Store,
+    progress: Progress,
+    known: Sequence[Fit] = (),
 ) -> tuple[Search, Array]:
     """A search that is through, and the gaps (blocks,) that noise alone leaves.
 
     Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
+    known: fits of one cause with the nominal numbers held, of a search on the same records.
     """
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
     search.steady = noise.steady
+    for found in known:
+        search.keep(found)
     at_fault = frozenset(_block_names(rig)) - rig.clean
     places = frozenset(b for b in at_fault if b != "damper")
     steps: tuple[tuple[str, FrameRig, bool, int], ...] = (
@@ -212,7 +223,7 @@ def _search(
         search.extend(True, 1)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if not _enough(search, rig, at_fault):
-        search.reform(best)
+        reform(search, best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if len(best.hypothesis.causes) == 1 and not search.solved(best):
         try_lesser(search, best)

@@ -19,6 +19,7 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.breadth import FLOOR_DOUBT, Promise, first_forms, parents, promising, worth_a_fit
 from mrdamp.diagnosis.clock import try_clock
 from mrdamp.diagnosis.fit import ROUGHLY, TOLERANCE, Fit, fit, taken_up
+from mrdamp.diagnosis.forms import lacking, reform, reform_rival
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.store import Store
@@ -112,7 +113,7 @@ class Search:
         left = found.residual - basis @ (basis.T @ found.residual)
         best: dict[str, Promise] = {}
         nearest: dict[str, tuple[float, int]] = {}
-        for (term, k), d in zip(jobs, self._map(change, jobs), strict=True):
+        for (term, k), d in zip(jobs, self.map(change, jobs), strict=True):
             own = d - basis @ (basis.T @ d)
             size, cost, by = float(own @ own), found.cost, 0.0
             if size > 1e-6 * float(d @ d):
@@ -150,7 +151,8 @@ class Search:
         for free in (False, True):
             best = self.best(free)
             if best is not None and not self.solved(best):
-                self.reform(best)
+                reform(self, best)
+                reform_rival(self, best)
         self.exchange()
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
@@ -170,7 +172,7 @@ class Search:
             low += count
             if (True, frozenset([term.name])) not in self.fits:
                 tasks.append((hypothesis, start, None, np.inf))
-        for found in self._map(self._try, tasks):
+        for found in self.map(self._try, tasks):
             if found is not None:
                 self.keep(found)
 
@@ -187,21 +189,8 @@ class Search:
                 hypothesis = Hypothesis(self.base.hypothesis.nominal, held.hypothesis.terms)
                 start = np.concatenate([np.zeros(len(hypothesis.nominal)), held.point])
                 tasks.append((hypothesis, start))
-        for found in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
+        for found in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
             self.keep(found)
-
-    def reform(self, found: Fit) -> None:
-        """Other forms of each cause of a fit in its place, the most promising."""
-        tasks = []
-        for term in found.hypothesis.terms:
-            others = [t for t in self.problem.rig.terms if t.cause == term.cause and t.name != term.name]
-            if not others:
-                continue
-            parent = self.lacking(found, term)
-            for promise in self.screen(parent, others)[: self.limits.reformed]:
-                tasks.append(self.start_from(parent, promise.term, promise.start, promise.by))
-        for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" reformed"), tasks):
-            self.keep(again)
 
     def exchange(self) -> None:
         """Other causes in place of the lesser one of the best pair, from where the pair's fit stands: what was added
@@ -210,27 +199,14 @@ class Search:
         if not pairs or not self.limits.exchanged:
             return
         best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
-        parents = [self.lacking(best, term) for term in best.hypothesis.terms]
+        parents = [lacking(self, best, term) for term in best.hypothesis.terms]
         parent = min(parents, key=lambda f: (f.cost, f.hypothesis.name))
         taken = set(best.hypothesis.causes)
         ranked = self.screen(parent, [t for t in self.problem.rig.terms if t.cause not in taken])
         chosen = first_forms(ranked)[: self.limits.exchanged]
         tasks = [self.start_from(parent, p.term, p.start, p.by) for p in chosen]
-        for again in self._map(lambda h, q: self.fitted(h, q, most=8, stage=" exchanged"), tasks):
+        for again in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" exchanged"), tasks):
             self.keep(again)
-
-    def lacking(self, found: Fit, term: Term) -> Fit:
-        """A fit without one of its terms, the other numbers where they stand."""
-        hypothesis = found.hypothesis
-        at, kept = len(hypothesis.nominal), np.ones(len(found.point), dtype=bool)
-        for t in hypothesis.terms:
-            if t is term:
-                kept[at : at + len(t.coordinates)] = False
-            at += len(t.coordinates)
-        rest = Hypothesis(hypothesis.nominal, tuple(t for t in hypothesis.terms if t is not term))
-        residual = self.problem.residuals(rest, found.point[kept])[0]
-        cost = float(residual @ residual)
-        return Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
 
     def explained_outside(self) -> bool:
         """True where a cause outside the catalogue leaves nothing and none in it comes near: two of those can say no
@@ -250,13 +226,13 @@ class Search:
         ranked = promising(self.screen(held, self.problem.rig.rivals), held.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
         tasks = [(*self.start_from(held, p.term, p.start, p.by), None, np.inf) for p in chosen]
-        self.rivals = [f for f in self._map(self._try, tasks) if f is not None]
+        self.rivals = [f for f in self.map(self._try, tasks) if f is not None]
         self.rivals.sort(key=lambda f: (f.cost, f.hypothesis.name))
         tasks = []
         for found in self.rivals[: self.limits.freed]:
             free = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
             tasks.append((free, np.concatenate([np.zeros(len(free.nominal)), found.point]), None, np.inf))
-        self.rivals += [f for f in self._map(self._try, tasks) if f is not None]
+        self.rivals += [f for f in self.map(self._try, tasks) if f is not None]
 
     def solved(self, found: Fit) -> bool:
         """True where nothing material is left for another cause to explain.
@@ -294,12 +270,12 @@ class Search:
                 key = frozenset(t.name for t in hypothesis.terms)
                 if (free, key) not in self.fits:
                     tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
-        for found in self._map(self._try, list(tasks.values())):
+        for found in self.map(self._try, list(tasks.values())):
             if found is not None:
                 self.keep(found)
         if free:
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: self.limits.polished]
-            for found in self._map(self._polish, [(f,) for f in best]):
+            for found in self.map(self._polish, [(f,) for f in best]):
                 self.keep(found)
         try_clock(self, self.best(free, depth))
 
@@ -390,7 +366,8 @@ class Search:
             (f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None
         )
 
-    def _map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
+    def map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
+        """What a function gives for each tuple of arguments, side by side in threads."""
         tasks = list(jobs)
         if self.jobs == 1 or len(tasks) < 2:
             return [function(*task) for task in tasks]

@@ -1,0 +1,60 @@
+"""Other forms of the causes that were found, in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.terms import Hypothesis, Term
+
+if TYPE_CHECKING:
+    from mrdamp.diagnosis.search import Search
+
+#: A set of causes comes near another where it leaves less than so many times as much.
+_RIVALS = 2.0
+
+
+def reform(search: Search, found: Fit, causes: Collection[str] | None = None) -> None:
+    """Other forms of each cause of a fit in its place, the most promising; of those given alone."""
+    tasks = []
+    for term in found.hypothesis.terms:
+        if causes is not None and term.cause not in causes:
+            continue
+        others = [t for t in search.problem.rig.terms if t.cause == term.cause and t.name != term.name]
+        if not others:
+            continue
+        parent = lacking(search, found, term)
+        for promise in search.screen(parent, others)[: search.limits.reformed]:
+            tasks.append(search.start_from(parent, promise.term, promise.start, promise.by))
+    for again in search.map(lambda h, q: search.fitted(h, q, most=8, stage=" reformed"), tasks):
+        search.keep(again)
+
+
+def reform_rival(search: Search, best: Fit) -> None:
+    """Other forms of the one cause in which the next best set of causes differs from the best, where it comes near:
+    between two causes the right form decides."""
+    causes = set(best.hypothesis.causes)
+    for f in search.ranked(bool(best.hypothesis.nominal)):
+        own = set(f.hypothesis.causes)
+        if len(own) != len(causes) or len(own - causes) != 1:
+            continue
+        if search.unexplained(f) < _RIVALS * search.unexplained(best):
+            reform(search, f, own - causes)
+        return
+
+
+def lacking(search: Search, found: Fit, term: Term) -> Fit:
+    """A fit without one of its terms, the other numbers where they stand."""
+    hypothesis = found.hypothesis
+    at, kept = len(hypothesis.nominal), np.ones(len(found.point), dtype=bool)
+    for t in hypothesis.terms:
+        if t is term:
+            kept[at : at + len(t.coordinates)] = False
+        at += len(t.coordinates)
+    rest = Hypothesis(hypothesis.nominal, tuple(t for t in hypothesis.terms if t is not term))
+    residual = search.problem.residuals(rest, found.point[kept])[0]
+    cost = float(residual @ residual)
+    return Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
