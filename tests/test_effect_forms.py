@@ -218,6 +218,20 @@ def test_a_mount_lets_go(gap: float) -> None:
     assert error(mount_compliance_time=2 * time) > 0.012
 
 
+def test_a_mass_beyond_the_mount_follows_the_rod() -> None:
+    law = {"c0a": 3e3, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": 0.01}
+    mount = {"mount_compliance_k": 5e4, "backlash_gap": 5e-4}
+    a = np.gradient(np.gradient(X, DT, edge_order=2), DT, edge_order=2)
+
+    def force(**other: float) -> np.ndarray:
+        run = core.run("bingham", law | mount | other, DT, X, u=0.0, a=a, columns=("force",))
+        return np.asarray(run["force"])
+
+    beyond = force(moving_mass_m=20.0, moving_mass_beyond=1.0)
+    assert beyond == pytest.approx(force() + 20.0 * a, abs=1e-9)
+    assert rms(force(moving_mass_m=20.0) - beyond) > 0.05 * rms(beyond)  # the piston is another matter
+
+
 def test_a_moving_mass_rings_on_its_own_spring() -> None:
     """Against SciPy: the load cell feels the mass's own acceleration, whatever the step."""
     mass, hz, ratio = 5.0, 12.0, 0.1

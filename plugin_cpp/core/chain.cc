@@ -142,7 +142,7 @@ void PocketPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
 void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
   const Params& p = d.p;
   const double x0 = s->c.piston, v0 = s->c.piston_velocity, h = kGamma * m.dt;
-  const double mass = RigidMass(p);
+  const double mass = PistonMass(p);
   const double field_mid = field0 + kGamma * (field1 - field0);
   NarxHistory past;
 
@@ -311,9 +311,10 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
     o.slope = 0;
   } else {
     o.damper = PistonForce(d, s, o.field, x, v, &o.slope);
-    o.force = o.damper + RigidMass(p) * a;
+    o.force = o.damper;
     o.piston = x;
   }
+  o.force += RodMass(p, HasMount(p)) * a;
   o.force += RingingForce(p, s.c.felt);
   o.inner = c.z;
   return o;

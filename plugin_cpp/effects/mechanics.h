@@ -19,6 +19,10 @@ inline double RigidMass(const Params& p) {
   return p.moving_mass_hz > 0 ? p.moving_mass_m * (1 - p.moving_mass_share) : p.moving_mass_m;
 }
 
+// What of that follows the piston behind a mount, and the rod's end; without a mount they are one.
+inline double PistonMass(const Params& p) { return p.moving_mass_beyond > 0 ? 0 : RigidMass(p); }
+inline double RodMass(const Params& p, bool mount) { return mount && !(p.moving_mass_beyond > 0) ? 0 : RigidMass(p); }
+
 // The rod's acceleration a (m/s2) over dt as a mass on a spring of its own feels it.
 inline void Ring(const Params& p, Oscillator* felt, double a, double dt) {
   if (p.moving_mass_hz > 0) felt->Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);

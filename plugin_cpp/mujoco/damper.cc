@@ -226,7 +226,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     if (!p->Acts(m)) continue;
     acting_.push_back(p);
     p->force_ = p->seen_.force;
-    mass |= !p->mount_ && RigidMass(p->damper_.p) > 0;
+    mass |= RodMass(p->damper_.p, p->mount_) > 0;
   }
   const std::size_t n = acting_.size();
   const bool explicit_step = m->opt.integrator == mjINT_RK4;
@@ -238,7 +238,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     for (std::size_t k = 0; k < n; k++) {
       DamperInstance* p = acting_[k];
       const double free = p->v_ + h * mobility_.Row(m, d, p->output_, h, &p->inverse_);
-      const double moving = p->mount_ ? 0 : RigidMass(p->damper_.p);
+      const double moving = RodMass(p->damper_.p, p->mount_);
       step_[k] = {p->v_, free, p->seen_.force, p->seen_.slope, moving,
                   [p](double v, double part) { return p->Trial(v, part); }};
     }

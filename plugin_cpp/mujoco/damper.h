@@ -31,7 +31,7 @@ class DamperInstance {
   void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
   // What the force sensor reads; `a` is the acceleration along the actuator.
-  double Force(double a) const { return seen_.force + (mount_ ? 0 : RigidMass(damper_.p) * a); }
+  double Force(double a) const { return seen_.force + RodMass(damper_.p, mount_) * a; }
   const Observation& seen() const { return seen_; }
   const Damper& damper() const { return damper_; }
   double length() const { return x_; }

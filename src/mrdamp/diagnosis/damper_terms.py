@@ -179,6 +179,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "mechanics",
             (linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),),
             ((0.1 * inertia,),),
+            fixed={"moving_mass_beyond": 1.0},  # as a fixture is; matters behind a mount alone
         ),
         Term(
             "moving_mass",
@@ -195,6 +196,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 if hz < 0.4 / dt
             ),
             form="on a spring",
+            fixed={"moving_mass_beyond": 1.0},
         ),
         Term(
             "mount_compliance",
