@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -330,6 +331,14 @@ def test_what_does_not_repeat_is_neither_nothing_nor_wrong_numbers() -> None:
     quiet = Scored((), False, 0.011, 0)
     assert decide([quiet], 0.01).verdict == "none"
     assert decide([quiet], 0.01, steady=False).verdict == "unknown"
+
+
+def test_what_free_numbers_take_off_noise_is_no_gap() -> None:
+    """8 % off a gap that is hardly more than noise, at a price that it is not worth."""
+    nominal, freed = Scored((), False, 0.0102, 0), Scored((), True, 0.0094, 0)
+    assert decide([nominal, freed], 0.0095).verdict == "none"
+    assert decide([replace(nominal, cost=0.03), replace(freed, cost=0.028)], 0.0095).verdict == "unknown"
+    assert decide([nominal, freed], 0.0095, steady=False).verdict == "unknown"
 
 
 def test_probabilities_leave_room_for_what_nobody_thought_of() -> None:

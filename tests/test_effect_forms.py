@@ -218,6 +218,21 @@ def test_a_mount_lets_go(gap: float) -> None:
     assert error(mount_compliance_time=2 * time) > 0.012
 
 
+@pytest.mark.parametrize(("delay", "spread", "range_"), [(0.02, 0.006, (0.014, 0.026)), (0.02, 1.0, (0.0, 0.04))])
+def test_packets_have_delays_of_their_own(delay: float, spread: float, range_: tuple[float, float]) -> None:
+    """What arrives is the mean over all delays in the range; none is below zero."""
+    law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+    u = (np.sin(7 * T) > 0) * 1.0
+
+    def current(**other: float) -> np.ndarray:
+        run = core.run("bingham", law | {"command_delay_d": delay} | other, DT, X, u=u, columns=("current",))
+        return np.asarray(run["current"])
+
+    expected = np.mean([np.interp(T - d, T, u) for d in np.linspace(*range_, 2001)], axis=0)
+    assert current(command_delay_spread=spread) == pytest.approx(expected, abs=2e-3)
+    assert np.abs(current() - expected).max() > 0.3
+
+
 def test_a_mass_beyond_the_mount_follows_the_rod() -> None:
     law = {"c0a": 3e3, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": 0.01}
     mount = {"mount_compliance_k": 5e4, "backlash_gap": 5e-4}

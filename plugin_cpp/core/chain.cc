@@ -241,9 +241,9 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
       from = to = Held(*s->line, p, begin + a * m.dt, begin + b * m.dt, d.hold);
     } else if (delayed) {
       // A held command is read inside the piece: at its ends it may just be changing.
-      const double t = begin - p.command_delay_d;
-      from = s->line->At(t + (d.hold ? a + 0.5 / pieces : a) * m.dt, d.hold);
-      to = d.hold ? from : s->line->At(t + b * m.dt, d.hold);
+      const bool held = d.hold && !(Spread(p) > 0);
+      from = Arrived(*s->line, p, begin + (held ? a + 0.5 / pieces : a) * m.dt, d.hold);
+      to = held ? from : Arrived(*s->line, p, begin + b * m.dt, d.hold);
     }
     ChainState& c = s->c;
     const double field0 = FieldNow(d, c);
@@ -252,7 +252,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     if (p.remanence_b > 0) c.magnet.Follow(p, before, c.coil.current);
     const double field1 = FieldNow(d, c);
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
-    const bool jump = (d.hold || p.command_delay_period > 0) && !HasLag(p);
+    const bool jump = ((d.hold && !(Spread(p) > 0)) || p.command_delay_period > 0) && !HasLag(p);
     const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
     if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
     else if (HasPocket(p)) PocketPiece(d, s, piece, jump ? field1 : field0, field1);
@@ -277,7 +277,7 @@ ChainState Commanded(const Damper& d, const State& s, double u) {
   if (p.command_delay_period > 0 && s.line) {
     now = Held(*s.line, p, c.time - 0.5 * p.substep, c.time + 0.5 * p.substep, d.hold);
   } else if (p.command_delay_d > 0 && s.line) {
-    now = s.line->At(c.time - p.command_delay_d, d.hold);
+    now = Arrived(*s.line, p, c.time, d.hold);
   }
   if (p.remanence_b > 0) c.magnet.Follow(p, c.coil.current, now);
   c.coil.current = now;

@@ -96,10 +96,38 @@ struct DelayLine {
     }
     return value[newer];
   }
+
+  // Its mean from time a to b > a.
+  double Mean(double a, double b, bool hold) const {
+    const int h = static_cast<int>(head), n = static_cast<int>(count);
+    if (n == 0) return 0;
+    double sum = b > time[h] ? (b - std::fmax(a, time[h])) * value[h] : 0;
+    int newer = h;
+    for (int k = 1; k < n && time[newer] > a; k++) {
+      const int j = (h + kCapacity - k) % kCapacity;
+      const double from = std::fmax(a, time[j]), to = std::fmin(b, time[newer]);
+      if (to > from) {
+        const double rise = hold ? 0 : (value[newer] - value[j]) / (time[newer] - time[j]);
+        sum += (to - from) * (value[j] + rise * (0.5 * (from + to) - time[j]));
+      }
+      newer = j;
+    }
+    if (time[newer] > a) sum += (std::fmin(b, time[newer]) - a) * value[newer];
+    return sum / (b - a);
+  }
 };
 
+// Delays from d - spread to d + spread are as likely as one another.
+inline double Spread(const Params& p) { return std::fmin(p.command_delay_spread, p.command_delay_d); }
+
+// What of a command has arrived at time t on the average.
+inline double Arrived(const DelayLine& line, const Params& p, double t, bool hold) {
+  const double spread = Spread(p), sent = t - p.command_delay_d;
+  return spread > 0 ? line.Mean(sent - spread, sent + spread, hold) : line.At(sent, hold);
+}
+
 // How far back the store has to reach.
-inline double Reach(const Params& p) { return p.command_delay_d + p.command_delay_period; }
+inline double Reach(const Params& p) { return p.command_delay_d + Spread(p) + p.command_delay_period; }
 
 inline bool HasDelay(const Params& p) { return Reach(p) > 0; }
 

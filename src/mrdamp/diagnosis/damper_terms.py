@@ -63,6 +63,13 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
         ),
         Term("command_delay", "driver", (positive("command_delay_d", 0.01, 1e-4, 0.3),), ((0.001,), (0.006,), (0.02,))),
         Term(
+            "command_delay",
+            "driver",
+            (positive("command_delay_d", 0.01, 1e-4, 0.3), positive("command_delay_spread", 3e-3, 1e-4, 0.3)),
+            ((0.003, 0.001), (0.02, 0.005), (0.05, 0.015)),
+            form="from packet to packet",
+        ),
+        Term(
             "saturation",
             "magnetics",
             (

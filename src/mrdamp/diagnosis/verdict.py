@@ -15,7 +15,8 @@ INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
 LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 9.0, 1.5, 5.0, 0.08
 #: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
 RESOLUTION, FLOOR_DOUBT = 0.002, 0.12
-#: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, is none.
+#: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, or nothing that is
+#: worth its price, is none.
 NONE_ABOVE, REDUCIBLE = 1.75, 0.06
 #: More than this share of the excess left by the best set of causes: the cause is not in the catalogue.
 UNKNOWN_ABOVE = 0.12
@@ -110,6 +111,9 @@ def decide(
         unknown = rival + (1 - rival) * unknown
         if rival > 0.5:
             outside = rivals[int(np.argmax(other))].index
+    if steady and outside is None and nominal.cost <= NONE_ABOVE * floor and not (chosen.causes or chosen.free):
+        # Free numbers take a little off noise in few records; where nothing is worth its price that is no gap.
+        return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not steady and not chosen.causes:
         unknown = max(unknown, UNSTEADY)
     if outside is not None or unknown > (1 - unknown) * known[likely]:
