@@ -262,6 +262,10 @@ def test_a_moving_mass_rings_on_its_own_spring() -> None:
     parted = run("reference", **hung, moving_mass_share=0.3) - run("reference")
     both = mass * (0.3 * felt + 0.7 * rod)
     np.testing.assert_allclose(parted[20:], both[20:], atol=0.01 * mass * np.abs(rod).max())
+    other = lsim(lti([2 * ratio * 2 * w, 4 * w**2], [1, 2 * ratio * 2 * w, 4 * w**2]), rod, T)[1]
+    clamps = run("reference", **hung, moving_mass_hz2=2 * hz, moving_mass_share2=0.4) - run("reference")
+    expected = mass * (0.6 * felt + 0.4 * other)
+    np.testing.assert_allclose(clamps[20:], expected[20:], atol=0.01 * mass * np.abs(rod).max())
 
 
 def test_a_share_of_the_charge_leaks_by_itself() -> None:

@@ -9,8 +9,8 @@
 #include "effects/driver.h"
 #include "effects/fluid.h"
 #include "effects/magnetics.h"
+#include "effects/mechanics.h"
 #include "effects/mount.h"
-#include "effects/oscillator.h"
 #include "laws/coefficients.h"
 #include "laws/narx.h"
 
@@ -40,7 +40,7 @@ struct ChainState {
   Pocket gas;        // in series with the fluid
   double plate = 0;  // -1 to 1, asymmetry along the stroke or in its own time
   Rubber rubber;    // friction inside the mount
-  Oscillator felt;  // m/s2, acceleration of a moving mass on a spring of its own
+  Felt felt;        // what moving masses on springs of their own feel
 };
 
 inline constexpr int kChainSize = sizeof(ChainState) / sizeof(double);

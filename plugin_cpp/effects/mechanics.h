@@ -23,15 +23,24 @@ inline double RigidMass(const Params& p) {
 inline double PistonMass(const Params& p) { return p.moving_mass_beyond > 0 ? 0 : RigidMass(p); }
 inline double RodMass(const Params& p, bool mount) { return mount && !(p.moving_mass_beyond > 0) ? 0 : RigidMass(p); }
 
-// The rod's acceleration a (m/s2) over dt as a mass on a spring of its own feels it.
-inline void Ring(const Params& p, Oscillator* felt, double a, double dt) {
-  if (p.moving_mass_hz > 0) felt->Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);
+// Accelerations (m/s2) that masses on springs of their own feel.
+struct Felt {
+  Oscillator first, second;
+};
+
+// The rod's acceleration a (m/s2) over dt as they feel it.
+inline void Ring(const Params& p, Felt* felt, double a, double dt) {
+  if (p.moving_mass_hz > 0) felt->first.Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);
+  if (p.moving_mass_hz2 > 0) felt->second.Step(2 * kPi * p.moving_mass_hz2, p.moving_mass_ratio, a, a, dt);
 }
 
-// What a mass on a spring and dashpot of its own pulls with (N), from the acceleration that it feels.
-inline double RingingForce(const Params& p, const Oscillator& felt) {
+// What a mass on springs and dashpots of its own pulls with (N), from the accelerations that it feels.
+inline double RingingForce(const Params& p, const Felt& felt) {
   if (!(p.moving_mass_hz > 0)) return 0;
-  return p.moving_mass_m * p.moving_mass_share * (felt.y + p.moving_mass_ratio / (kPi * p.moving_mass_hz) * felt.rate);
+  const double lag = p.moving_mass_ratio / kPi, first = felt.first.y + lag / p.moving_mass_hz * felt.first.rate;
+  if (!(p.moving_mass_hz2 > 0)) return p.moving_mass_m * p.moving_mass_share * first;
+  const double second = felt.second.y + lag / p.moving_mass_hz2 * felt.second.rate;
+  return p.moving_mass_m * p.moving_mass_share * (first + p.moving_mass_share2 * (second - first));
 }
 
 // seal_friction: a bristle q (m) that follows the path, q' = v - |v| q sigma / g(v), with

@@ -206,6 +206,24 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             fixed={"moving_mass_beyond": 1.0},
         ),
         Term(
+            "moving_mass",
+            "mechanics",
+            (
+                linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),
+                positive("moving_mass_hz", 35.0, 8.0, 0.3 / dt, 0.2),
+                positive("moving_mass_hz2", 80.0, 10.0, 0.45 / dt, 0.2),
+                positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
+                linear("moving_mass_share2", 0.1, 0.02, 0.98, 0.5),
+            ),
+            tuple(
+                (0.1 * inertia, low, high, ratio, 0.5)
+                for low, high, ratio in ((30.0, 70.0, 0.2), (35.0, 85.0, 0.07), (40.0, 110.0, 0.05))
+                if high < 0.4 / dt
+            ),
+            form="in two clamps",
+            fixed={"moving_mass_beyond": 1.0},
+        ),
+        Term(
             "mount_compliance",
             "mount",
             (positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),),
