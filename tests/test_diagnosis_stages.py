@@ -7,6 +7,7 @@ import pytest
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import fit
+from mrdamp.diagnosis.forms import exchange
 from mrdamp.diagnosis.frame_run import take_through
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import carried_over, judge
@@ -53,7 +54,7 @@ def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:
     terms = {t.effect: t for t in problem.rig.terms}
     pair = Hypothesis((), (terms["sign"], terms["late"]))
     search.keep(fit(problem, pair, pair.start()))
-    search.exchange()
+    exchange(search)
     best = search.best(False)
     assert best is not None
     assert set(best.hypothesis.causes) == {"sign", "offset"}

@@ -49,6 +49,11 @@ class Fit:
     at: Array | None = field(default=None, repr=False)
 
     @property
+    def name(self) -> str:
+        """Of the terms, and whether the nominal parameters are free beside them."""
+        return f"{'free' if self.hypothesis.nominal else 'held'} {self.hypothesis.name}"
+
+    @property
     def settings(self) -> Settings:
         return self.hypothesis.settings(self.point)
 

@@ -1,4 +1,4 @@
-"""Other forms of the causes that were found, in their place."""
+"""Other forms of the causes that were found in their place, and other causes in place of the lesser one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrdamp.diagnosis.breadth import first_forms
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.terms import Hypothesis, Term
 
@@ -58,3 +59,20 @@ def lacking(search: Search, found: Fit, term: Term) -> Fit:
     residual = search.problem.residuals(rest, found.point[kept])[0]
     cost = float(residual @ residual)
     return Fit(rest, found.point[kept], cost, residual, found.jacobian[:, kept])
+
+
+def exchange(search: Search) -> None:
+    """Other causes in place of the lesser one of the best pair, from where the pair's fit stands: what was added
+    on top of a law that was held, or of the other cause in another form, may have mended those."""
+    pairs = [f for free in (False, True) for f in search.ranked(free)[:1] if len(f.hypothesis.terms) > 1]
+    if not pairs or not search.limits.exchanged:
+        return
+    best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
+    parents = [lacking(search, best, term) for term in best.hypothesis.terms]
+    parent = min(parents, key=lambda f: (f.cost, f.hypothesis.name))
+    taken = set(best.hypothesis.causes)
+    ranked = search.screen(parent, [t for t in search.problem.rig.terms if t.cause not in taken])
+    chosen = first_forms(ranked)[: search.limits.exchanged]
+    tasks = [search.start_from(parent, p.term, p.start, p.by) for p in chosen]
+    for again in search.map(lambda h, q: search.fitted(h, q, most=8, stage=" exchanged"), tasks):
+        search.keep(again)

@@ -108,8 +108,7 @@ def diagnose_frame(
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
         # What was kept is of other nominal numbers, but where those are held.
-        known = [f for f in search.ranked(False) if len(f.hypothesis.causes) == 1]
-        search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7), known)
+        search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7), search)
         fits, decision = judge(search, rig)
     decision = run.with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
@@ -166,20 +165,23 @@ def _search(
     jobs: int,
     store: Store,
     progress: Progress,
-    known: Sequence[Fit] = (),
+    before: Search | None = None,
 ) -> tuple[Search, Array]:
     """A search that is through, and the gaps (blocks,) that noise alone leaves.
 
     Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
-    known: fits of one cause with the nominal numbers held, of a search on the same records.
+    before: a search on the same records with other nominal numbers, whose held fits are taken over.
     """
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
     search.steady = noise.steady
-    for found in known:
-        search.keep(found)
+    if before is not None:
+        search.seen = before.seen.held()
+        for found in before.ranked(False):
+            if len(found.hypothesis.causes) == 1:
+                search.keep(found)
     at_fault = frozenset(_block_names(rig)) - rig.clean
     places = frozenset(b for b in at_fault if b != "damper")
     steps: tuple[tuple[str, FrameRig, bool, int], ...] = (

@@ -15,12 +15,9 @@ _PROMISE, _MOST = 0.2, 2
 
 
 def others(search: Search, found: Fit) -> list[Promise]:
-    """What every cause that a fit has not promises on top of it, best first; worked out once for the latest fit."""
-    if search.others is None or search.others[0] is not found:
-        taken = set(found.hypothesis.causes)
-        terms = [t for t in search.problem.rig.terms if t.cause not in taken]
-        search.others = found, search.screen(found, terms)
-    return search.others[1]
+    """What every cause that a fit has not promises on top of it, best first."""
+    taken = set(found.hypothesis.causes)
+    return search.screen(found, [t for t in search.problem.rig.terms if t.cause not in taken])
 
 
 def try_lesser(search: Search, found: Fit) -> None:

@@ -19,9 +19,10 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.breadth import FLOOR_DOUBT, Promise, first_forms, parents, promising, worth_a_fit
 from mrdamp.diagnosis.clock import try_clock
 from mrdamp.diagnosis.fit import ROUGHLY, TOLERANCE, Fit, fit, taken_up
-from mrdamp.diagnosis.forms import lacking, reform, reform_rival
+from mrdamp.diagnosis.forms import exchange, reform, reform_rival
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.seen import Seen
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis, Term
 
@@ -44,7 +45,7 @@ _NEARLY = 0.02
 class Search:
     """Fits of hypotheses on one problem. floor: the cost that noise alone leaves. rivals: fits of causes outside the
     catalogue; looks_like: the one of them that the verdict went by. steady: False where two runs of one test differ by
-    more than their noise. others: see `mrdamp.diagnosis.lesser`."""
+    more than their noise. seen: what was fitted and screened so far."""
 
     problem: Problem
     floor: float
@@ -56,8 +57,8 @@ class Search:
     rivals: list[Fit] = field(default_factory=list)
     looks_like: Fit | None = None
     steady: bool = True
-    others: tuple[Fit, list[Promise]] | None = None
-    _fine_costs: dict[str, float] = field(default_factory=dict)
+    seen: Seen = field(default_factory=Seen)
+    _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
     _asked: bool = False
 
     def __post_init__(self) -> None:
@@ -99,6 +100,12 @@ class Search:
         A score test with a signature of finite size: the change that the term makes at a start, less what the free
         coordinates can make themselves, stretched to the residual (backwards too, where the term has two signs).
         """
+        key = (found.name, found.point.tobytes(), tuple(t.name for t in terms))
+        if key not in self.seen.screens:
+            self.seen.screens[key] = self._screened(found, terms)
+        return self.seen.screens[key]
+
+    def _screened(self, found: Fit, terms: Sequence[Term]) -> list[Promise]:
         jobs = [(term, k) for term in terms for k in range(len(term.starts))]
         rough = self.problem.rougher(found.hypothesis)
         before = found.residual
@@ -153,7 +160,7 @@ class Search:
             if best is not None and not self.solved(best):
                 reform(self, best)
                 reform_rival(self, best)
-        self.exchange()
+        exchange(self)
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
 
@@ -192,22 +199,6 @@ class Search:
         for found in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
             self.keep(found)
 
-    def exchange(self) -> None:
-        """Other causes in place of the lesser one of the best pair, from where the pair's fit stands: what was added
-        on top of a law that was held, or of the other cause in another form, may have mended those."""
-        pairs = [f for free in (False, True) for f in self.ranked(free)[:1] if len(f.hypothesis.terms) > 1]
-        if not pairs or not self.limits.exchanged:
-            return
-        best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
-        parents = [lacking(self, best, term) for term in best.hypothesis.terms]
-        parent = min(parents, key=lambda f: (f.cost, f.hypothesis.name))
-        taken = set(best.hypothesis.causes)
-        ranked = self.screen(parent, [t for t in self.problem.rig.terms if t.cause not in taken])
-        chosen = first_forms(ranked)[: self.limits.exchanged]
-        tasks = [self.start_from(parent, p.term, p.start, p.by) for p in chosen]
-        for again in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" exchanged"), tasks):
-            self.keep(again)
-
     def explained_outside(self) -> bool:
         """True where a cause outside the catalogue leaves nothing and none in it comes near: two of those can say no
         more, with more numbers."""
@@ -245,7 +236,7 @@ class Search:
         mounted = any(t.stage == "mount" for t in found.hypothesis.terms)
         if not (mounted and self.problem.coarse and self.unexplained(found) < _NEARLY):
             return False
-        key = found.hypothesis.name + found.point.tobytes().hex()
+        key = (found.name, found.point.tobytes())
         if key not in self._fine_costs:
             p = self.problem
             fine = Problem(p.rig, p.records, stride=p.stride, trust=p.trust)
@@ -317,6 +308,21 @@ class Search:
         they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below. tolerance: see
         `fit`."""
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
+        if (name, start.tobytes()) not in self.seen.fits:
+            found = self._fitted(name, hypothesis, start, most, known, bar, tolerance)
+            self.seen.fits[name, start.tobytes()] = found
+        return self.seen.fits[name, start.tobytes()]
+
+    def _fitted(
+        self,
+        name: str,
+        hypothesis: Hypothesis,
+        start: Array,
+        most: int,
+        known: Array | None,
+        bar: float,
+        tolerance: float,
+    ) -> Fit:
         if known is None and hypothesis.nominal:
             # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
             rough = self.problem.rougher(hypothesis)
