@@ -195,7 +195,7 @@ def test_neutral_values_change_nothing(base: str) -> None:
         "remanence_rise": 1.0, "remanence_stops": 1.0, "heating_shape": 2.0, "heating_link": 5.0, "heating_body": 7.0,
         "trapped_gas_turn": 1e-3, "trapped_gas_width": 0.05, "moving_mass_hz": 50.0, "moving_mass_ratio": 0.3,
         "moving_mass_share": 0.4, "moving_mass_beyond": 1.0, "moving_mass_hz2": 70.0, "moving_mass_share2": 0.3,
-        "command_delay_spread": 0.003,
+        "command_delay_spread": 0.3, "driver_lag_integral": 0.02, "driver_lag_limit": 2.0,
         "sensor_leakage_tau2": 0.5, "sensor_lag_ratio": 0.7, "driver_lag_ratio": 0.5,
         "driver_lag_share": 0.3, "remanence_up": 0.4, "remanence_down": -0.3, "trapped_gas_end": 1.0,
         "trapped_gas_time": 0.2, "trapped_gas_series": 1.0, "command_delay_phase": 0.5, "asymmetry_time": 0.02,

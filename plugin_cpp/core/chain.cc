@@ -209,7 +209,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
 void Start(const Damper& d, State* s, double x, double v, double u) {
   ChainState& c = s->c;
   c = ChainState();
-  c.coil.Start(d.Clamp(u));
+  c.coil.Start(d.p, d.Clamp(u));
   c.magnet.Start(d.p, d.Clamp(u));
   c.heat = c.body = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;

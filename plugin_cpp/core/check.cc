@@ -34,6 +34,17 @@ bool Check(const Damper& d, char* error, int error_size) {
                   p.driver_lag_fall > 0 ? "driver_lag_fall" : "driver_lag_rate");
     return false;
   }
+  if (p.driver_lag_gain > 0 && (p.driver_lag_ratio > 0 || p.driver_lag_fall > 0 || p.driver_lag_rate > 0)) {
+    std::snprintf(error, error_size, "driver_lag_gain with %s; a controller has a lag and a limit of its own",
+                  p.driver_lag_ratio > 0  ? "driver_lag_ratio"
+                  : p.driver_lag_fall > 0 ? "driver_lag_fall"
+                                          : "driver_lag_rate");
+    return false;
+  }
+  if (p.driver_lag_gain > 0 && !(p.driver_lag_tau > 0)) {
+    std::snprintf(error, error_size, "driver_lag_gain without driver_lag_tau; the coil's time constant must be above 0");
+    return false;
+  }
   if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.beta + p.gamma <= 0) {
     std::snprintf(error, error_size, "beta + gamma = %g; it must be above 0, or z grows without bound", p.beta + p.gamma);
     return false;

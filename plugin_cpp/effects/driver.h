@@ -24,18 +24,20 @@ inline bool HasLag(const Params& p) { return HasFirstPole(p) || p.driver_lag_tau
 
 // driver_lag in full. Plain doubles.
 struct Coil {
-  Oscillator first;    // behind the first pole, or the pair
+  Oscillator first;    // behind the first pole, the pair, or a controller, whose integral then is `rate`
   double second = 0;   // behind the second one too
   double current = 0;  // what magnetises
 
-  void Start(double u) {
-    first = {u, 0};
+  void Start(const Params& p, double u) {
+    first = {u, p.driver_lag_gain > 0 ? u : 0};
     second = current = u;
   }
   // Over a command that runs straight from u0 to u1 in dt.
   void Step(const Params& p, double u0, double u1, double dt) {
     const double from = HasFirstPole(p) ? first.y : u0;
-    if (p.driver_lag_ratio > 0 && p.driver_lag_tau > 0) {
+    if (p.driver_lag_gain > 0 && p.driver_lag_tau > 0) {
+      Control(p, &first, u0, u1, dt);
+    } else if (p.driver_lag_ratio > 0 && p.driver_lag_tau > 0) {
       first.Step(2 * p.driver_lag_ratio / p.driver_lag_tau, p.driver_lag_ratio, u0, u1, dt);
     } else {
       first.y = Drive(first.y, u0, u1, p, dt);
@@ -45,6 +47,27 @@ struct Coil {
   }
 
  private:
+  // tau i' = v - i under v = gain e + I with I' = gain e / integral, e = u - i, and |v| no more than the limit, where the
+  // integral waits. In steps that the closed loop is slow in, by the midpoint.
+  static void Control(const Params& p, Oscillator* c, double u0, double u1, double dt) {
+    const double gain = p.driver_lag_gain, tau = p.driver_lag_tau, reset = p.driver_lag_integral;
+    const double limit = p.driver_lag_limit > 0 ? p.driver_lag_limit : kInf;
+    const int n = static_cast<int>(std::fmin(std::ceil(4 * dt * ((1 + gain) / tau + 1 / reset)), 1000));
+    const double h = dt / n;
+    const auto slope = [&](double i, double integral, double u, double* d_integral) {
+      const double e = u - i, asked = gain * e + integral, given = std::fmin(std::fmax(asked, -limit), limit);
+      *d_integral = asked != given && asked * e > 0 ? 0 : gain * e / reset;
+      return (given - i) / tau;
+    };
+    for (int k = 0; k < n; k++) {
+      double d_integral;
+      const double at = u0 + (u1 - u0) * k / n, middle = u0 + (u1 - u0) * (k + 0.5) / n;
+      const double d = slope(c->y, c->rate, at, &d_integral);
+      const double i = c->y + 0.5 * h * d, integral = c->rate + 0.5 * h * d_integral;
+      c->y += h * slope(i, integral, middle, &d_integral);
+      c->rate += h * d_integral;
+    }
+  }
   // The first pole: slower or faster while the current falls, and no faster than a rate (1/s).
   static double Drive(double i, double u0, double u1, const Params& p, double dt) {
     const bool falls = p.driver_lag_fall > 0 && std::fabs(0.5 * (u0 + u1)) < std::fabs(i);
@@ -117,8 +140,8 @@ struct DelayLine {
   }
 };
 
-// Delays from d - spread to d + spread are as likely as one another.
-inline double Spread(const Params& p) { return std::fmin(p.command_delay_spread, p.command_delay_d); }
+// s: delays from d - spread to d + spread are as likely as one another.
+inline double Spread(const Params& p) { return p.command_delay_spread * p.command_delay_d; }
 
 // What of a command has arrived at time t on the average.
 inline double Arrived(const DelayLine& line, const Params& p, double t, bool hold) {

@@ -20,6 +20,11 @@ FACTOR = 2
 _JUMP, _RISE, _WAVE = 0.3, 3, 12
 #: Shares of a jump: by how much a wave goes the other way first, and how flat the command is before that.
 _BEFORE, _FLAT = 0.004, 0.001
+#: A command is held before and after a jump where it stays within this share of the jump for so many samples at least.
+_HELD, _LEAST = 0.08, 6
+
+#: What a model's file says where the command was sent as its log has it, with the waves of a filter.
+LOG, AS_SENT = "command_log", "as sent"
 
 
 def jumps(command: Array) -> bool:
@@ -42,6 +47,35 @@ def rings_before_jumps(command: Array) -> bool:
         wave = (command[k - _WAVE : k + _RISE] - before.mean()) / jump
         told.append(float(wave.min()) < -_BEFORE)
     return 2 * sum(told) > len(told)
+
+
+def without_waves(command: Array, fine: Array) -> Array | None:
+    """A filtered command (n,), as it is on a finer clock (m,), without its filter's waves before and after jumps; None
+    where there are none.
+
+    The waves are in the log and never were in the coil: what remembers the command's path, a magnetic circuit, must not
+    be led along them. Between two stretches that are held a command lies between their levels; where it is not held it
+    stays as it was logged.
+    """
+    if not rings_before_jumps(command):
+        return None
+    n, factor, span = len(command), (len(fine) - 1) // (len(command) - 1), float(np.ptp(command))
+    out = np.array(fine)
+    risen = np.abs(command[_RISE:] - command[:-_RISE]) > _JUMP * span
+    begins = np.flatnonzero(risen & ~np.r_[False, risen[:-1]])
+    ends = np.flatnonzero(risen & ~np.r_[risen[1:], False]) + _RISE
+    for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        first = max(begin - _WAVE, (ends[k - 1] + begin) // 2 if k else 0)
+        last = min(end + _WAVE, (end + begins[k + 1]) // 2 if k + 1 < len(begins) else n - 1)
+        before, after = command[first : begin - 1], command[end + 2 : last + 1]
+        if min(len(before), len(after)) < _LEAST:
+            continue
+        levels = float(np.median(before)), float(np.median(after))
+        allowed = _HELD * abs(levels[1] - levels[0])
+        if max(np.abs(before - levels[0]).max(), np.abs(after - levels[1]).max()) < allowed:
+            part = slice(first * factor, last * factor + 1)
+            out[part] = np.clip(out[part], min(levels), max(levels))
+    return out
 
 
 def finer(ground: Array, command: Array, filtered: bool) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from mrdamp.between import between, mended_ends
 from mrdamp.core import Array
 from mrdamp.files import write_atomic
-from mrdamp.logged import FACTOR, finer, logged, rings_before_jumps
+from mrdamp.logged import AS_SENT, FACTOR, LOG, finer, logged, rings_before_jumps, without_waves
 from mrdamp.model import Model
 from mrdamp.record_csv import render
 from mrdamp.records import Record, read_record
@@ -33,9 +34,21 @@ def predict(model: Model, record: Path | str) -> dict[str, Array]:
 
 
 def free_run(model: Model, record: Record) -> dict[str, Array]:
-    """The simulated channels, (n,) each, for the inputs of a record."""
+    """The simulated channels, (n,) each, for the inputs of a record.
+
+    A magnetic circuit with a memory is led along the command as it was before the log's filter; what the filter's waves
+    do to the channels all the same is added as the model without that memory has it.
+    """
     factor, sample_time, inputs = played(model, record)
-    return as_logged(model, record, factor, model.simulate(sample_time, inputs))
+    held = without_waves(np.asarray(record.command), inputs["command"])
+    plain = replace(model, effects=tuple(e for e in model.effects if e.name != "remanence"))
+    if held is None or plain.effects == model.effects or model.extra.get(LOG) == AS_SENT:
+        return as_logged(model, record, factor, model.simulate(sample_time, inputs))
+    given = inputs | {"command": held}
+    led, waves, without = (
+        m.simulate(sample_time, i) for m, i in ((model, given), (plain, inputs), (plain, given))
+    )
+    return as_logged(model, record, factor, {name: led[name] + waves[name] - without[name] for name in led})
 
 
 def as_logged(model: Model, record: Record, factor: int, channels: Mapping[str, Array]) -> dict[str, Array]:

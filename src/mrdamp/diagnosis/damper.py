@@ -15,6 +15,7 @@ from mrdamp.diagnosis.damper_terms import damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.outside import command_rivals, commanded, force_rivals, forced, grouped, inside_of, read
 from mrdamp.diagnosis.problem import SKIP
+from mrdamp.diagnosis.remembered import Remembered, told_by_the_log, with_waves
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.model import Model, effects_from
@@ -90,7 +91,7 @@ class DamperRig:
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        return damper_terms(self.sizes)
+        return with_waves(damper_terms(self.sizes), self.records)
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:
@@ -109,7 +110,13 @@ class DamperRig:
         solved = mount or any(s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings)
         step = (_ROUGH if solved or self.rough else _COARSE) if coarse else _FINE
         pieces = 0.5 if coarse and mount and self.rough else 1.0  # the chain halves a step behind a mount
-        return self._run(settings, self._fine(record, step), pieces=pieces)
+        fine = self._fine(record, step)
+
+        def run(some: Sequence[Settings], command: Array) -> Array:
+            return self._run(some, replace(fine, u=command), pieces=pieces)
+
+        logged = np.asarray(self.records[record].command)
+        return self._remembered.channels(run, settings, logged, fine.u, (record, fine.factor, pieces))
 
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
         """The same with longer steps in a search; None where the records' own samples are no further apart, and where
@@ -148,6 +155,10 @@ class DamperRig:
             x, v, a = self.motions[record]
             self._inputs[record, factor] = between(x, r.command, r.sample_time, factor, v, a)
         return self._inputs[record, factor]
+
+    @cached_property
+    def _remembered(self) -> Remembered:
+        return Remembered(self._base)
 
     @cached_property
     def _inputs(self) -> dict[tuple[int, int], Fine]:
@@ -232,7 +243,7 @@ class DamperRig:
     def model(self, settings: Mapping[str, float]) -> Model:
         own = set(self.nominal_model.parameters)
         parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
-        effects = effects_from({k: value for k, value in settings.items() if k not in own})
+        effects = effects_from({k: v for k, v in inside_of(settings).items() if k not in own})
         return Model(
             self.nominal_model.law,
             parameters,
@@ -240,4 +251,5 @@ class DamperRig:
             weights=self.nominal_model.weights,
             name=self.nominal_model.name,
             sample_rate_hz=self.nominal_model.sample_rate_hz,
+            extra=told_by_the_log(settings),
         )

@@ -54,6 +54,18 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "driver_lag",
             "driver",
             (
+                positive("driver_lag_tau", 0.05, 1e-3, 2.0),
+                positive("driver_lag_gain", 1.0, 0.1, 50.0),
+                positive("driver_lag_integral", 0.05, 1e-3, 2.0),
+                positive("driver_lag_limit", 2 * s.command, 1.02 * s.command, 30 * s.command),
+            ),
+            ((0.02, 1.0, 0.01, 2 * s.command), (0.1, 1.0, 0.05, 2 * s.command)),
+            form="controlled",
+        ),
+        Term(
+            "driver_lag",
+            "driver",
+            (
                 positive("driver_lag_tau", 0.01, 3e-4, 0.5),
                 positive("driver_lag_tau2", 0.1, 1e-3, 1.0),
                 positive("driver_lag_share", 0.4, 0.02, 1.0),
@@ -65,8 +77,8 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
         Term(
             "command_delay",
             "driver",
-            (positive("command_delay_d", 0.01, 1e-4, 0.3), positive("command_delay_spread", 3e-3, 1e-4, 0.3)),
-            ((0.003, 0.001), (0.02, 0.005), (0.05, 0.015)),
+            (positive("command_delay_d", 0.01, 1e-4, 0.3), positive("command_delay_spread", 0.3, 0.03, 0.6, 0.3)),
+            ((0.003, 0.3), (0.02, 0.3), (0.05, 0.3)),
             form="from packet to packet",
         ),
         Term(

@@ -19,6 +19,7 @@ from mrdamp.diagnosis.experiment import Envelope, Signal, lowest
 from mrdamp.diagnosis.frame_terms import frame_terms, structure_coordinates
 from mrdamp.diagnosis.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.outside_storeys import bent, storey_rivals
+from mrdamp.diagnosis.remembered import Remembered, told_by_the_log, with_waves
 from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.errors import InputError
 from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
@@ -166,8 +167,9 @@ class FrameRig:
         than its own block does."""
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
+        dampers = with_waves(damper_terms(self.sizes), self.raw)
         out = []
-        for term in (*frame_terms(self.structure, self.records, self.sizes), *damper_terms(self.sizes)):
+        for term in (*frame_terms(self.structure, self.records, self.sizes), *dampers):
             if term.place is not None:
                 block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
                 at_fault = block not in self.clean or (self.quiet and term.stage == "structure")
@@ -197,9 +199,15 @@ class FrameRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         r = self.raw[record]
-        runs = self._run(settings, record, coarse=coarse)
-        out = np.array([[o[c] for c in self.columns] for o in runs])
-        if self._driven(record, coarse)[0] > 1:
+        factor, _, fine = self._driven(record, coarse)
+
+        def run(some: Sequence[Settings], command: Array) -> Array:
+            runs = self._run(some, record, coarse=coarse, command=command)
+            return np.array([[o[c] for c in self.columns] for o in runs])
+
+        clock = (record, factor, self._step(record, coarse))
+        out = self._remembered.channels(run, settings, np.asarray(r.command), fine, clock)
+        if factor > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
         t = r.sample_time * np.arange(r.n)
@@ -252,13 +260,15 @@ class FrameRig:
             np.array([settings.get(f"{kind}@{j}", float(getattr(s, kind)[j - 1])) for j in floors])
             for kind in _STRUCTURE
         )
-        effects = list(effects_from({k: v for k, v in settings.items() if k not in own and "@" not in k}))
+        found = {k: v for k, v in inside_of(settings).items() if k not in own and "@" not in k}
+        effects = list(effects_from(found))
         effects += placed_effects(settings)
         return replace(
             self.nominal_model,
             parameters=parameters,
             effects=(*self.nominal_model.effects, *effects),
             structure=ShearFrame(mass, stiffness, damping, s.damper_between),
+            extra={**self.nominal_model.extra, **told_by_the_log(settings)},
         )
 
     def _floor(self, record: int, floor: int) -> Array:
@@ -293,8 +303,16 @@ class FrameRig:
     def _base(self) -> dict[str, float]:
         return dict(self.nominal_model.attributes)
 
-    def _run(self, settings: Sequence[Settings], record: int, *, coarse: bool) -> list[dict[str, Array]]:
-        factor, ground, command = self._driven(record, coarse)
+    @cached_property
+    def _remembered(self) -> Remembered:
+        return Remembered(self._base)
+
+    def _run(
+        self, settings: Sequence[Settings], record: int, *, coarse: bool, command: Array | None = None
+    ) -> list[dict[str, Array]]:
+        """Columns of each of the settings on the clock of the run. command: on it, in place of the record's."""
+        factor, ground, own_command = self._driven(record, coarse)
+        command = own_command if command is None else command
         sample_time = self.raw[record].sample_time / factor
         step = self._step(record, coarse)
         out: list[dict[str, Array]] = [{}] * len(settings)

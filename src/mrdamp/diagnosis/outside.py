@@ -123,7 +123,7 @@ def grouped(settings: Sequence[Settings]) -> list[tuple[Settings, list[int]]]:
     return [(dict(own), rows) for own, rows in groups.items()]
 
 
-def inside_of(settings: Settings) -> Settings:
+def inside_of(settings: Mapping[str, float]) -> Settings:
     """The settings that the chain takes."""
     return {k: v for k, v in settings.items() if not k.startswith(PREFIX)}
 
