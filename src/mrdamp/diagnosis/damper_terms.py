@@ -19,6 +19,23 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     k = s.force / s.stroke
     inertia = s.force / s.acceleration
     dt = s.sample_time
+    by_current = (
+        (
+            linear("remanence_up", 0.3 / s.command, -2 / s.command, 4 / s.command),
+            linear("remanence_down", 0.3 / s.command, -2 / s.command, 4 / s.command),
+        ),
+        (
+            (0.08 * s.command, 0.1 * s.command, 0.0, 0.5 / s.command),
+            (0.08 * s.command, 0.2 * s.command, -0.3 / s.command, -0.3 / s.command),
+        ),
+    )
+    up_to = (
+        (positive("remanence_knee", 0.7 * s.command, 0.2 * s.command, 5 * s.command),),
+        (
+            (0.1 * s.command, 0.1 * s.command, 0.8 * s.command),
+            (0.1 * s.command, 0.3 * s.command, 0.6 * s.command),
+        ),
+    )
     return (
         Term(
             "driver_lag",
@@ -122,36 +139,25 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
                 ("closing loops, risen from zero", 1.0, 1.0),
             )
         ),
-        Term(
-            "remanence",
-            "magnetics",
-            (
-                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
-                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
-                linear("remanence_up", 0.3 / s.command, -2 / s.command, 4 / s.command),
-                linear("remanence_down", 0.3 / s.command, -2 / s.command, 4 / s.command),
-            ),
-            (
-                (0.08 * s.command, 0.1 * s.command, 0.0, 0.5 / s.command),
-                (0.08 * s.command, 0.2 * s.command, -0.3 / s.command, -0.3 / s.command),
-            ),
-            form="closing loops, by the current",
-            fixed={"remanence_stops": 1.0},
-        ),
-        Term(
-            "remanence",
-            "magnetics",
-            (
-                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
-                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
-                positive("remanence_knee", 0.7 * s.command, 0.2 * s.command, 5 * s.command),
-            ),
-            (
-                (0.1 * s.command, 0.1 * s.command, 0.8 * s.command),
-                (0.1 * s.command, 0.3 * s.command, 0.6 * s.command),
-            ),
-            form="closing loops, up to saturation",
-            fixed={"remanence_stops": 1.0},
+        *(
+            Term(
+                "remanence",
+                "magnetics",
+                (
+                    linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
+                    positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                    *bounds,
+                ),
+                starts,
+                form=f"closing loops, {form}",
+                fixed={"remanence_stops": 1.0, "remanence_rise": risen},
+            )
+            for form, risen, bounds, starts in (
+                ("by the current", 0.0, *by_current),
+                ("by the current, risen from zero", 1.0, *by_current),
+                ("up to saturation", 0.0, *up_to),
+                ("up to saturation, risen from zero", 1.0, *up_to),
+            )
         ),
         *fluid_terms(s),
         Term(

@@ -47,6 +47,20 @@ def reform_rival(search: Search, best: Fit) -> None:
         return
 
 
+def drop(search: Search, found: Fit) -> None:
+    """A set without one of its causes, for each of them, from where it stands: a form that was found in the set may do
+    without the other cause."""
+    if len(found.hypothesis.causes) < 2:
+        return
+    tasks = []
+    for term in found.hypothesis.terms:
+        rest = lacking(search, found, term)
+        if (bool(rest.hypothesis.nominal), frozenset(t.name for t in rest.hypothesis.terms)) not in search.fits:
+            tasks.append((rest.hypothesis, rest.point))
+    for again in search.map(lambda h, q: search.fitted(h, q, most=8, stage=" dropped"), tasks):
+        search.keep(again)
+
+
 def lacking(search: Search, found: Fit, term: Term) -> Fit:
     """A fit without one of its terms, the other numbers where they stand."""
     hypothesis = found.hypothesis

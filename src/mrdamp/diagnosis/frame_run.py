@@ -17,7 +17,7 @@ from mrdamp.diagnosis import run
 from mrdamp.diagnosis.audit import audit
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.forms import reform
+from mrdamp.diagnosis.forms import drop, reform
 from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.frame_damper import damper_evidence
 from mrdamp.diagnosis.frame_structure import deviations, promoted
@@ -204,6 +204,9 @@ def _search(
                 continue
         progress(what, (number + 1) / 6)
         search.extend(False, depth)
+        single = search.best(False, 1)
+        if not sought.placed and depth == 1 and single is not None and not _enough(search, rig, at_fault):
+            reform(search, single)
         if not sought.placed and depth == 1 and not _enough(search, rig, at_fault):
             search.keep(
                 search.fitted(Hypothesis(rig.nominal), search.base.point, most=_FREE, stage=" through")
@@ -230,6 +233,7 @@ def _search(
     if len(best.hypothesis.causes) == 1 and not search.solved(best):
         try_lesser(search, best)
         best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+    drop(search, best)
     take_through(search, best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if asked and not search.solved(best):

@@ -19,7 +19,7 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.breadth import FLOOR_DOUBT, Promise, first_forms, parents, promising, worth_a_fit
 from mrdamp.diagnosis.clock import try_clock
 from mrdamp.diagnosis.fit import ROUGHLY, TOLERANCE, Fit, fit, taken_up
-from mrdamp.diagnosis.forms import exchange, reform, reform_rival
+from mrdamp.diagnosis.forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.seen import Seen
@@ -153,6 +153,9 @@ class Search:
             law = "free" if free else "held"
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
             self.extend(free, depth)
+            single = self.best(free, 1)
+            if depth == 1 and single is not None and not self.solved(single):
+                reform(self, single)
         self.free_parts()
         self.free_best()
         for free in (False, True):
@@ -161,6 +164,10 @@ class Search:
                 reform(self, best)
                 reform_rival(self, best)
         exchange(self)
+        for free in (False, True):
+            best = self.best(free)
+            if best is not None:
+                drop(self, best)
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
 
