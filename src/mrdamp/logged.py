@@ -54,8 +54,8 @@ def without_waves(command: Array, fine: Array) -> Array | None:
     where there are none.
 
     The waves are in the log and never were in the coil: what remembers the command's path, a magnetic circuit, must not
-    be led along them. Between two stretches that are held a command lies between their levels; where it is not held it
-    stays as it was logged.
+    be led along them. Around a jump between two stretches that are held a command is at their levels or between them; what
+    is not held stays as it was logged.
     """
     if not rings_before_jumps(command):
         return None
@@ -73,8 +73,10 @@ def without_waves(command: Array, fine: Array) -> Array | None:
         levels = float(np.median(before)), float(np.median(after))
         allowed = _HELD * abs(levels[1] - levels[0])
         if max(np.abs(before - levels[0]).max(), np.abs(after - levels[1]).max()) < allowed:
-            part = slice(first * factor, last * factor + 1)
-            out[part] = np.clip(out[part], min(levels), max(levels))
+            part = np.clip(out[first * factor : last * factor + 1], min(levels), max(levels))
+            for level in levels:
+                part[np.abs(part - level) < allowed] = level
+            out[first * factor : last * factor + 1] = part
     return out
 
 
