@@ -54,8 +54,8 @@ def without_waves(command: Array, fine: Array) -> Array | None:
     where there are none.
 
     The waves are in the log and never were in the coil: what remembers the command's path, a magnetic circuit, must not
-    be led along them. Around a jump between two stretches that are held a command is at their levels or between them; what
-    is not held stays as it was logged.
+    be led along them. Around a jump between two stretches that are held a command is at their levels or between
+    them; what is not held stays as it was logged.
     """
     if not rings_before_jumps(command):
         return None
