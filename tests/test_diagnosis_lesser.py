@@ -47,6 +47,7 @@ def test_what_the_others_promise_is_worked_out_once_for_a_fit(monkeypatch: pytes
     first = others(search, found)
     assert first[0].term.cause == "sign"
     assert "cubic" not in [p.term.cause for p in first]
-    monkeypatch.setattr(search, "screen", lambda fit, terms: [])
+    monkeypatch.setattr(search.problem, "outputs", lambda settings: pytest.fail("it was simulated again"))
     assert others(search, found) is first
-    assert others(search, search.base) == []
+    with pytest.raises(pytest.fail.Exception, match="simulated again"):
+        others(search, search.base)

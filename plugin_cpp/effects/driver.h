@@ -105,19 +105,11 @@ struct DelayLine {
 
   // Command at time t; held from knot to knot, or straight lines between them.
   double At(double t, bool hold) const {
-    const int h = static_cast<int>(head), n = static_cast<int>(count);
+    const int n = static_cast<int>(count);
     if (n == 0) return 0;
-    int newer = h;
-    if (t >= time[h]) return value[h];
-    for (int k = 1; k < n; k++) {
-      const int j = (h + kCapacity - k) % kCapacity;
-      if (time[j] <= t) {
-        if (hold) return value[j];
-        return value[j] + (t - time[j]) / (time[newer] - time[j]) * (value[newer] - value[j]);
-      }
-      newer = j;
-    }
-    return value[newer];
+    const int k = Behind(t), j = Index(k), newer = Index(k - 1);
+    if (k == 0 || k == n || hold) return value[k == n ? newer : j];
+    return value[j] + (t - time[j]) / (time[newer] - time[j]) * (value[newer] - value[j]);
   }
 
   // Its mean from time a to b > a.
@@ -125,18 +117,36 @@ struct DelayLine {
     const int h = static_cast<int>(head), n = static_cast<int>(count);
     if (n == 0) return 0;
     double sum = b > time[h] ? (b - std::fmax(a, time[h])) * value[h] : 0;
-    int newer = h;
-    for (int k = 1; k < n && time[newer] > a; k++) {
-      const int j = (h + kCapacity - k) % kCapacity;
-      const double from = std::fmax(a, time[j]), to = std::fmin(b, time[newer]);
-      if (to > from) {
+    int k = Behind(b) > 0 ? Behind(b) : 1, newer = Index(k - 1);
+    for (; k < n && time[newer] > a; k++) {
+      const int j = Index(k);
+      if (time[j] >= a && time[newer] <= b) {
+        sum += (time[newer] - time[j]) * (hold ? value[j] : 0.5 * (value[j] + value[newer]));
+      } else {
+        const double from = std::fmax(a, time[j]), to = std::fmin(b, time[newer]);
         const double rise = hold ? 0 : (value[newer] - value[j]) / (time[newer] - time[j]);
-        sum += (to - from) * (value[j] + rise * (0.5 * (from + to) - time[j]));
+        if (to > from) sum += (to - from) * (value[j] + rise * (0.5 * (from + to) - time[j]));
       }
       newer = j;
     }
     if (time[newer] > a) sum += (std::fmin(b, time[newer]) - a) * value[newer];
     return sum / (b - a);
+  }
+
+ private:
+  // Of the k-th knot from the newest.
+  int Index(int k) const { return (static_cast<int>(head) + kCapacity - k) % kCapacity; }
+
+  // How many knots are after time t. They are about as far from one another, so that little is left to look for.
+  int Behind(double t) const {
+    const int n = static_cast<int>(count);
+    const double newest = time[Index(0)], span = newest - time[Index(n - 1)];
+    if (t >= newest) return 0;
+    if (t < newest - span) return n;
+    int k = static_cast<int>((newest - t) / span * (n - 1));
+    while (time[Index(k)] > t) k++;
+    while (time[Index(k - 1)] <= t) k--;
+    return k;
   }
 };
 

@@ -9,9 +9,8 @@ from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.terms import Term
 
-#: A fit that leaves more than so many times what the best of its size leaves, or as another form of the same causes
-#: costs more than so many times as much as the best form, gets no cause added.
-_BEHIND, _FORMS = 4.0, 1.25
+#: A fit that leaves more than so many times what the best of its size leaves gets no cause added.
+_BEHIND = 4.0
 #: A term is fitted where its signature promises at least this relative fall of the cost.
 _PROMISE = 0.03
 #: The same beside another cause. Its evidence asks for half of what that leaves; of 63 pairs on opened cases of the
@@ -47,19 +46,17 @@ def promising(ranked: Sequence[Promise], cost: float, *, beside: bool = False) -
 
 
 def parents(ranked: Sequence[Fit], beam: int, floor: float, little: float) -> list[Fit]:
-    """Of fits of one size, by cost, those that a cause is added to: no more than `beam`, without those that leave much
-    more than the best does and lesser forms of what is there. floor: the cost of noise; little: of what is no gap."""
+    """Of fits of one size, by cost, those that a cause is added to: of each set of causes the best form, of no more
+    than `beam` sets, without those that leave much more than the best does. floor: the cost of noise; little: of what
+    is no gap."""
     if not ranked:
         return []
     least = max(ranked[0].cost - floor, 0.0)
     most = floor * (1 + FLOOR_DOUBT) + max(_BEHIND * least, little)
-    best: dict[frozenset[str], float] = {}
-    out = []
-    for f in ranked[:beam]:
-        form = best.setdefault(frozenset(f.hypothesis.causes), f.cost)
-        if f is ranked[0] or (f.cost <= most and f.cost <= _FORMS * form):
-            out.append(f)
-    return out
+    first: dict[frozenset[str], Fit] = {}
+    for f in ranked:
+        first.setdefault(frozenset(f.hypothesis.causes), f)
+    return [f for f in list(first.values())[:beam] if f is ranked[0] or f.cost <= most]
 
 
 def worth_a_fit(ranked: Sequence[Promise], depth: int, limits: Limits) -> list[Promise]:

@@ -79,7 +79,7 @@ def exchange(search: Search) -> None:
     """Other causes in place of the lesser one of the best pair, from where the pair's fit stands: what was added
     on top of a law that was held, or of the other cause in another form, may have mended those."""
     pairs = [f for free in (False, True) for f in search.ranked(free)[:1] if len(f.hypothesis.terms) > 1]
-    if not pairs or not search.limits.exchanged:
+    if not pairs or not search.limits.exchanged or any(search.solved(f) for f in search.ranked(True)[:1]):
         return
     best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
     parents = [lacking(search, best, term) for term in best.hypothesis.terms]

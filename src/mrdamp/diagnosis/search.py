@@ -143,6 +143,9 @@ class Search:
                 if (1 + _LAW_DOUBT) * self.floor < self.base.cost < _STANDS_IN * self.nominal_cost:
                     self.extend(True, 1)
                 break
+            beside = self.best(True, 1)
+            if free and depth > 1 and beside is not None and self.solved(beside):
+                break
             before = self.best(False)
             if before is not None and (self.solved(before) or (free and self.unexplained(before) < _NEARLY)):
                 break
@@ -193,7 +196,7 @@ class Search:
     def free_best(self) -> None:
         """The best sets of each size that were held, with the law free from there: where its numbers are a little off,
         a set that explains most is not found on top of a law that was bent to do without it."""
-        if any(self.solved(f) for f in self.ranked(False)[:1]):
+        if any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             return
         tasks = []
         for depth in range(1, self.limits.depth + 1):
