@@ -156,6 +156,36 @@ def test_mount_hardens_with_its_deflection() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 3e-4])
+def test_a_bush_meets_its_stop(gap: float) -> None:
+    """Against SciPy: two slopes in series with a dashpot."""
+    k, stop, stiffer, c = 1.5e5, 4e-4, 3.0, 1600.0
+    law = {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.03}
+    x = 0.01 * np.sin(3 * np.pi * T) + 4e-4 * np.sin(34 * np.pi * T)
+
+    def spring(d: np.ndarray) -> np.ndarray:
+        d = np.sign(d) * np.maximum(np.abs(d) - gap / 2, 0.0)
+        return np.asarray(k * (d + stiffer * np.sign(d) * np.maximum(np.abs(d) - stop, 0.0)))
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        rod = 0.01 * np.sin(3 * np.pi * t) + 4e-4 * np.sin(34 * np.pi * t)
+        return spring(rod - y) / c
+
+    y = solve_ivp(rates, (0, T[-1]), [0.0], t_eval=T, max_step=1e-4, rtol=1e-7, atol=1e-10).y[0]
+    expected = spring(x - y)
+    bush = {"mount_compliance_k": k, "mount_compliance_stop": stop, "mount_compliance_stiffer": stiffer}
+    if gap:
+        bush["backlash_gap"] = gap
+
+    def error(**other: float) -> float:
+        force = core.run("bingham", law | bush | other, DT, x, u=0.0, columns=("force",))["force"]
+        return rms((force - expected)[5:-5]) / rms(expected)
+
+    assert error() < 0.01
+    assert error(mount_compliance_stiffer=0.0) > 0.02
+    assert error(mount_compliance_stop=0.0) > 0.02
+
+
+@pytest.mark.parametrize("gap", [0.0, 3e-4])
 def test_a_mount_has_friction_inside(gap: float) -> None:
     """Against SciPy: a spring and a Dahl element in parallel, in series with a dashpot."""
     c, k, largest, slide = 3e3, 2e5, 80.0, 2e-4

@@ -189,7 +189,7 @@ def test_neutral_values_change_nothing(base: str) -> None:
         "shear_thinning_v_s": 0.03, "shear_thinning_shape": 1.0, "shear_thinning_series": 1.0,
         "trapped_gas_s_g": 0.02, "trapped_gas_direction": -1.0, "trapped_gas_secant": 1.0,
         "asymmetry_travel": 1e-3, "mount_compliance_friction": 20.0, "mount_compliance_slide": 1e-4,
-        "mount_compliance_loss": 1.0, "mount_compliance_time": 0.1,
+        "mount_compliance_loss": 1.0, "mount_compliance_time": 0.1, "mount_compliance_stop": 1e-5,
         "gas_spring_k2": 5.0, "seal_friction_breakaway": 3.0, "seal_friction_v_s": 0.1,
         "seal_friction_presliding": 1e-3, "saturation_shape": 2.0, "backlash_k": 1e4,
         "remanence_rise": 1.0, "remanence_stops": 1.0, "heating_shape": 2.0, "heating_link": 5.0, "heating_body": 7.0,

@@ -18,16 +18,19 @@ inline double MountStiffness(const Params& p) {
   return p.mount_compliance_k > 0 ? p.mount_compliance_k : p.backlash_k;
 }
 
-// What of a stretch d = x - x_piston is beyond the clearance.
-inline double BeyondGap(const Params& p, double d) {
-  const double half = 0.5 * p.backlash_gap;
-  return d > half ? d - half : d < -half ? d + half : 0;
-}
+// What of a deflection d is beyond one of `least` either way.
+inline double Beyond(double least, double d) { return d > least ? d - least : d < -least ? d + least : 0; }
 
-// Force (N) through the mount stretched by d: k d (1 + k3 d^2) beyond the clearance.
+// What of a stretch d = x - x_piston is beyond the clearance.
+inline double BeyondGap(const Params& p, double d) { return Beyond(0.5 * p.backlash_gap, d); }
+
+// Force (N) through the mount stretched by d: k d (1 + k3 d^2) beyond the clearance, and `stiffer` k (|d| - stop) more
+// beyond the stop.
 inline double MountForce(const Params& p, double d) {
   d = BeyondGap(p, d);
-  return MountStiffness(p) * d * (1 + p.mount_compliance_k3 * d * d);
+  const double more = p.mount_compliance_stiffer;
+  const double stopped = more > 0 ? more * Beyond(p.mount_compliance_stop, d) : 0;
+  return MountStiffness(p) * (d * (1 + p.mount_compliance_k3 * d * d) + stopped);
 }
 
 // Over some time of an even path: what a spring that lets go keeps of its stretch, and of the path.
@@ -79,7 +82,8 @@ struct Rubber {
   }
   // The slope (N/m) there, within the clearance that at its ends; of friction towards `aside` (m) from there.
   double Slope(const Params& p, const View& at, double aside, const Easing& over = {}) const {
-    const double grown = 1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond;
+    const double stopped = std::fabs(at.beyond) > p.mount_compliance_stop ? p.mount_compliance_stiffer : 0;
+    const double grown = 1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond + stopped;
     const double spring = MountStiffness(p) * (grown + p.mount_compliance_loss * over.take);
     if (!(p.mount_compliance_friction > 0)) return spring;
     const double end = at.beyond + aside < stretch ? -1 : 1;
