@@ -128,7 +128,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             (
                 positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
                 positive("mount_compliance_stop", 0.02 * s.stroke, 1e-5 * s.stroke, 0.5 * s.stroke),
-                positive("mount_compliance_stiffer", 2.0, 0.1, 100.0),
+                positive("mount_compliance_stiffer", 2.0, 0.2, 10.0),
             ),
             ((20 * k, 0.03 * s.stroke, 2.0), (130 * k, 5e-3 * s.stroke, 2.0)),
             form="with a stop",
