@@ -84,8 +84,7 @@ def exchange(search: Search) -> None:
     best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
     parents = [lacking(search, best, term) for term in best.hypothesis.terms]
     parent = min(parents, key=lambda f: (f.cost, f.hypothesis.name))
-    taken = set(best.hypothesis.causes)
-    ranked = search.screen(parent, [t for t in search.problem.rig.terms if t.cause not in taken])
+    ranked = search.screen(parent, search.beside(best.hypothesis.causes))
     chosen = first_forms(ranked)[: search.limits.exchanged]
     tasks = [search.start_from(parent, p.term, p.start, p.by) for p in chosen]
     for again in search.map(lambda h, q: search.fitted(h, q, most=8, stage=" exchanged"), tasks):

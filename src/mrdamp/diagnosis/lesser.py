@@ -16,8 +16,7 @@ _PROMISE, _MOST = 0.2, 2
 
 def others(search: Search, found: Fit) -> list[Promise]:
     """What every cause that a fit has not promises on top of it, best first."""
-    taken = set(found.hypothesis.causes)
-    return search.screen(found, [t for t in search.problem.rig.terms if t.cause not in taken])
+    return search.screen(found, search.beside(found.hypothesis.causes))
 
 
 def try_lesser(search: Search, found: Fit) -> None:

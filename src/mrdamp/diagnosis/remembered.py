@@ -33,7 +33,7 @@ def with_waves(terms: Sequence[Term], records: Sequence[Record]) -> tuple[Term, 
         out.append(term)
         if any(c.name == MEMORY for c in term.coordinates):
             form = f"{term.form}, along the log" if term.form else "along the log"
-            out.append(replace(term, form=form, fixed={**term.fixed, ALONG: 1.0}))
+            out.append(replace(term, form=form, fixed={**term.fixed, ALONG: 1.0}, later=True))
     return tuple(out)
 
 

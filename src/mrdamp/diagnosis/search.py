@@ -7,7 +7,7 @@ causes that a free law would blur; free is what counts where he is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -93,6 +93,10 @@ class Search:
             for c, v in zip(term.coordinates, term.starts[k], strict=True)
         ]
         return found.hypothesis.plus(term), np.concatenate([found.point, q])
+
+    def beside(self, taken: Collection[str]) -> list[Term]:
+        """Terms of the catalogue that may be added to causes."""
+        return [t for t in self.problem.rig.terms if t.cause not in taken and not t.later]
 
     def screen(self, found: Fit, terms: Sequence[Term]) -> list[Promise]:
         """What each term promises on top of a fit, best first.
@@ -263,8 +267,7 @@ class Search:
         tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
         for parent in beside:
             taken = set(parent.hypothesis.causes)
-            terms = [t for t in self.problem.rig.terms if t.cause not in taken]
-            ranked = self.screen(parent, terms)
+            ranked = self.screen(parent, self.beside(taken))
             ranked = promising(ranked, parent.cost, beside=depth > 1)
             for promise in worth_a_fit(ranked, depth, self.limits):
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)

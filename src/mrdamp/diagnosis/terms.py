@@ -84,7 +84,8 @@ class Term:
 
     starts: values of the coordinates (starts, coordinates) that a fit and a screening begin from, SI units; the
     coordinates' own start is their middle. fixed: settings that make the form. neutral: what switches it off
-    without a jump (for signatures): the settings that differ from an absent term, empty for plain absence.
+    without a jump (for signatures): the settings that differ from an absent term, empty for plain absence. later: tried
+    only in place of another form of its cause.
     """
 
     effect: str
@@ -94,6 +95,7 @@ class Term:
     place: int | None = None
     form: str = ""
     fixed: Mapping[str, float] = field(default_factory=dict)
+    later: bool = False
 
     @property
     def two_sided(self) -> bool:

@@ -67,7 +67,7 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     rough = search.problem.rougher(base.hypothesis)
     before = rough.residuals(base.hypothesis, base.point)[0]
     out = []
-    for term in search.problem.rig.terms:
+    for term in search.beside(()):
         if term.cause in chosen.hypothesis.causes:
             continue
         hypothesis, point = search.start_from(base, term, 0)
