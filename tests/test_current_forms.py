@@ -88,6 +88,8 @@ def test_a_controller_has_a_lag_of_its_own(other: str) -> None:
         run("current", STEP, driver_lag_tau=0.01, driver_lag_gain=1.0, **{other: 0.5})
     with pytest.raises(InputError, match="driver_lag_gain without driver_lag_tau"):
         run("current", STEP, driver_lag_gain=1.0)
+    with pytest.raises(InputError, match="as fast as 1e-06 s"):
+        run("current", STEP, driver_lag_tau=1e-4, driver_lag_gain=99.0)
 
 
 def test_a_pair_of_poles_has_no_rate() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fit import fit
-from mrdamp.diagnosis.forms import exchange
+from mrdamp.diagnosis.forms import drop, exchange
 from mrdamp.diagnosis.frame_run import take_through
 from mrdamp.diagnosis.problem import Problem
 from mrdamp.diagnosis.run import carried_over, judge
@@ -46,6 +46,40 @@ def _toy_parts() -> tuple[Array, Array]:
 
 
 X3, X1 = _toy_parts()
+
+
+def test_a_set_is_tried_without_each_of_its_causes() -> None:
+    """One that stood in for a wrong form beside it is not needed with the right one."""
+    problem = Problem(toy({"sign": 0.6}, 0.005))
+    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
+    terms = {t.effect: t for t in problem.rig.terms}
+    pair = Hypothesis((), (terms["late"], terms["sign"]))
+    search.keep(fit(problem, pair, pair.start()))
+    (found,) = [f for f in search.ranked(False) if len(f.hypothesis.causes) == 2]
+    drop(search, found)
+    alone = {f.hypothesis.causes: f for f in search.ranked(False) if len(f.hypothesis.causes) == 1}
+    assert set(alone) == {("late",), ("sign",)}
+    assert search.solved(alone["sign",])
+    assert not search.solved(alone["late",])
+    drop(search, alone["sign",])
+    assert len(search.fits) == 5  # nothing to leave out of one
+
+
+def test_nothing_is_fitted_or_screened_twice() -> None:
+    problem = Problem(toy({"sign": 0.6}, 0.005))
+    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
+    (sign,) = (t for t in problem.rig.terms if t.effect == "sign")
+    hypothesis = Hypothesis((), (sign,))
+    first = search.fitted(hypothesis, hypothesis.start(), most=5)
+    promised = search.screen(first, search.beside(("sign",)))
+    runs = problem.runs
+    assert search.fitted(hypothesis, hypothesis.start(), most=5) is first
+    assert search.screen(first, search.beside(("sign",))) is promised
+    assert problem.runs == runs
+    free = search.fitted(Hypothesis(problem.rig.nominal, (sign,)), np.zeros(2), most=5)
+    assert set(map(id, search.seen.held().fits.values())) == {id(first)}
+    assert id(free) in set(map(id, search.seen.fits.values()))
+    assert list(search.seen.held().screens) == list(search.seen.screens)
 
 
 def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:

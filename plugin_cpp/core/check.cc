@@ -45,6 +45,11 @@ bool Check(const Damper& d, char* error, int error_size) {
     std::snprintf(error, error_size, "driver_lag_gain without driver_lag_tau; the coil's time constant must be above 0");
     return false;
   }
+  if (p.driver_lag_gain > 0 && p.driver_lag_tau < 1e-5 * (1 + p.driver_lag_gain)) {
+    std::snprintf(error, error_size, "driver_lag_gain = %g makes the loop as fast as %g s; allowed: from 1e-05 s",
+                  p.driver_lag_gain, p.driver_lag_tau / (1 + p.driver_lag_gain));
+    return false;
+  }
   if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.beta + p.gamma <= 0) {
     std::snprintf(error, error_size, "beta + gamma = %g; it must be above 0, or z grows without bound", p.beta + p.gamma);
     return false;

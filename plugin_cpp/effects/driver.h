@@ -52,7 +52,7 @@ struct Coil {
   static void Control(const Params& p, Oscillator* c, double u0, double u1, double dt) {
     const double gain = p.driver_lag_gain, tau = p.driver_lag_tau, reset = p.driver_lag_integral;
     const double limit = p.driver_lag_limit > 0 ? p.driver_lag_limit : kInf;
-    const int n = static_cast<int>(std::fmin(std::ceil(4 * dt * ((1 + gain) / tau + 1 / reset)), 1000));
+    const int n = static_cast<int>(std::ceil(4 * dt * ((1 + gain) / tau + 1 / reset)));
     const double h = dt / n;
     const auto slope = [&](double i, double integral, double u, double* d_integral) {
       const double e = u - i, asked = gain * e + integral, given = std::fmin(std::fmax(asked, -limit), limit);
@@ -144,7 +144,7 @@ struct DelayLine {
     if (t >= newest) return 0;
     if (t < newest - span) return n;
     int k = static_cast<int>((newest - t) / span * (n - 1));
-    while (time[Index(k)] > t) k++;
+    while (k < n && time[Index(k)] > t) k++;
     while (time[Index(k - 1)] <= t) k--;
     return k;
   }
