@@ -114,6 +114,23 @@ def test_a_cause_that_does_not_carry_over_is_unknown_where_tests_do_not_repeat()
     assert told.unknown == UNSTEADY
 
 
+def test_numbers_that_come_to_their_end_late_are_no_unknown_cause() -> None:
+    problem = Problem(toy({"gain": 2.6}, 0.005))
+    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
+    done = search.base
+    halfway = fit(problem, done.hypothesis, np.array([0.97 * done.point[0]]), most=0)
+    search.fits[True, frozenset()] = halfway
+    decision = judge(search)[1]
+    assert decision.verdict == "unknown"
+    assert decision.chosen.free
+    ended = Settled(done, (), problem.gaps(done.residual), problem)
+    told = carried_over(search, ended, decision)
+    assert told.verdict == "parameters"
+    assert told.unknown < 0.1
+    still = Settled(halfway, (), problem.gaps(halfway.residual), problem)
+    assert carried_over(search, still, decision) is decision
+
+
 def test_fewer_causes_beside_free_numbers_are_fitted_on_before_a_cause_more_counts() -> None:
     problem = Problem(toy({"sign": 0.6, "gain": 2.3}, 0.005))
     search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))

@@ -30,7 +30,16 @@ from mrdamp.diagnosis.settle import Settled, heldout, settle
 from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
-from mrdamp.diagnosis.verdict import UNSTEADY, Decision, Scored, by_causes, decide, of_cause, with_lapse
+from mrdamp.diagnosis.verdict import (
+    UNSTEADY,
+    Decision,
+    Scored,
+    beyond,
+    by_causes,
+    decide,
+    of_cause,
+    with_lapse,
+)
 from mrdamp.diagnosis.where import cause_shares, record_shares, regimes, stage_intervals, stage_shares
 from mrdamp.diagnosis.words import sentence
 
@@ -129,11 +138,15 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
 
 def carried_over(search: Search, settled: Settled, decision: Decision) -> Decision:
     """The decision; `unknown` where two runs of one test differ by more than their noise and the cause that fits the
-    records says little of those left out: what changes from run to run is fitted by anything with numbers enough."""
-    if search.steady or decision.verdict != "effect":
-        return decision
-    left = (search.problem.cost(settled.heldout) - decision.floor) / decision.excess
-    if left <= _CARRIED:
+    records says little of those left out: what changes from run to run is fitted by anything with numbers enough.
+    `parameters` where free numbers alone came to their end after the search, and leave noise of records left out."""
+    left = max(search.problem.cost(settled.heldout) - decision.floor, 0.0) / decision.excess
+    law = decision.chosen.free and not decision.chosen.causes
+    if decision.verdict == "unknown" and law and search.steady and decision.outside is None:
+        unknown = beyond(left, decision.excess, decision.floor, causes=False)
+        if unknown < min(decision.unknown, 0.5):
+            return replace(decision, verdict="parameters", unknown=unknown)
+    if search.steady or decision.verdict != "effect" or left <= _CARRIED:
         return decision
     return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
 

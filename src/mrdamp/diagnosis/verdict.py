@@ -99,10 +99,7 @@ def decide(
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not chosen.causes and not chosen.free:
         left = 1.0
-    ratio = left / UNKNOWN_ABOVE
-    if not chosen.causes:
-        ratio = max(ratio, left * excess / (WRONG_FORM * floor))
-    unknown = ratio**STEEPNESS / (1 + ratio**STEEPNESS)
+    unknown = beyond(left, excess, floor, causes=bool(chosen.causes))
     other = [_evidence(r, floor, excess, resolution) - OUTSIDE_PRICE for r in rivals]
     outside = None
     if other:
@@ -121,6 +118,15 @@ def decide(
     else:
         verdict = "effect" if chosen.causes else "parameters"
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside)
+
+
+def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
+    """Probability that what fits the records best is not the cause, by the share of the excess that it leaves and,
+    where it has no causes, by that over the noise floor."""
+    ratio = left / UNKNOWN_ABOVE
+    if not causes:
+        ratio = max(ratio, left * excess / (WRONG_FORM * floor))
+    return float(ratio**STEEPNESS / (1 + ratio**STEEPNESS))
 
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
