@@ -199,14 +199,18 @@ class Search:
 
     def free_best(self) -> None:
         """The best sets of each size that were held, with the law free from there: where its numbers are a little off,
-        a set that explains most is not found on top of a law that was bent to do without it."""
-        if any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
+        a set that explains most is not found on top of a law that was bent to do without it. Where one cause beside
+        free numbers leaves nothing, only the best causes alone: others may leave nothing either."""
+        if any(self.solved(f) for f in self.ranked(False)[:1]):
             return
         tasks = []
-        for depth in range(1, self.limits.depth + 1):
-            for held in [f for f in self.ranked(False) if len(f.hypothesis.causes) == depth][
-                : self.limits.freed
-            ]:
+        alone = any(self.solved(f) for f in self.ranked(True)[:1])
+        for depth in range(1, 2 if alone else self.limits.depth + 1):
+            sets: dict[frozenset[str], Fit] = {}
+            for held in self.ranked(False):
+                if len(held.hypothesis.causes) == depth:
+                    sets.setdefault(frozenset(held.hypothesis.causes), held)
+            for held in list(sets.values())[: self.limits.freed]:
                 hypothesis = Hypothesis(self.base.hypothesis.nominal, held.hypothesis.terms)
                 start = np.concatenate([np.zeros(len(hypothesis.nominal)), held.point])
                 tasks.append((hypothesis, start))
