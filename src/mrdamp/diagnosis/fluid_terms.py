@@ -15,6 +15,11 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
         linear("heating_kappa_yield", 0.02, 0.0, 1.0),
         positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
     )
+    pressed = (  # what gas in series with the fluid is pressed together by
+        positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
+        positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
+        positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
+    )
     return (
         Term(
             "heating",
@@ -156,9 +161,7 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
                 "trapped_gas",
                 "fluid",
                 (
-                    positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
+                    *pressed,
                     positive("trapped_gas_width", 0.05 * s.velocity, 2e-3 * s.velocity, s.velocity),
                 ),
                 ((0.2 * s.force, 0.07 * s.stroke, 1.2, 0.05 * s.velocity),),
@@ -171,11 +174,7 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
             Term(
                 "trapped_gas",
                 "fluid",
-                (
-                    positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
-                ),
+                pressed,
                 ((0.2 * s.force, 0.1 * s.stroke, 1.2), (0.5 * s.force, 0.4 * s.stroke, 1.2)),
                 form=f"{form}, in series by the secant",
                 fixed={"trapped_gas_direction": direction, "trapped_gas_series": 1.0, "trapped_gas_secant": 1.0},
