@@ -8,7 +8,7 @@ causes that a free law would blur; free is what counts where he is not.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
@@ -22,19 +22,20 @@ from mrdamp.diagnosis.fit import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.screening import screened
 from mrdamp.diagnosis.seen import Seen
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.terms import Hypothesis, Term
 
 Progress = Callable[[str, float], None]
 
-#: A signature is stretched by no more than this when it is screened.
-_STRETCH = 4.0
 #: Free numbers alone may stand in for a cause: where they take most of a gap, but leave this share of the floor more
 #: than it, causes are tried beside them.
 _LAW_DOUBT, _STANDS_IN = 0.1, 0.3
 #: Turns that a fit with free numbers is polished for, and the share that one has to take off for another.
 _POLISHED, _GAINS = 4, 0.3
+#: Beside a lesser parent, what promises to leave more than so many times what was found beside a better one is left.
+_HOPELESS = 10.0
 #: Nothing material is left for another cause below this unexplained share.
 _SOLVED = 0.001
 #: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
@@ -106,39 +107,8 @@ class Search:
         """
         key = (found.name, found.point.tobytes(), tuple(t.name for t in terms))
         if key not in self.seen.screens:
-            self.seen.screens[key] = self._screened(found, terms)
+            self.seen.screens[key] = screened(self, found, terms)
         return self.seen.screens[key]
-
-    def _screened(self, found: Fit, terms: Sequence[Term]) -> list[Promise]:
-        jobs = [(term, k) for term in terms for k in range(len(term.starts))]
-        rough = self.problem.rougher(found.hypothesis)
-        before = found.residual
-        if rough is not self.problem:
-            before = rough.residuals(found.hypothesis, found.point)[0]
-
-        def change(term: Term, k: int) -> Array:
-            hypothesis, point = self.start_from(found, term, k)
-            return np.asarray(rough.residuals(hypothesis, point)[0] - before)
-
-        basis = np.linalg.qr(found.jacobian)[0] if found.jacobian.shape[1] else found.jacobian
-        left = found.residual - basis @ (basis.T @ found.residual)
-        best: dict[str, Promise] = {}
-        nearest: dict[str, tuple[float, int]] = {}
-        for (term, k), d in zip(jobs, self.map(change, jobs), strict=True):
-            own = d - basis @ (basis.T @ d)
-            size, cost, by = float(own @ own), found.cost, 0.0
-            if size > 1e-6 * float(d @ d):
-                by = min(max(-float(own @ left) / size, -_STRETCH if term.two_sided else 0.0), _STRETCH)
-                cost += by * (2 * float(own @ left) + by * size)
-            if term.name not in best or cost < best[term.name].cost:
-                best[term.name] = Promise(cost, term, k, by)
-            if all(c.log for c in term.coordinates):  # nothing of its start can be stretched
-                nearest[term.name] = min(
-                    nearest.get(term.name, (np.inf, 0)), (2 * float(own @ left) + size, k)
-                )
-        starts = {name: k for name, (_, k) in nearest.items()}
-        promises = [replace(p, start=starts.get(p.term.name, p.start)) for p in best.values()]
-        return sorted(promises, key=lambda p: (p.cost, p.term.name))
 
     def run(self, progress: Progress = lambda what, share: None) -> None:
         """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
@@ -267,20 +237,22 @@ class Search:
 
     def extend(self, free: bool, depth: int) -> None:
         smaller = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1]
-        beside = parents(smaller, self.limits.beam, self.floor, _SOLVED * self.excess)
-        tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
-        for parent in beside:
+        least = np.inf  # of what was found beside a better parent
+        for parent in parents(smaller, self.limits.beam, self.floor, _SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)
             ranked = self.screen(parent, self.beside(taken))
             ranked = promising(ranked, parent.cost, beside=depth > 1)
+            tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
             for promise in worth_a_fit(ranked, depth, self.limits):
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 key = frozenset(t.name for t in hypothesis.terms)
-                if (free, key) not in self.fits:
+                hopeless = promise.cost - self.floor > _HOPELESS * max(least - self.floor, _SOLVED * self.excess)
+                if (free, key) not in self.fits and not hopeless:
                     tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
-        for found in self.map(self._try, list(tasks.values())):
-            if found is not None:
-                self.keep(found)
+            for found in self.map(self._try, list(tasks.values())):
+                if found is not None:
+                    self.keep(found)
+                    least = min(least, found.cost)
         if free:
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: self.limits.polished]
             for found in self.map(self._polish, [(f,) for f in best]):
