@@ -1,4 +1,5 @@
-"""Motion and command between the samples of a record: cubic splines of the motion, straight lines of the command.
+"""Motion and command between the samples of a damper's record: cubic splines of the motion, straight lines of the
+command, or the sampling theorem's curve where the log went through a filter (`mrdamp.logged`).
 
 Central differences at the samples underrate a fast motion's velocity, by 0.3 % at 10 Hz sampled at 500 Hz, and more
 in the law's stiff states; between samples of a spline that error is gone.
@@ -12,13 +13,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from mrdamp.core import Array
+from mrdamp.logged import unfolded
 
 
 @dataclass(frozen=True, eq=False)
 class Fine:
     """A record's inputs on a finer clock: displacement (m), velocity (m/s), acceleration (m/s2), command, (n,) each.
 
-    factor: samples of it in one of the record's; every so many belong to the record's own.
+    factor: samples of it in one of the record's; every so many belong to the record's own. filtered: the record went
+    through the log's filter, and what is simulated has to.
     """
 
     factor: int
@@ -27,6 +30,7 @@ class Fine:
     v: Array
     a: Array
     u: Array
+    filtered: bool = False
 
 
 #: An end is taken for an artefact where it breaks off so many times as sharply as the motion does before it.
@@ -56,7 +60,14 @@ def _mended_tail(x: Array) -> Array:
 
 
 def between(
-    x: Array, u: Array, sample_time: float, factor: int, v: Array | None = None, a: Array | None = None
+    x: Array,
+    u: Array,
+    sample_time: float,
+    factor: int,
+    v: Array | None = None,
+    a: Array | None = None,
+    *,
+    filtered: bool = False,
 ) -> Fine:
     """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration run straight."""
     n = len(x)
@@ -66,4 +77,5 @@ def between(
     acceleration = np.interp(fine, t, a) if a is not None else spline(fine, 2) / sample_time**2
     if a is None and v is not None:
         acceleration = np.interp(fine, t, np.gradient(v, sample_time, edge_order=2))
-    return Fine(factor, sample_time / factor, spline(fine), velocity, acceleration, np.interp(fine, t, u))
+    command = unfolded(u, factor) if filtered else np.interp(fine, t, u)
+    return Fine(factor, sample_time / factor, spline(fine), velocity, acceleration, command, filtered)

@@ -1,4 +1,4 @@
-"""Between the samples of a frame's records: a smooth ground, and jumps of a command that may have been filtered.
+"""Between the samples of a record: smooth motions, and jumps of a command and a force that may have been filtered.
 
 A filter without delay, such as a converter's decimating one, turns a jump into a wave that begins before it. Between
 the samples of such a log the sampling theorem's curve is right (Shannon 1949, doi:10.1109/JRPROC.1949.232969), and
@@ -25,6 +25,8 @@ _HELD, _LEAST = 0.08, 6
 
 #: What a model's file says where the command was sent as its log has it, with the waves of a filter.
 LOG, AS_SENT = "command_log", "as sent"
+#: What it says where all channels went through the log's filter, which a record whose command never jumps cannot tell.
+LOGGER, FILTERED = "logger", "filtered"
 
 
 def jumps(command: Array) -> bool:
@@ -89,13 +91,18 @@ def finer(ground: Array, command: Array, filtered: bool) -> tuple[Array, Array]:
     n = len(ground)
     fine = np.arange((n - 1) * FACTOR + 1) / FACTOR
     if filtered:
-        one, other = (resample_poly(x, FACTOR, 1, padtype="line")[: len(fine)] for x in (ground, command))
-        return np.asarray(one), np.asarray(other)
+        return unfolded(ground, FACTOR), unfolded(command, FACTOR)
     return CubicSpline(np.arange(n), ground)(fine), np.interp(fine, np.arange(n), command)
 
 
-def logged(values: Array, filtered: bool) -> Array:
-    """A simulated channel (..., m) on that clock as the logger takes it, at every `FACTOR`th sample."""
-    if not filtered:
-        return values[..., ::FACTOR]
-    return np.asarray(resample_poly(values, 1, FACTOR, axis=-1, padtype="line"))
+def unfolded(channel: Array, factor: int) -> Array:
+    """A filtered channel (n,) on a clock so many times as fine, ((n - 1) factor + 1,), by the sampling theorem."""
+    return np.asarray(resample_poly(channel, factor, 1, padtype="line")[: (len(channel) - 1) * factor + 1])
+
+
+def logged(values: Array, filtered: bool, factor: int = FACTOR) -> Array:
+    """A simulated channel (..., m) on such a clock as the logger takes it, at every `factor`th sample. On the log's own
+    clock nothing is left to filter."""
+    if not filtered or factor == 1:
+        return values[..., ::factor]
+    return np.asarray(resample_poly(values, 1, factor, axis=-1, padtype="line"))

@@ -12,7 +12,17 @@ import numpy as np
 from mrdamp.between import between, mended_ends
 from mrdamp.core import Array
 from mrdamp.files import write_atomic
-from mrdamp.logged import AS_SENT, FACTOR, LOG, finer, logged, rings_before_jumps, without_waves
+from mrdamp.logged import (
+    AS_SENT,
+    FACTOR,
+    FILTERED,
+    LOG,
+    LOGGER,
+    finer,
+    logged,
+    rings_before_jumps,
+    without_waves,
+)
 from mrdamp.model import Model
 from mrdamp.record_csv import render
 from mrdamp.records import Record, read_record
@@ -53,10 +63,12 @@ def free_run(model: Model, record: Record) -> dict[str, Array]:
 
 def as_logged(model: Model, record: Record, factor: int, channels: Mapping[str, Array]) -> dict[str, Array]:
     """Simulated channels on the clock of `played` at the record's own samples."""
-    if model.rig == "frame" and factor > 1:
-        filtered = rings_before_jumps(np.asarray(record.command))
-        return {name: logged(y, filtered) for name, y in channels.items()}
-    return {name: y[::factor] for name, y in channels.items()}
+    filtered = _filtered(model, np.asarray(record.command))
+    return {name: logged(y, filtered, factor) for name, y in channels.items()}
+
+
+def _filtered(model: Model, command: Array) -> bool:
+    return model.extra.get(LOGGER) == FILTERED or rings_before_jumps(command)
 
 
 def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
@@ -64,14 +76,15 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     inputs = {name: np.asarray(record.channel(name)) for name in INPUTS[model.rig][1:]}
     if model.rig == "frame" and model.law != "narx":
         ground, command = (inputs[name] for name in INPUTS["frame"][1:])
-        between_samples = finer(ground, command, rings_before_jumps(command))
+        between_samples = finer(ground, command, _filtered(model, command))
         driven = dict(zip(INPUTS["frame"][1:], between_samples, strict=True))
         return FACTOR, record.sample_time / FACTOR, driven
     factor = max(1, math.ceil(record.sample_time / _STEP - 1e-9))
     if model.rig == "frame" or model.law == "narx" or factor == 1:
         return 1, record.sample_time, inputs
     x = mended_ends(inputs["displacement_m"])
-    fine = between(x, inputs["command"], record.sample_time, factor)
+    command = inputs["command"]
+    fine = between(x, command, record.sample_time, factor, filtered=_filtered(model, command))
     moved = {"displacement_m": fine.x, "velocity_m_s": fine.v, "acceleration_m_s2": fine.a, "command": fine.u}
     return factor, fine.sample_time, moved
 

@@ -18,6 +18,7 @@ from mrdamp.diagnosis.problem import SKIP
 from mrdamp.diagnosis.remembered import Remembered, told_by_the_log, with_waves
 from mrdamp.diagnosis.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term
+from mrdamp.logged import FILTERED, LOGGER, logged, rings_before_jumps
 from mrdamp.model import Model, effects_from
 from mrdamp.records import Record
 from mrdamp.sampling import derivative
@@ -29,6 +30,8 @@ _LOWEST, _HIGHEST = 0.3, 10.0
 #: s, the chain's step while searching, the same for rough runs and where a mount or gas is solved for in every step,
 #: and in the last fit.
 _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
+#: How many times as wide the range is of a number that may be further off.
+_WIDER = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +39,14 @@ class DamperRig:
     """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.rig.Rig`).
 
     rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
-    threads: that run settings side by side.
+    threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
     """
 
     nominal_model: Model
     records: tuple[Record, ...]
     rough: bool = False
     threads: int = 1
+    wider: frozenset[str] = frozenset()
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -61,6 +65,11 @@ class DamperRig:
         """(n,) m/s, measured or of the smoothed displacement."""
         x, v, _ = self.motions[record]
         return derivative(x, self.records[record].sample_time) if v is None else v
+
+    @cached_property
+    def filtered(self) -> bool:
+        """True where a command's jumps tell that the log went through a filter: one logger takes all records."""
+        return any(rings_before_jumps(np.asarray(r.command)) for r in self.records)
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -85,8 +94,12 @@ class DamperRig:
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
         s = self.sizes
-        return nominal_coordinates(
+        law = nominal_coordinates(
             self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
+        )
+        return tuple(
+            replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name in self.wider else c
+            for c in law
         )
 
     @cached_property
@@ -108,15 +121,17 @@ class DamperRig:
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
         solved = mount or any(s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings)
-        step = (_ROUGH if solved or self.rough else _COARSE) if coarse else _FINE
-        pieces = 0.5 if coarse and mount and self.rough else 1.0  # the chain halves a step behind a mount
+        longest = self.rough or (solved and not self.filtered)  # a filter needs samples between those of its log
+        step = (_ROUGH if longest else _COARSE) if coarse else _FINE
+        # The chain halves a step behind a mount.
+        pieces = 0.5 if coarse and mount and (self.rough or self.filtered) else 1.0
         fine = self._fine(record, step)
 
         def run(some: Sequence[Settings], command: Array) -> Array:
             return self._run(some, replace(fine, u=command), pieces=pieces)
 
-        logged = np.asarray(self.records[record].command)
-        return self._remembered.channels(run, settings, logged, fine.u, (record, fine.factor, pieces))
+        command = np.asarray(self.records[record].command)
+        return self._remembered.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
 
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
         """The same with longer steps in a search; None where the records' own samples are no further apart, and where
@@ -142,7 +157,7 @@ class DamperRig:
             x, a = x + moved, None
             v = None if v is None else v + derivative(moved, r.sample_time)
         factor = max(1, round(r.sample_time / _COARSE))
-        inputs = between(x, command, r.sample_time, factor, v, a)
+        inputs = between(x, command, r.sample_time, factor, v, a, filtered=self.filtered)
         columns = ("force", "reference")
         out = self._run([settings], inputs, columns)[0]
         return dict(zip(columns, out, strict=True))
@@ -153,7 +168,8 @@ class DamperRig:
         if (record, factor) not in self._inputs:
             r = self.records[record]
             x, v, a = self.motions[record]
-            self._inputs[record, factor] = between(x, r.command, r.sample_time, factor, v, a)
+            fine = between(x, r.command, r.sample_time, factor, v, a, filtered=self.filtered)
+            self._inputs[record, factor] = fine
         return self._inputs[record, factor]
 
     @cached_property
@@ -187,7 +203,7 @@ class DamperRig:
             run = forced(outside, run, inputs.x, inputs.v)
             for k, name in enumerate(names):
                 out[rows, k] = read(outside, name, run[:, k], inputs.u)
-        return np.ascontiguousarray(out[:, :, :: inputs.factor])
+        return np.ascontiguousarray(logged(out, inputs.filtered, inputs.factor))
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,) N: what the noise of the displacement, as far as smoothing leaves it, does to the force."""
@@ -198,7 +214,8 @@ class DamperRig:
         again = smoothed(x + level * rng.standard_normal(r.n), level)
         skip = round(SKIP / r.sample_time)
         inputs = self._fine(record, _COARSE)
-        disturbed = between(again, r.command, r.sample_time, inputs.factor, *self.motions[record][1:])
+        _, v, a = self.motions[record]
+        disturbed = between(again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered)
         change = self._run([settings], disturbed) - self._run([settings], inputs)
         return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
 
@@ -251,5 +268,5 @@ class DamperRig:
             weights=self.nominal_model.weights,
             name=self.nominal_model.name,
             sample_rate_hz=self.nominal_model.sample_rate_hz,
-            extra=told_by_the_log(settings),
+            extra=told_by_the_log(settings) | ({LOGGER: FILTERED} if self.filtered else {}),
         )

@@ -52,6 +52,8 @@ _RESAMPLES, _SEED = 2000, 3
 _NEAREST = 6
 #: Share of the excess that a cause may leave of records left out, where tests do not repeat.
 _CARRIED = 0.5
+#: Share of the excess that free numbers leave, below which those at an end of their range may be further off yet.
+_FAR_OFF = 0.02
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -100,6 +102,11 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     problem = Problem(rig, stride=stride, coarse=True, trust=trust(plain, floor))
     progress("recalibrating the nominal parameters", 0.02)
     search = Search(problem, problem.cost(floor), limits, jobs, store)
+    ends = frozenset(search.base.at_bounds)
+    if ends and isinstance(rig, DamperRig) and search.unexplained(search.base) < _FAR_OFF:
+        rig = replace(rig, wider=ends)
+        problem = Problem(rig, stride=stride, coarse=True, trust=problem.trust)
+        search = Search(problem, problem.cost(floor), limits, jobs, store)
     search.steady = noise.steady
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search)
