@@ -1,0 +1,100 @@
+"""What terms promise beside a cause, foretold from what they change in the nominal simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+import mrdamp.diagnosis.screening as screening
+import mrdamp.diagnosis.search as searching
+from mrdamp.core import Array
+from mrdamp.diagnosis.breadth import Promise
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.terms import Settings
+from toy_rig import ToyRig, toy
+
+TRUTH = {"sign": 0.6, "cubic": 0.3}
+
+
+def made() -> Search:
+    problem = Problem(toy(TRUTH, 0.005))
+    return Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
+
+
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many settings each run of a record was asked for."""
+    counts: list[int] = []
+    real = ToyRig.simulate
+
+    def counted(rig: ToyRig, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        counts.append(len(settings))
+        return real(rig, settings, record, coarse=coarse)
+
+    monkeypatch.setattr(ToyRig, "simulate", counted)
+    return counts
+
+
+def held_with(search: Search, cause: str) -> Fit:
+    (term,) = (t for t in search.problem.rig.terms if t.effect == cause)
+    hypothesis = search.fits[False, frozenset()].hypothesis.plus(term)
+    return search.fitted(hypothesis, np.array([1.0]), most=8)
+
+
+def test_what_is_foretold_is_what_runs_of_their_own_say(
+    monkeypatch: pytest.MonkeyPatch, simulated: list[int]
+) -> None:
+    """In a sum of parts a change is the same on top of anything: exactly, and without a run."""
+    whole, told = made(), made()
+    for search in (whole, told):
+        search.screen(search.fits[False, frozenset()], search.problem.rig.terms)
+    others = whole.beside(("sign",))
+    want = whole.screen(held_with(whole, "sign"), others)
+    monkeypatch.setattr(screening, "_LOOKED_AT", 1)
+    beside = held_with(told, "sign")
+    simulated.clear()
+    got = told.screen(beside, others)
+    assert sum(simulated) == 2 * len(told.problem.records)  # the fit's own and one term's
+    assert [p.term.name for p in got] == [p.term.name for p in want]
+    assert np.allclose([p.cost for p in got], [p.cost for p in want], rtol=1e-9)
+    assert got[0].term.effect == "cubic"
+
+
+def test_a_term_that_was_not_seen_alone_gets_a_run_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, simulated: list[int]
+) -> None:
+    monkeypatch.setattr(screening, "_LOOKED_AT", 0)
+    search = made()
+    terms = search.beside(("sign",))
+    search.screen(search.fits[False, frozenset()], terms[:1])
+    beside = held_with(search, "sign")
+    simulated.clear()
+    assert len(search.screen(beside, terms)) == len(terms)
+    assert sum(simulated) == len(terms) * len(search.problem.records)  # the fit's own and all but one
+
+
+def test_what_is_hopeless_beside_a_lesser_cause_is_not_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what is found is the same."""
+
+    def all_of_them(ranked: list[Promise], cost: float, *, beside: bool = False) -> list[Promise]:
+        return ranked
+
+    monkeypatch.setattr(searching, "promising", all_of_them)
+    monkeypatch.setattr(searching, "parents", lambda ranked, *_: ranked[:2])
+    found = []
+    for hopeless in (searching._HOPELESS, np.inf):
+        monkeypatch.setattr(searching, "_HOPELESS", hopeless)
+        search = made()
+        search.extend(False, 1)
+        search.extend(False, 2)
+        found.append(search)
+    fewer, more = found
+    assert set(fewer.fits) < set(more.fits)
+    best = fewer.best(False)
+    assert best is not None
+    assert set(best.hypothesis.causes) == {"sign", "cubic"}
+    assert best.cost == more.ranked(False)[0].cost
