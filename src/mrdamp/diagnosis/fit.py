@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.problem import Problem
@@ -67,10 +68,22 @@ class Fit:
     @property
     def at_bounds(self) -> tuple[str, ...]:
         """Names of the settings that stand at an end of their range."""
+        low, high = self._at_ends
+        return self._named(low | high)
+
+    @property
+    def at_lower_bounds(self) -> tuple[str, ...]:
+        """Names of those that stand at its lower end."""
+        return self._named(self._at_ends[0])
+
+    @property
+    def _at_ends(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         low, high = self.hypothesis.bounds()
         slack = 1e-6 * np.maximum(high - low, 1e-12)
-        at = (self.point <= low + slack) | (self.point >= high - slack)
-        return tuple(c.name for c, is_at in zip(self.hypothesis.coordinates, at, strict=True) if is_at)
+        return self.point <= low + slack, self.point >= high - slack
+
+    def _named(self, which: NDArray[np.bool_]) -> tuple[str, ...]:
+        return tuple(c.name for c, is_it in zip(self.hypothesis.coordinates, which, strict=True) if is_it)
 
 
 def fit(

@@ -31,6 +31,7 @@ from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import (
+    NOT_ITSELF,
     UNSTEADY,
     Decision,
     Scored,
@@ -54,6 +55,8 @@ _NEAREST = 6
 _CARRIED = 0.5
 #: Share of the excess that free numbers leave, below which those at an end of their range may be further off yet.
 _FAR_OFF = 0.02
+#: Numbers at whose lower end a cause is another one: a mount without its clearance is a spring.
+_GONE = frozenset({"backlash_gap"})
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -167,7 +170,7 @@ def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> li
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
-            (doubts or {}).get(id(f), 0.0),
+            (doubts or {}).get(id(f), 0.0) + NOT_ITSELF * (not _GONE.isdisjoint(f.at_lower_bounds)),
             f.move,
         )
         for index, f in enumerate(fits)

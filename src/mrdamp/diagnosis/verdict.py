@@ -26,6 +26,8 @@ WRONG_FORM = 0.5
 
 #: Price (nats) of a cause outside the catalogue besides that of a cause: they are rarer than the catalogue's.
 OUTSIDE_PRICE = 1.5
+#: Nats against a cause that stands where it is another one.
+NOT_ITSELF = 6.0
 #: How sharply the probability of an unknown cause rises about these two.
 STEEPNESS = 2.0
 #: Share of answers that are wrong for a reason that no fit of theirs sees, such as a form that nobody thought of: of

@@ -1,0 +1,47 @@
+"""Causes in the mount that end where they are another one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.run import scored
+from mrdamp.diagnosis.terms import Hypothesis, Term
+from mrdamp.diagnosis.verdict import decide
+from mrdamp.model import Model
+from mrdamp.records import Record
+
+
+@pytest.fixture(scope="module")
+def terms() -> dict[str, Term]:
+    t = 0.002 * np.arange(1000)
+    x = 0.01 * np.sin(2 * np.pi * 2 * t)
+    channels = {"displacement_m": x, "command": np.ones(1000), "force_N": 500 * np.cos(2 * np.pi * 2 * t)}
+    law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+    rig = DamperRig(Model("bingham", law), (Record("sine", None, 0.002, channels),))
+    return {t.name: t for t in rig.terms if t.stage == "mount"}
+
+
+def made(term: Term, point: Array, cost: float) -> Fit:
+    hypothesis = Hypothesis((), (term,))
+    return Fit(hypothesis, point, cost, np.zeros(10), np.zeros((10, len(point))))
+
+
+@pytest.mark.parametrize(("gone", "cause"), [(True, "mount_compliance"), (False, "backlash")])
+def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], gone: bool, cause: str) -> None:
+    """The least gap that is tried leaves a mount with stiffness; a fit there is no evidence of a clearance."""
+    backlash, mount = terms["backlash"], terms["mount_compliance"]
+    point = Hypothesis((), (backlash,)).start()
+    if gone:
+        point[0] = Hypothesis((), (backlash,)).bounds()[0][0]
+    fits = [
+        Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))),
+        made(backlash, point, 0.0101),
+        made(mount, Hypothesis((), (mount,)).start(), 0.0110),
+    ]
+    assert ("backlash_gap" in fits[1].at_lower_bounds) == gone
+    decision = decide(scored(fits), 0.01)
+    assert decision.chosen.causes == (cause,)
