@@ -98,3 +98,20 @@ def test_what_is_hopeless_beside_a_lesser_cause_is_not_fitted(monkeypatch: pytes
     assert best is not None
     assert set(best.hypothesis.causes) == {"sign", "cubic"}
     assert best.cost == more.ranked(False)[0].cost
+
+
+def test_nothing_is_foretold_where_numbers_moved_far(
+    monkeypatch: pytest.MonkeyPatch, simulated: list[int]
+) -> None:
+    monkeypatch.setattr(screening, "_LOOKED_AT", 0)
+    search = made()
+    terms = list(search.problem.rig.terms)
+    search.screen(search.fits[False, frozenset()], terms)
+    asked = []
+    for by in (0.3, 0.5):
+        moved = search.fitted(search.base.hypothesis, np.array([by / 0.1]), most=0, stage=f" {by}")
+        assert moved.move == pytest.approx(by)
+        simulated.clear()
+        search.screen(moved, terms)
+        asked.append(sum(simulated))
+    assert asked == [0, (len(terms) + 1) * len(search.problem.records)]  # the fit's own and every term's
