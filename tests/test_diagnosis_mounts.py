@@ -36,7 +36,7 @@ def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], gone: bool
     backlash, mount = terms["backlash"], terms["mount_compliance"]
     point = Hypothesis((), (backlash,)).start()
     if gone:
-        point[0] = Hypothesis((), (backlash,)).bounds()[0][0]
+        point[0] = Hypothesis((), (backlash,)).bounds()[0][0] + 0.1
     fits = [
         Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))),
         made(backlash, point, 0.0101),

@@ -68,19 +68,14 @@ class Fit:
     @property
     def at_bounds(self) -> tuple[str, ...]:
         """Names of the settings that stand at an end of their range."""
-        low, high = self._at_ends
-        return self._named(low | high)
+        low, high = self.hypothesis.bounds()
+        slack = 1e-6 * np.maximum(high - low, 1e-12)
+        return self._named((self.point <= low + slack) | (self.point >= high - slack))
 
     @property
     def at_lower_bounds(self) -> tuple[str, ...]:
-        """Names of those that stand at its lower end."""
-        return self._named(self._at_ends[0])
-
-    @property
-    def _at_ends(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        low, high = self.hypothesis.bounds()
-        slack = 1e-6 * np.maximum(high - low, 1e-12)
-        return self.point <= low + slack, self.point >= high - slack
+        """Names of those that stand at its lower end, to a unit of search."""
+        return self._named(self.point <= self.hypothesis.bounds()[0] + 1)
 
     def _named(self, which: NDArray[np.bool_]) -> tuple[str, ...]:
         return tuple(c.name for c, is_it in zip(self.hypothesis.coordinates, which, strict=True) if is_it)
