@@ -16,7 +16,12 @@ from mrdamp.diagnosis.terms import Coordinate, Settings, Sizes, Term, linear, po
 
 
 def damper_terms(s: Sizes) -> tuple[Term, ...]:
-    """All effects from driver to sensor, in the order of the chain."""
+    """All effects from driver to sensor, in the order of the chain, in the forms that records so sampled can show."""
+    return tuple(term for term in _terms(s) if term.starts)
+
+
+def _terms(s: Sizes) -> tuple[Term, ...]:
+    """In all forms; one whose resonances are beyond what is sampled has no starts."""
     k = s.force / s.stroke
     inertia = s.force / s.acceleration
     dt = s.sample_time
@@ -74,7 +79,7 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
             "mechanics",
             (
                 linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),
-                positive("moving_mass_hz", 80.0, 10.0, 0.45 / dt, 0.2),
+                positive("moving_mass_hz", min(80.0, 0.4 / dt), 10.0, 0.45 / dt, 0.2),
                 positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
                 linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
             ),
