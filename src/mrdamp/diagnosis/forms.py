@@ -30,7 +30,11 @@ def reform(search: Search, found: Fit, causes: Collection[str] | None = None) ->
         parent = lacking(search, found, term)
         for promise in search.screen(parent, others)[: search.limits.reformed]:
             tasks.append(search.start_from(parent, promise.term, promise.start, promise.by))
-    for again in search.map(lambda h, q: search.fitted(h, q, most=8, stage=" reformed"), tasks):
+    # Of a cause in another form the law's signatures are nearly the same.
+    known = search.law_columns(found)
+    for again in search.map(
+        lambda h, q: search.fitted(h, q, most=8, known=known, stage=" reformed"), tasks
+    ):
         search.keep(again)
 
 
