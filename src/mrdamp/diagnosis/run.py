@@ -55,8 +55,9 @@ _NEAREST = 6
 _CARRIED = 0.5
 #: Share of the excess that free numbers leave, below which those at an end of their range may be further off yet.
 _FAR_OFF = 0.02
-#: Numbers at whose lower end a cause is another one: a mount without its clearance is a spring.
-_GONE = frozenset({"backlash_gap"})
+#: Numbers that together make a cause: where they stand at their lower ends it is another one. A mount without its
+#: clearance is a spring, and what is left of a lag without its time is a form of something else.
+_MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -170,11 +171,18 @@ def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> li
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
-            (doubts or {}).get(id(f), 0.0) + NOT_ITSELF * (not _GONE.isdisjoint(f.at_lower_bounds)),
+            (doubts or {}).get(id(f), 0.0) + NOT_ITSELF * gone(f),
             f.move,
         )
         for index, f in enumerate(fits)
     ]
+
+
+def gone(found: Fit) -> bool:
+    """True where one of its causes is there in name only."""
+    low = set(found.at_lower_bounds)
+    own = {c.name for c in found.hypothesis.coordinates}
+    return any(making & own and making & own <= low for making in _MAKING)
 
 
 def assemble(

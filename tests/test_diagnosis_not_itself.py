@@ -1,4 +1,4 @@
-"""Causes in the mount that end where they are another one."""
+"""Causes that end where they are another one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.run import scored
+from mrdamp.diagnosis.run import gone, scored
 from mrdamp.diagnosis.terms import Hypothesis, Term
 from mrdamp.diagnosis.verdict import decide
 from mrdamp.model import Model
@@ -22,7 +22,7 @@ def terms() -> dict[str, Term]:
     channels = {"displacement_m": x, "command": np.ones(1000), "force_N": 500 * np.cos(2 * np.pi * 2 * t)}
     law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
     rig = DamperRig(Model("bingham", law), (Record("sine", None, 0.002, channels),))
-    return {t.name: t for t in rig.terms if t.stage == "mount"}
+    return {t.name: t for t in rig.terms}
 
 
 def made(term: Term, point: Array, cost: float) -> Fit:
@@ -30,18 +30,39 @@ def made(term: Term, point: Array, cost: float) -> Fit:
     return Fit(hypothesis, point, cost, np.zeros(10), np.zeros((10, len(point))))
 
 
-@pytest.mark.parametrize(("gone", "cause"), [(True, "mount_compliance"), (False, "backlash")])
-def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], gone: bool, cause: str) -> None:
+@pytest.mark.parametrize(("least", "cause"), [(True, "mount_compliance"), (False, "backlash")])
+def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: bool, cause: str) -> None:
     """The least gap that is tried leaves a mount with stiffness; a fit there is no evidence of a clearance."""
     backlash, mount = terms["backlash"], terms["mount_compliance"]
     point = Hypothesis((), (backlash,)).start()
-    if gone:
+    if least:
         point[0] = Hypothesis((), (backlash,)).bounds()[0][0] + 0.1
     fits = [
         Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))),
         made(backlash, point, 0.0101),
         made(mount, Hypothesis((), (mount,)).start(), 0.0110),
     ]
-    assert ("backlash_gap" in fits[1].at_lower_bounds) == gone
+    assert ("backlash_gap" in fits[1].at_lower_bounds) == least
     decision = decide(scored(fits), 0.01)
     assert decision.chosen.causes == (cause,)
+
+
+@pytest.mark.parametrize(
+    ("form", "least", "is_gone"),
+    [
+        ("", (), False),
+        ("", ("driver_lag_tau",), False),  # the other pole is a lag
+        ("", ("driver_lag_tau", "driver_lag_tau2"), True),
+        ("falling apart", ("driver_lag_tau",), True),
+        ("falling apart", ("driver_lag_fall",), False),  # rising late, falling at once
+    ],
+)
+def test_a_lag_without_its_times_is_none(
+    terms: dict[str, Term], form: str, least: tuple[str, ...], is_gone: bool
+) -> None:
+    hypothesis = Hypothesis((), (terms[f"driver_lag:{form}" if form else "driver_lag"],))
+    point, low = hypothesis.start(), hypothesis.bounds()[0]
+    for k, c in enumerate(hypothesis.coordinates):
+        if c.name in least:
+            point[k] = low[k]
+    assert gone(Fit(hypothesis, point, 0.01, np.zeros(10), np.zeros((10, len(point))))) == is_gone
