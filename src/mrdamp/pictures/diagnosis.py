@@ -62,7 +62,10 @@ class ResidualData:
 def waterfall(
     steps: Sequence[tuple[str, float, tuple[float, float]]], floor: float, ceiling: float | None = None
 ) -> Figure:
-    """Gap on held-out records, step by step: name, gap, 95 % interval; lines for noise floor and ceiling."""
+    """Gap on held-out records, step by step: name, gap, 95 % interval; lines for noise floor and ceiling.
+
+    A step whose name goes on from that of the one above is labelled by what it adds.
+    """
     if not steps:
         raise InputError("waterfall: no steps")
     fig = figure(0.75 + 0.36 * len(steps))
@@ -82,13 +85,22 @@ def waterfall(
     top = max(float(ends.max()), float(gaps.max())) or 1.0
     for k, gap in enumerate(gaps):
         ax.text(max(gap, ends[k, 1]) + 0.015 * top, k, f"{gap:.2g} %", va="center", color=INK, fontsize=9)
-    ax.set_yticks(y, [elide(name, 120) for name, *_ in steps])
+    ax.set_yticks(y, [elide(name, 120) for name in added([name for name, *_ in steps])])
     ax.set_xlim(0, 1.18 * top)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("gap on held-out records, % of the RMS")
     legend(fig, handles, labels)
     return fig
+
+
+def added(names: Sequence[str]) -> list[str]:
+    """What each step adds to the one above: `+ b` for `+ a + b` under `+ a`."""
+    above = ("", *names)
+    return [
+        name.removeprefix(f"{before} ") if name.startswith(f"{before} + ") else name
+        for before, name in zip(above, names, strict=False)
+    ]
 
 
 @styled
