@@ -8,21 +8,25 @@ import pytest
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.run import gone, scored
+from mrdamp.diagnosis.run import gone, scored, unreferenced
 from mrdamp.diagnosis.terms import Hypothesis, Term
 from mrdamp.diagnosis.verdict import decide
 from mrdamp.model import Model
 from mrdamp.records import Record
 
 
+def rig_with(*others: str) -> DamperRig:
+    """A damper with other channels that read the force beside the force sensor."""
+    t = 0.002 * np.arange(1000)
+    x, force = 0.01 * np.sin(2 * np.pi * 2 * t), 500 * np.cos(2 * np.pi * 2 * t)
+    channels = {"displacement_m": x, "command": np.ones(1000), "force_N": force, **dict.fromkeys(others, force)}
+    law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
+    return DamperRig(Model("bingham", law), (Record("sine", None, 0.002, channels),))
+
+
 @pytest.fixture(scope="module")
 def terms() -> dict[str, Term]:
-    t = 0.002 * np.arange(1000)
-    x = 0.01 * np.sin(2 * np.pi * 2 * t)
-    channels = {"displacement_m": x, "command": np.ones(1000), "force_N": 500 * np.cos(2 * np.pi * 2 * t)}
-    law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
-    rig = DamperRig(Model("bingham", law), (Record("sine", None, 0.002, channels),))
-    return {t.name: t for t in rig.terms}
+    return {t.name: t for t in rig_with().terms}
 
 
 def made(term: Term, point: Array, cost: float) -> Fit:
@@ -66,3 +70,21 @@ def test_a_lag_without_its_times_is_none(
         if c.name in least:
             point[k] = low[k]
     assert gone(Fit(hypothesis, point, 0.01, np.zeros(10), np.zeros((10, len(point))))) == is_gone
+
+
+@pytest.mark.parametrize("channels", [(), ("reference_force_N",)])
+def test_a_gain_without_a_reference_is_numbers_of_the_law(terms: dict[str, Term], channels: tuple[str, ...]) -> None:
+    """Both leave nothing but noise: the gain by one number, the law by all of its own."""
+    rig = rig_with(*channels)
+    gain, mass = terms["sensor_gain"], terms["moving_mass"]
+    law = Hypothesis(rig.nominal)
+    fits = [
+        Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))),
+        Fit(law, np.zeros(len(rig.nominal)), 0.0100, np.zeros(10), np.zeros((10, len(rig.nominal)))),
+        made(gain, Hypothesis((), (gain,)).start(), 0.0101),
+    ]
+    doubts = {id(f): 6.0 for f in fits if unreferenced(rig, f)}
+    assert len(doubts) == (not channels)
+    decision = decide(scored(fits, doubts), 0.01)
+    assert decision.verdict == ("effect" if channels else "parameters")
+    assert not unreferenced(rig, made(mass, Hypothesis((), (mass,)).start(), 0.01))

@@ -126,7 +126,8 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
 def judge(search: Search) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision over them."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    decision = decide(scored(fits), search.floor, scored(search.rivals), steady=search.steady)
+    doubts = {id(f): NOT_ITSELF for f in fits if unreferenced(search.problem.rig, f)}
+    decision = decide(scored(fits, doubts), search.floor, scored(search.rivals), steady=search.steady)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     return fits, decision
@@ -176,6 +177,14 @@ def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> li
         )
         for index, f in enumerate(fits)
     ]
+
+
+def unreferenced(rig: Rig, found: Fit) -> bool:
+    """True where a gain of the force channel is only a common factor in the law's numbers: with no reference beside
+    the sensor no record can tell the two apart, and numbers that are off are the plainer statement."""
+    if "reference_force_N" in rig.channels or not rig.nominal:
+        return False
+    return "sensor_gain" in found.hypothesis.causes
 
 
 def gone(found: Fit) -> bool:
