@@ -7,8 +7,9 @@ import pytest
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.damper import DamperRig
+from mrdamp.diagnosis.doubts import gone, of_damper, unreferenced
 from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.run import gone, scored, unreferenced
+from mrdamp.diagnosis.run import scored
 from mrdamp.diagnosis.terms import Hypothesis, Term
 from mrdamp.diagnosis.verdict import decide
 from mrdamp.model import Model
@@ -88,3 +89,23 @@ def test_a_gain_without_a_reference_is_numbers_of_the_law(terms: dict[str, Term]
     decision = decide(scored(fits, doubts), 0.01)
     assert decision.verdict == ("effect" if channels else "parameters")
     assert not unreferenced(rig, made(mass, Hypothesis((), (mass,)).start(), 0.01))
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.0198, "parameters"), (0.0101, "effect")])
+def test_a_cause_that_takes_nothing_off_what_the_law_leaves_is_idle(
+    terms: dict[str, Term], left: float, verdict: str
+) -> None:
+    """The law's numbers move by 1 %: free beside a cause they cost less than alone, and explain as much."""
+    rig, mass = rig_with("reference_force_N"), terms["moving_mass"]
+    law = Hypothesis(rig.nominal)
+    both = law.plus(mass)
+
+    def fitted(hypothesis: Hypothesis, cost: float) -> Fit:
+        point = hypothesis.start()
+        point[: len(hypothesis.nominal)] = 0.1
+        return Fit(hypothesis, point, cost, np.zeros(10), np.zeros((10, len(point))))
+
+    fits = [fitted(Hypothesis(()), 1.0), fitted(law, 0.02), fitted(both, left)]
+    doubts = {id(f): of_damper(rig, f, fits[1]) for f in fits}
+    assert decide(scored(fits), 0.01).chosen.causes == ("moving_mass",)
+    assert decide(scored(fits, doubts), 0.01).verdict == verdict

@@ -16,6 +16,7 @@ from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.ceiling import of_fit
 from mrdamp.diagnosis.damper import DamperRig
 from mrdamp.diagnosis.damper_where import Parts, parts
+from mrdamp.diagnosis.doubts import of_damper, of_itself
 from mrdamp.diagnosis.fit import Fit
 from mrdamp.diagnosis.limits import Limits
 from mrdamp.diagnosis.next_test import next_test
@@ -31,7 +32,6 @@ from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.store import Store
 from mrdamp.diagnosis.ties import tie_classes, unseen
 from mrdamp.diagnosis.verdict import (
-    NOT_ITSELF,
     UNSTEADY,
     Decision,
     Scored,
@@ -55,9 +55,6 @@ _NEAREST = 6
 _CARRIED = 0.5
 #: Share of the excess that free numbers leave, below which those at an end of their range may be further off yet.
 _FAR_OFF = 0.02
-#: Numbers that together make a cause: where they stand at their lower ends it is another one. A mount without its
-#: clearance is a spring, and what is left of a lag without its time is a form of something else.
-_MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -126,7 +123,7 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
 def judge(search: Search) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision over them."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    doubts = {id(f): NOT_ITSELF for f in fits if unreferenced(search.problem.rig, f)}
+    doubts = {id(f): of_damper(search.problem.rig, f, search.base) for f in fits}
     decision = decide(scored(fits, doubts), search.floor, scored(search.rivals), steady=search.steady)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
@@ -172,26 +169,11 @@ def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> li
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
-            (doubts or {}).get(id(f), 0.0) + NOT_ITSELF * gone(f),
+            (doubts or {}).get(id(f), 0.0) + of_itself(f),
             f.move,
         )
         for index, f in enumerate(fits)
     ]
-
-
-def unreferenced(rig: Rig, found: Fit) -> bool:
-    """True where a gain of the force channel is only a common factor in the law's numbers: with no reference beside
-    the sensor no record can tell the two apart, and numbers that are off are the plainer statement."""
-    if "reference_force_N" in rig.channels or not rig.nominal:
-        return False
-    return "sensor_gain" in found.hypothesis.causes
-
-
-def gone(found: Fit) -> bool:
-    """True where one of its causes is there in name only."""
-    low = set(found.at_lower_bounds)
-    own = {c.name for c in found.hypothesis.coordinates}
-    return any(making & own and making & own <= low for making in _MAKING)
 
 
 def assemble(

@@ -133,9 +133,20 @@ def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
-    freed = FREE_PRICE + MOVE_PRICE * min(found.move / MOVE, 1.0) if found.causes else LAW_PRICE
+    freed = _beside(found.move) if found.causes else LAW_PRICE
     price = freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
     return -0.5 * INDEPENDENT * math.log(left + resolution) - price
+
+
+def _beside(move: float) -> float:
+    """Price of a free law beside a cause, by how far its numbers move."""
+    return FREE_PRICE + MOVE_PRICE * min(move / MOVE, 1.0)
+
+
+def idle_price(move: float) -> float:
+    """What a free law beside a cause costs less than alone: where the cause takes nothing off what the law leaves,
+    it is the law that explains, and at its own price."""
+    return max(LAW_PRICE - _beside(move), 0.0)
 
 
 def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:
