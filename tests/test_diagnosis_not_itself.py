@@ -84,8 +84,8 @@ def test_a_gain_without_a_reference_is_numbers_of_the_law(terms: dict[str, Term]
         Fit(law, np.zeros(len(rig.nominal)), 0.0100, np.zeros(10), np.zeros((10, len(rig.nominal)))),
         made(gain, Hypothesis((), (gain,)).start(), 0.0101),
     ]
-    doubts = {id(f): 6.0 for f in fits if unreferenced(rig, f)}
-    assert len(doubts) == (not channels)
+    assert [unreferenced(rig, f) for f in fits] == [False, False, not channels]
+    doubts = {id(f): of_damper(rig, f, fits[1]) for f in fits}
     decision = decide(scored(fits, doubts), 0.01)
     assert decision.verdict == ("effect" if channels else "parameters")
     assert not unreferenced(rig, made(mass, Hypothesis((), (mass,)).start(), 0.01))
