@@ -11,7 +11,7 @@ import pytest
 from mrdamp.diagnosis.case import Case
 from mrdamp.diagnosis.fit import Fit, fit, taken_up
 from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.store import Store
+from mrdamp.diagnosis.store import Kept, Store
 from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.model import Model
 from toy_rig import toy
@@ -19,9 +19,9 @@ from toy_rig import toy
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 
 
-def through_a_file(found: Fit, path: Path) -> tuple[np.ndarray, bool, np.ndarray]:
+def through_a_file(found: Fit, path: Path) -> Kept:
     case = Case("toy", path.parent, Model("bingham", LAW), toy({}).records, ())
-    Store.of(path, case).put("fit", found.point, found.converged, found.at)
+    Store.of(path, case).put("fit", found.point, found.converged, found.at, found.iterations)
     kept = Store.of(path, case).get("fit")
     assert kept is not None
     return kept
@@ -36,7 +36,8 @@ def test_a_fit_is_taken_up_to_the_last_bit(frozen: bool, tmp_path: Path) -> None
     if frozen:
         known = problem.jacobian(hypothesis, start, problem.residuals(hypothesis, start)[0], range(1))
     found = fit(problem, hypothesis, start, tolerance=0.5, known=known, frozen=frozen)
-    point, converged, at = through_a_file(found, tmp_path / "fits.json")
+    point, converged, at, iterations = through_a_file(found, tmp_path / "fits.json")
+    assert iterations == found.iterations > 0
     assert not np.array_equal(point, at)  # the last step set out from elsewhere
     fresh = problem.jacobian(hypothesis, found.point, found.residual)
     assert not np.array_equal(fresh, found.jacobian)

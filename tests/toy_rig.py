@@ -37,6 +37,7 @@ class ToyRig:
     records: tuple[Record, ...]
     channels: tuple[str, ...] = ("force_N",)
     rivals: tuple[Term, ...] = ()
+    threads: int = 1
 
     @property
     def nominal(self) -> tuple[Coordinate, ...]:

@@ -284,6 +284,11 @@ ChainState Commanded(const Damper& d, const State& s, double u) {
   return c;
 }
 
+// The force on the rod, by what the damper or its mount carries.
+double OnRod(const Params& p, const State& s, double carried, double a) {
+  return carried + RodMass(p, HasMount(p)) * a + RingingForce(p, s.c.felt);
+}
+
 }  // namespace
 
 void Settle(const Damper& d, State* s, double x, double v, double u) {
@@ -305,19 +310,22 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   o.field = FieldNow(d, c);
   o.temperature = c.heat;
   if (HasMount(p)) {
-    o.force = c.rubber.Force(p, x - c.piston);
+    o.force = OnRod(p, s, c.rubber.Force(p, x - c.piston), a);
     o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope);
     o.piston = c.piston;
     o.slope = 0;
   } else {
     o.damper = PistonForce(d, s, o.field, x, v, &o.slope);
-    o.force = o.damper;
+    o.force = OnRod(p, s, o.damper, a);
     o.piston = x;
   }
-  o.force += RodMass(p, HasMount(p)) * a;
-  o.force += RingingForce(p, s.c.felt);
   o.inner = c.z;
   return o;
+}
+
+double RodForce(const Damper& d, const State& s, double x, double v, double a, double u) {
+  if (!HasMount(d.p)) return Observe(d, s, x, v, a, u).force;
+  return OnRod(d.p, s, s.c.rubber.Force(d.p, x - s.c.piston), a);
 }
 
 }  // namespace mrdamp

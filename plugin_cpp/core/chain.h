@@ -79,6 +79,9 @@ void Settle(const Damper& d, State* s, double x, double v, double u);
 // The force at the state s, at rod displacement x, velocity v and acceleration a, command u now.
 Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u);
 
+// The force of that alone; behind a mount it takes no force of the damper's.
+double RodForce(const Damper& d, const State& s, double x, double v, double a, double u);
+
 // Checks ranges and what the law needs; false and one line (without element name) on failure.
 bool Check(const Damper& d, char* error, int error_size);
 

@@ -129,8 +129,15 @@ class Structure {
   static double Along(const std::vector<double>& q, int offset, const Element& e) {
     return (e.upper >= 0 ? q[offset + e.upper] : 0) - (e.lower >= 0 ? q[offset + e.lower] : 0);
   }
-  double Along(const Matrix& m, int offset, const Element& of, const Element& by) const {
-    return (of.upper >= 0 ? m(offset + of.upper, by.input) : 0) - (of.lower >= 0 ? m(offset + of.lower, by.input) : 0);
+  // How an element's end moves over a step, in x and v, for a force of another that is held and one that builds up.
+  struct Give {
+    double hold_x, hold_v, ramp_x, ramp_v;
+  };
+  Give Along(const Element& of, const Element& by) const {
+    const auto along = [&](const Matrix& m, int offset) {
+      return (of.upper >= 0 ? m(offset + of.upper, by.input) : 0) - (of.lower >= 0 ? m(offset + of.lower, by.input) : 0);
+    };
+    return {along(hold_, 0), along(hold_, n_), along(ramp_, 0), along(ramp_, n_)};
   }
 
   const Matrix& hold() const { return hold_; }
@@ -182,7 +189,13 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
     if ((f.friction && f.friction[j] > 0) || IsBent(f, j)) elements.push_back({2 + j, j, j - 1});
   }
 
-  std::vector<double> q(2 * n, 0.0), free(2 * n), next(2 * n);
+  const std::size_t count = elements.size();
+  std::vector<Structure::Give> gives;
+  for (const Element& of : elements) {
+    for (const Element& by : elements) gives.push_back(structure.Along(of, by));
+  }
+
+  std::vector<double> q(2 * n, 0.0), free(2 * n), next(2 * n), blend(count);
   OwnedState state(d), trial(d);
   const SensorParams reading = SensorParams::Of(d.p);
   Sensor sensor;
@@ -244,23 +257,23 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
       const double g0 = ag[k - 1] + (ag[k] - ag[k - 1]) * a, g1 = ag[k - 1] + (ag[k] - ag[k - 1]) * b;
       structure.Free(q, g0, g1, &free);
       for (Element& e : elements) e.next = e.force;
-      const int sweeps = elements.size() > 1 ? 40 : 1;
-      std::vector<double> blend(elements.size(), 0.0);
+      const int sweeps = count > 1 ? 40 : 1;
+      std::fill(blend.begin(), blend.end(), 0.0);
       for (int sweep = 0; sweep < sweeps; sweep++) {
         double moved = 0, size = 0;
-        for (std::size_t j = 0; j < elements.size(); j++) {
+        for (std::size_t j = 0; j < count; j++) {
           Element& e = elements[j];
+          const Structure::Give* give = &gives[j * count];
           double fx = Structure::Along(free, 0, e), fv = Structure::Along(free, n, e);
-          for (std::size_t o = 0; o < elements.size(); o++) {
+          for (std::size_t o = 0; o < count; o++) {
             const Element& other = elements[o];
             const double start = o == j ? e.force * (1 - blend[j]) : other.force + blend[o] * (other.next - other.force);
             const double end = o == j ? 0 : other.next;
-            fx += structure.Along(structure.hold(), 0, e, other) * start + structure.Along(structure.ramp(), 0, e, other) * end;
-            fv += structure.Along(structure.hold(), n, e, other) * start + structure.Along(structure.ramp(), n, e, other) * end;
+            fx += give[o].hold_x * start + give[o].ramp_x * end;
+            fv += give[o].hold_v * start + give[o].ramp_v * end;
           }
           const double x0 = Structure::Along(q, 0, e), v0 = Structure::Along(q, n, e);
-          const double hold_v = structure.Along(structure.hold(), n, e, e), hold_x = structure.Along(structure.hold(), 0, e, e);
-          const double ramp_v = structure.Along(structure.ramp(), n, e, e), ramp_x = structure.Along(structure.ramp(), 0, e, e);
+          const auto [hold_x, hold_v, ramp_x, ramp_v] = give[j];
           double wv = ramp_v + blend[j] * hold_v, wx = ramp_x + blend[j] * hold_x, tried = 0;
           // Force of the element when the step ends at velocity v.
           const auto law = [&](double v, double x) {
@@ -269,7 +282,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
               trial.s.c = state.s.c;
               if (trial.s.past) trial.past = state.past;
               Advance(d, &trial.s, {x0, v0, x, v, h}, u0, u1);
-              return Observe(d, trial.s, x, v, (v - v0) / h, u1).force;
+              return RodForce(d, trial.s, x, v, (v - v0) / h, u1);
             }
             double q = bristle[e.input - 2];
             return Dry(f, e.input - 2, v, x - x0, &q) + Bent(f, e.input - 2, x, v);
@@ -309,7 +322,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
         if (!(moved > 1e-8 * size)) break;
       }
       next = free;
-      for (std::size_t j = 0; j < elements.size(); j++) {
+      for (std::size_t j = 0; j < count; j++) {
         const Element& e = elements[j];
         const double start = e.force + blend[j] * (e.next - e.force);
         for (int i = 0; i < 2 * n; i++) next[i] += structure.hold()(i, e.input) * start + structure.ramp()(i, e.input) * e.next;
@@ -319,7 +332,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
         const double x1 = Structure::Along(next, 0, e), v1 = Structure::Along(next, n, e);
         if (e.input == 1) {
           // Where no other element acts, what was found is where the step ends.
-          if (e.ready && elements.size() == 1 && !state.s.past) state.s.c = trial.s.c;
+          if (e.ready && count == 1 && !state.s.past) state.s.c = trial.s.c;
           else Advance(d, &state.s, {x0, v0, x1, v1, h}, u0, u1);
           Settle(d, &state.s, x1, v1, step + 1 == inner ? u[k] : u1);
           acceleration_along = (v1 - v0) / h;

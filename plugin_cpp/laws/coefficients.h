@@ -63,7 +63,7 @@ inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v)
       k.k1 = Follow(p.k1a, p.k1b, p.k1c, p.k1e, p.k1r, b);
       break;
     default:
-      k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
+      if (law == Law::kModifiedBoucWen) k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
       k.yield = Follow(p.alpha_a, p.alpha_b, p.alpha_c, p.alpha_e, p.alpha_r, b) * f.yield;
       k.k0 = p.k0;
       k.k1 = p.k1;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 
@@ -91,13 +92,20 @@ class Problem:
         """Simulated channels of all records in a row (sets, samples), in the channels' units."""
         out = np.empty((len(settings), self.samples))
         at = 0
-        for k in self.records:
-            run = self._simulated(settings, k)[:, :, self.taken(k)]
-            self.runs += len(settings)
+        for k, whole in zip(self.records, self._all_simulated(settings), strict=True):
+            run = whole[:, :, self.taken(k)]
             width = run.shape[1] * run.shape[2]
             out[:, at : at + width] = run.reshape(len(settings), width)
             at += width
         return out
+
+    def _all_simulated(self, settings: Sequence[Settings]) -> list[Array]:
+        """Runs of each record, side by side: a fit alone keeps all threads busy too."""
+        self.runs += len(settings) * len(self.records)
+        if self.rig.threads == 1 or len(self.records) == 1:
+            return [self._simulated(settings, k) for k in self.records]
+        with ThreadPoolExecutor(self.rig.threads) as pool:
+            return list(pool.map(lambda k: self._simulated(settings, k), self.records))
 
     def _simulated(self, settings: Sequence[Settings], record: int) -> Array:
         """Runs (sets, channels, n), NaN for settings that the chain does not take (a hysteresis without bound)."""

@@ -22,6 +22,11 @@ class Rig(Protocol):
     """
 
     @property
+    def threads(self) -> int:
+        """How many simulate side by side."""
+        ...
+
+    @property
     def records(self) -> tuple[Record, ...]: ...
 
     @property

@@ -8,7 +8,7 @@ causes that a free law would blur; free is what counts where he is not.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -302,6 +302,11 @@ class Search:
             self.seen.fits[name, start.tobytes()] = found
         return self.seen.fits[name, start.tobytes()]
 
+    def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
+        """True where a fit of a held law from this very start went so many steps: again it would come no further."""
+        found = self.seen.fits.get((f"held {hypothesis.name}", start.tobytes()))
+        return not hypothesis.nominal and found is not None and found.iterations >= steps
+
     def _fitted(
         self,
         name: str,
@@ -323,7 +328,8 @@ class Search:
             )
         kept = self.store.get(name)
         if kept is not None and kept.point.shape == start.shape:
-            return taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
+            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
+            return replace(ended, iterations=kept.iterations)
         found = fit(
             self.problem,
             hypothesis,
@@ -334,7 +340,7 @@ class Search:
             frozen=known is not None,
             bar=bar,
         )
-        self.store.put(name, found.point, found.converged, found.at)
+        self.store.put(name, found.point, found.converged, found.at, found.iterations)
         return found
 
     def keep(self, found: Fit) -> None:

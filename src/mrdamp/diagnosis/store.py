@@ -19,15 +19,17 @@ from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 
 #: Of what is stored; another number makes old files void.
-_VERSION = 2
+_VERSION = 3
 
 
 class Kept(NamedTuple):
-    """Of a fit: its point (coordinates,), whether it had converged, and the point of its Jacobian (coordinates,)."""
+    """Of a fit: its point (coordinates,), whether it had converged, the point of its Jacobian (coordinates,), and how
+    many iterations it took."""
 
     point: Array
     converged: bool
     at: Array
+    iterations: int
 
 
 @dataclass
@@ -56,13 +58,21 @@ class Store:
         found = self.points.get(name)
         if found is None:
             return None
-        return Kept(np.array(found["point"]), bool(found["converged"]), np.array(found["at"]))
+        at, iterations = np.array(found["at"]), int(found["iterations"])
+        return Kept(np.array(found["point"]), bool(found["converged"]), at, iterations)
 
-    def put(self, name: str, point: Array, converged: bool, at: Array | None = None) -> None:
+    def put(
+        self, name: str, point: Array, converged: bool, at: Array | None = None, iterations: int = 0
+    ) -> None:
         """Keeps a fit's point and that of its Jacobian (None: the same)."""
         before = point if at is None else at
         with self._lock:
-            self.points[name] = {"point": point.tolist(), "converged": converged, "at": before.tolist()}
+            self.points[name] = {
+                "point": point.tolist(),
+                "converged": converged,
+                "at": before.tolist(),
+                "iterations": iterations,
+            }
             if self.path is not None:
                 write_atomic(self.path, json.dumps({"key": self.key, "points": self.points}))
 
