@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,7 +34,7 @@ def search() -> Search:
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, float]]]:
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float]]:
     """Names and bars of the fits that are asked for."""
     calls: list[tuple[str, float]] = []
     real = Search.fitted
@@ -45,7 +44,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[str, float]]]:
         return real(self, hypothesis, start, **how)
 
     monkeypatch.setattr(Search, "fitted", fitted)
-    yield calls
+    return calls
 
 
 def alone(search: Search, name: str) -> Fit:
