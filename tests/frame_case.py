@@ -10,7 +10,7 @@ import numpy as np
 
 import frame_reference
 from excitation import Array
-from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.case.folder import Case
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame

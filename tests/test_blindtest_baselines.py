@@ -11,7 +11,7 @@ import pytest
 from mrdamp.blindtest import baselines, causes, damper_case, run, sparse
 from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.sizing import Task
-from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.case.folder import Case
 from mrdamp.model import Model
 from mrdamp.records import Record
 

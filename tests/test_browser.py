@@ -14,8 +14,8 @@ from mrdamp.blindtest import report as blindtest
 from mrdamp.blindtest.score import Row as Case
 from mrdamp.cli import main
 from mrdamp.compare import dyke1996
-from mrdamp.diagnosis.page import page as diagnosis_page
-from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Regime, Step, Where
+from mrdamp.diagnosis.report.page import page as diagnosis_page
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Regime, Step, Where
 from mrdamp.gap.page import page as gap_page
 from mrdamp.gap.study import CRITERIA, Row, Study
 from mrdamp.model import Effect, Model

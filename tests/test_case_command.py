@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mrdamp.cli import main
-from mrdamp.diagnosis.case import read_case
+from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.files import write_atomic
 from mrdamp.record_csv import render
 from mrdamp.records import embedded

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import pytest
 
-from mrdamp.diagnosis.breadth import parents
-from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.fits.beam import parents
+from mrdamp.diagnosis.fits.least_squares import Fit
 
 
 def fit_of(cost: float, *causes: str) -> Fit:

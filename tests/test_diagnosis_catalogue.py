@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from mrdamp.diagnosis.damper_terms import damper_terms
-from mrdamp.diagnosis.terms import Sizes
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
+from mrdamp.diagnosis.hypotheses.terms import Sizes
 
 
 @pytest.mark.parametrize("sample_time", [0.0002, 0.002, 0.005, 0.01, 0.05])

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.clock import clocked, try_clock
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.fit import Fit, fit
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.fits.delay_clock import clocked, try_clock
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from mrdamp.records import Record
 

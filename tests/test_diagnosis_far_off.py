@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.case import Case
+from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Model
 from mrdamp.records import Record

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from frame_case import DT, LAW, altered, believed, case_of, records
-from mrdamp.diagnosis.experiment import columns, drawn
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged, block_means
+from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_intervals, place_shares
+from mrdamp.diagnosis.channels.noise import Noise
+from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.store import Kept, Store
 from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, stepped, telling, too_coarse
-from mrdamp.diagnosis.frame_structure import deviations, promoted
-from mrdamp.diagnosis.frame_where import blocks, place_intervals, place_shares
-from mrdamp.diagnosis.handover import agreement
-from mrdamp.diagnosis.noise import Noise
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.store import Kept, Store
-from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.signals import columns, drawn
+from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
 

@@ -10,8 +10,8 @@ import pytest
 
 from excitation import Array
 from frame_case import DT, believed, records
-from mrdamp.diagnosis.handover import AGREEMENT, agreement, hand_over
-from mrdamp.diagnosis.result import Diagnosis, Gap, Where
+from mrdamp.diagnosis.report.handover import AGREEMENT, agreement, hand_over
+from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
 from mrdamp.stepping import drive_rig

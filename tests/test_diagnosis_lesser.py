@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.lesser import others, try_lesser
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.second_cause import others, try_lesser
+from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import toy
 
 NOISE = 0.01

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.experiment import SECONDS, Envelope, Signal, columns, drawn, neighbour
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.next_test import Bench, Pair, Steps, best, next_test
-from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.evidence.ties import could_hide
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.signals import SECONDS, Envelope, Signal, columns, drawn, neighbour
+from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_test
 from mrdamp.diagnosis.run import judge
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import Hypothesis, Settings
-from mrdamp.diagnosis.ties import could_hide
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.doubts import gone, of_damper, unreferenced
-from mrdamp.diagnosis.fit import Fit
+from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
+from mrdamp.diagnosis.evidence.verdict import decide
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
+from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.run import scored
-from mrdamp.diagnosis.terms import Hypothesis, Term
-from mrdamp.diagnosis.verdict import decide
 from mrdamp.model import Model
 from mrdamp.records import Record
 

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrdamp.diagnosis.case import read_case
-from mrdamp.diagnosis.outside import (
+from mrdamp.diagnosis.attribution.stages import stage_shares
+from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.outside import (
     PLAIN,
     command_rivals,
     commanded,
@@ -20,12 +23,9 @@ from mrdamp.diagnosis.outside import (
     inside_of,
     read,
 )
-from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.hypotheses.terms import Sizes
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import diagnose, judge
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import Sizes
-from mrdamp.diagnosis.verdict import Decision, Scored, decide
-from mrdamp.diagnosis.where import stage_shares
 from mrdamp.record_csv import render
 from test_diagnosis_cases import make_case
 from toy_rig import FIFTH, toy

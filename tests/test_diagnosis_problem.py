@@ -9,8 +9,8 @@ from threading import Barrier
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.terms import Settings
+from mrdamp.diagnosis.hypotheses.terms import Settings
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
 from toy_rig import ToyRig, toy
 

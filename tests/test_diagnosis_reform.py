@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from mrdamp.diagnosis import forms
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Term
+from mrdamp.diagnosis.fits import alternative_forms as forms
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
+from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import ToyRig, toy
 
 

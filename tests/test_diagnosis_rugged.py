@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.fit import Fit, fit
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Settings, Term
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
+from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import ToyRig, toy
 
 LEVEL, LOST = 0.4, 0.7

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-import mrdamp.diagnosis.screening as screening
-import mrdamp.diagnosis.search as searching
 from mrdamp.core import Array
-from mrdamp.diagnosis.breadth import Promise
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import Settings
+from mrdamp.diagnosis.fits import screening
+from mrdamp.diagnosis.fits import search as searching
+from mrdamp.diagnosis.fits.beam import Promise
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Settings
+from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import ToyRig, toy
 
 TRUTH = {"sign": 0.6, "cubic": 0.3}

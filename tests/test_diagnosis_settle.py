@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis import settle as module
-from mrdamp.diagnosis.settle import Settled, settle
+from mrdamp.diagnosis.fits import final as module
+from mrdamp.diagnosis.fits.final import Settled, settle
 
 
 def fit_of(name: str, causes: tuple[str, ...], cost: float) -> Any:

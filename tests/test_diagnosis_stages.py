@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.fit import fit
-from mrdamp.diagnosis.forms import drop, exchange
+from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
+from mrdamp.diagnosis.evidence.verdict import UNSTEADY
+from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
+from mrdamp.diagnosis.fits.final import Settled
+from mrdamp.diagnosis.fits.least_squares import fit
+from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import take_through
-from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import carried_over, judge
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.settle import Settled
-from mrdamp.diagnosis.terms import Hypothesis
-from mrdamp.diagnosis.verdict import UNSTEADY
-from mrdamp.diagnosis.where import Changes, stage_shares
 from toy_rig import toy
 
 

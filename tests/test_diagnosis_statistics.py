@@ -11,20 +11,28 @@ import pytest
 
 from mrdamp.between import between, mended_ends
 from mrdamp.core import Array
-from mrdamp.diagnosis.case import Case
-from mrdamp.diagnosis.ceiling import ceiling, memory, of_fit, stroke_since_reversal
-from mrdamp.diagnosis.fit import fit, leave_out
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.noise import channel_noise
-from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.noise import channel_noise
+from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.evidence.ceiling import ceiling, memory, of_fit, stroke_since_reversal
+from mrdamp.diagnosis.evidence.verdict import (
+    UNKNOWN_ABOVE,
+    Scored,
+    by_causes,
+    decide,
+    of_cause,
+    shapley,
+    with_lapse,
+)
+from mrdamp.diagnosis.fits.final import heldout
+from mrdamp.diagnosis.fits.least_squares import fit, leave_out
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import judge, with_nearest
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.settle import heldout
-from mrdamp.diagnosis.smoothing import noise_level, smoothed
-from mrdamp.diagnosis.store import Store
-from mrdamp.diagnosis.terms import Coordinate, Hypothesis, Settings
-from mrdamp.diagnosis.verdict import UNKNOWN_ABOVE, Scored, by_causes, decide, of_cause, shapley, with_lapse
-from mrdamp.diagnosis.where import regimes, stage_shares
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.case import Case
-from mrdamp.diagnosis.fit import Fit, fit, taken_up
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.store import Kept, Store
-from mrdamp.diagnosis.terms import Hypothesis
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, taken_up
+from mrdamp.diagnosis.fits.store import Kept, Store
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from toy_rig import toy
 

@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 from excitation import Array
 from mrdamp import core
 from mrdamp.core import FrameInput
-from mrdamp.diagnosis.frame import FrameRig
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import judge
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.outside import plain
-from mrdamp.diagnosis.outside_storeys import bent, storey_rivals
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.search import Search
+from mrdamp.diagnosis.hypotheses.outside import plain
+from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
+from mrdamp.diagnosis.problem.frame import FrameRig
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record

@@ -12,13 +12,13 @@ import pytest
 from mrdamp import cli
 from mrdamp.commands import diagnose as command
 from mrdamp.core import Array
-from mrdamp.diagnosis import search as searching
-from mrdamp.diagnosis.case import read_case
-from mrdamp.diagnosis.fit import Fit, fit, taken_up
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.fits import search as searching
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, taken_up
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import diagnose
-from mrdamp.diagnosis.terms import Hypothesis
 from mrdamp.record_csv import render
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}

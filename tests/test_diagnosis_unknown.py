@@ -11,20 +11,20 @@ import pytest
 from scipy.signal import lfilter
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.case import Case
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.fit import fit
-from mrdamp.diagnosis.frame_damper import damper_evidence
-from mrdamp.diagnosis.frame_where import Block, intervals_by_stage, shares_by_stage
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.resample import DRAWS
-from mrdamp.diagnosis.result import Measured
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.stage_columns import columns_of, play
-from mrdamp.diagnosis.stage_evidence import StageEvidence, wavering
-from mrdamp.diagnosis.terms import Hypothesis
-from mrdamp.diagnosis.where import stage_intervals, stage_shares
+from mrdamp.diagnosis.attribution.frame_blocks import Block, intervals_by_stage, shares_by_stage
+from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
+from mrdamp.diagnosis.attribution.stage_columns import columns_of, play
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, wavering
+from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.evidence.resample import DRAWS
+from mrdamp.diagnosis.fits.least_squares import fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.result import Measured
 from mrdamp.model import Model
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame

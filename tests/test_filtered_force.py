@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.handover import agreement
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.logged import FILTERED, LOGGER, unfolded
 from mrdamp.model import Model
 from mrdamp.predict import free_run

@@ -13,7 +13,7 @@ import pytest
 from mrdamp.compare.motions import tuning_motions
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
-from mrdamp.diagnosis.case import read_case
+from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.errors import InputError
 from mrdamp.gap import real
 from mrdamp.gap.closed_loop import write_case

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.remembered import ALONG, told_by_the_log
+from mrdamp.diagnosis.problem.command_memory import ALONG, told_by_the_log
+from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.logged import AS_SENT, LOG, without_waves
 from mrdamp.model import Effect, Model
 from mrdamp.predict import free_run

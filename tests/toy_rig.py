@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.experiment import Envelope, Signal
-from mrdamp.diagnosis.terms import Coordinate, Settings, Term
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
+from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.model import Model
 from mrdamp.records import Record
 

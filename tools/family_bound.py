@@ -16,14 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.case import Case, read_case
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.noise import channel_noise, floors, repeatable, trust
-from mrdamp.diagnosis.problem import SKIP, Problem
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.channels.noise import channel_noise, floors, repeatable, trust
+from mrdamp.diagnosis.evidence.verdict import REDUCIBLE, Scored, decide
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.run import make_rig
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.verdict import REDUCIBLE, Scored, decide
 from mrdamp.errors import InputError
 
 _SAMPLES, _DRAWS = 20_000, 1000

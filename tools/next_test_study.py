@@ -30,18 +30,18 @@ from mrdamp.blindtest.rig import Array, BlownUp
 from mrdamp.blindtest.scale import Sized
 from mrdamp.blindtest.sizing import Task, pooled, relative, size_for
 from mrdamp.commands.output import save_picture
-from mrdamp.diagnosis.case import Case, read_case
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.experiment import columns, drawn
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.noise import channel_noise, floors, repeatable, trust
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.result import Diagnosis
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.channels.noise import channel_noise, floors, repeatable, trust
+from mrdamp.diagnosis.evidence.ties import tie_classes
+from mrdamp.diagnosis.evidence.verdict import Scored, by_causes
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.signals import columns, drawn
+from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose, judge, make_rig
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.terms import Term
-from mrdamp.diagnosis.ties import tie_classes
-from mrdamp.diagnosis.verdict import Scored, by_causes
 from mrdamp.files import write_atomic
 from mrdamp.pictures.style import COLOURS, REFERENCE, axes_grid, figure, legend, styled
 

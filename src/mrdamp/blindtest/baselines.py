@@ -20,13 +20,13 @@ import numpy as np
 from mrdamp.blindtest import score, sparse
 from mrdamp.blindtest.run import Folders, predicted
 from mrdamp.blindtest.score import Row
-from mrdamp.diagnosis.case import Case, read_case
-from mrdamp.diagnosis.fit import Fit, fit
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.noise import channel_noise, floors
-from mrdamp.diagnosis.problem import Problem
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.channels.noise import channel_noise, floors
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import make_rig
-from mrdamp.diagnosis.search import Search
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model import Model

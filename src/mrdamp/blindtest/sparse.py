@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.blindtest.rig import Array
-from mrdamp.diagnosis.case import Case
-from mrdamp.diagnosis.smoothing import smoothed
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.model import Model
 from mrdamp.sampling import derivative
 

@@ -34,12 +34,12 @@ def add_to(commands: Any) -> None:
 
 def run_diagnose(a: argparse.Namespace) -> int:
     """Diagnoses a case, writes diagnosis.json, corrected.json, its MJCF and a page, prints sentence and table."""
-    from mrdamp.diagnosis.case import read_case
-    from mrdamp.diagnosis.handover import hand_over
-    from mrdamp.diagnosis.page import page
+    from mrdamp.diagnosis.case.folder import read_case
+    from mrdamp.diagnosis.fits.store import Store, write_arrays
+    from mrdamp.diagnosis.report.handover import hand_over
+    from mrdamp.diagnosis.report.page import page
+    from mrdamp.diagnosis.report.sentence import table
     from mrdamp.diagnosis.run import diagnose
-    from mrdamp.diagnosis.store import Store, write_arrays
-    from mrdamp.diagnosis.words import table
     from mrdamp.files import write_atomic
     from mrdamp.record_csv import render
 

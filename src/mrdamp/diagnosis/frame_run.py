@@ -14,14 +14,7 @@ import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis import run
-from mrdamp.diagnosis.audit import audit
-from mrdamp.diagnosis.case import Case
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.forms import drop, reform
-from mrdamp.diagnosis.frame import COARSE, FINE, FrameRig, averaged
-from mrdamp.diagnosis.frame_damper import damper_evidence
-from mrdamp.diagnosis.frame_structure import deviations, promoted
-from mrdamp.diagnosis.frame_where import (
+from mrdamp.diagnosis.attribution.frame_blocks import (
     Block,
     blocks,
     intervals_by_stage,
@@ -29,17 +22,24 @@ from mrdamp.diagnosis.frame_where import (
     place_shares,
     shares_by_stage,
 )
-from mrdamp.diagnosis.lesser import try_lesser
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.result import Diagnosis
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.settle import settle
-from mrdamp.diagnosis.store import Store
-from mrdamp.diagnosis.terms import Hypothesis
-from mrdamp.diagnosis.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, decide
-from mrdamp.diagnosis.words import sentence
+from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
+from mrdamp.diagnosis.case.audit import audit
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable
+from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
+from mrdamp.diagnosis.evidence.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, decide
+from mrdamp.diagnosis.fits.alternative_forms import drop, reform
+from mrdamp.diagnosis.fits.final import settle
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.second_cause import try_lesser
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.report.sentence import sentence
 from mrdamp.records import Record
 from mrdamp.sampling import derivative
 

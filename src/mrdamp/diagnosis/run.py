@@ -11,27 +11,23 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.audit import audit
-from mrdamp.diagnosis.case import Case
-from mrdamp.diagnosis.ceiling import of_fit
-from mrdamp.diagnosis.damper import DamperRig
-from mrdamp.diagnosis.damper_where import Parts, parts
-from mrdamp.diagnosis.doubts import of_damper, of_itself
-from mrdamp.diagnosis.fit import Fit
-from mrdamp.diagnosis.limits import Limits
-from mrdamp.diagnosis.next_test import next_test
-from mrdamp.diagnosis.noise import Noise, channel_noise, floors, repeatable, trust
-from mrdamp.diagnosis.outside import plain
-from mrdamp.diagnosis.problem import Problem
-from mrdamp.diagnosis.resample import Interval, spread
-from mrdamp.diagnosis.result import Candidate, Diagnosis, Gap, Named, Step, Where
-from mrdamp.diagnosis.rig import Rig, models_of
-from mrdamp.diagnosis.search import Search
-from mrdamp.diagnosis.settle import Settled, heldout, settle
-from mrdamp.diagnosis.stage_evidence import StageEvidence, of_one_stage
-from mrdamp.diagnosis.store import Store
-from mrdamp.diagnosis.ties import tie_classes, unseen
-from mrdamp.diagnosis.verdict import (
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
+from mrdamp.diagnosis.attribution.stages import (
+    cause_shares,
+    record_shares,
+    regimes,
+    stage_intervals,
+    stage_shares,
+)
+from mrdamp.diagnosis.case.audit import audit
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.interfaces import Parts, parts
+from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable, trust
+from mrdamp.diagnosis.evidence.ceiling import of_fit
+from mrdamp.diagnosis.evidence.penalties import of_damper, of_itself
+from mrdamp.diagnosis.evidence.resample import Interval, spread
+from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
+from mrdamp.diagnosis.evidence.verdict import (
     UNSTEADY,
     Decision,
     Scored,
@@ -41,8 +37,18 @@ from mrdamp.diagnosis.verdict import (
     of_cause,
     with_lapse,
 )
-from mrdamp.diagnosis.where import cause_shares, record_shares, regimes, stage_intervals, stage_shares
-from mrdamp.diagnosis.words import sentence
+from mrdamp.diagnosis.fits.final import Settled, heldout, settle
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.hypotheses.outside import plain
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.rig import Rig, models_of
+from mrdamp.diagnosis.report.next_test import next_test
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
+from mrdamp.diagnosis.report.sentence import sentence
 
 Progress = Callable[[str, float], None]
 
@@ -62,7 +68,7 @@ _DRAWN = 20
 def make_rig(case: Case, threads: int = 1) -> Rig:
     """The rig of a case. threads: that run settings side by side."""
     if case.model.rig == "frame":
-        from mrdamp.diagnosis.frame import FrameRig
+        from mrdamp.diagnosis.problem.frame import FrameRig
 
         return FrameRig(case.model, case.records, threads=threads)
     return DamperRig(case.model, case.records, threads=threads)

@@ -14,7 +14,7 @@ from mrdamp.compare.motions import unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.criteria import Criteria
-from mrdamp.diagnosis.case import read_case
+from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic

@@ -1,0 +1,1 @@
+"""Where in the chain and in which regimes the gap lies."""

@@ -1,0 +1,262 @@
+"""Where in a frame the gap sits: measured signals put in at every interface that was measured.
+
+Three kinds of block stand between measured channels, and each is tried with what was measured at its ends, whatever
+the others do: an accelerometer (the floor's displacement, differentiated twice, and the ground against its reading),
+a storey (its drift against the force that the floors above and the damper leave for it), and the damper (the measured
+stroke and the command against its force). What two runs of one test differ by is each block's own noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
+from mrdamp.diagnosis.attribution.stages import DrawnCosts, cause_shares, stage_shares
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.evidence.resample import SECONDS, Interval, draws, group_sums, interval
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import STAGES
+from mrdamp.model import Model
+from mrdamp.records import Record
+from mrdamp.sampling import derivative, lowpass, second_derivative
+from mrdamp.structures import ShearFrame
+
+#: Hz, the band that blocks are compared in: what a frame does, and little of a displacement's noise.
+_BAND = 20.0
+#: s at both ends of a record that do not count (filters, start states).
+_ENDS = 0.2
+#: A block is at fault where its gap is so many times its noise.
+_FAULT = 1.35
+_STAGE = {"accelerometer": "sensor", "storey": "structure"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of the rig between measured channels: `kind` accelerometer, storey or damper, its place from 1 (damper:
+    None); gap: its error over the size of what it answers with, records pooled; noise: the same of noise alone;
+    drawn (draws,): the gap squared with seconds of the records drawn again."""
+
+    kind: str
+    place: int | None
+    gap: float
+    noise: float
+    drawn: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    @property
+    def name(self) -> str:
+        return self.kind if self.place is None else f"{self.kind} {self.place}"
+
+    @property
+    def clean(self) -> bool:
+        """True where noise alone explains the gap."""
+        return self.gap < _FAULT * self.noise
+
+    @property
+    def excess(self) -> float:
+        """Mean square of the gap beyond the noise, none in a clean block."""
+        return 0.0 if self.clean else self.gap**2 - self.noise**2
+
+    def drawn_excess(self, draw: int) -> float:
+        """The same in a draw."""
+        return 0.0 if self.clean else max(float(self.drawn[draw]) - self.noise**2, 0.0)
+
+
+def blocks(case: Case) -> tuple[Block, ...]:
+    """All blocks that the records' channels allow to judge, the ground up, the damper last."""
+    model, structure = case.model, case.model.structure
+    assert structure is not None
+    errors = [_errors(model, structure, r) for r in case.records]
+    pairs = [(errors[k], _errors(model, structure, r)) for r, k in case.repeats if k is not None]
+    out = []
+    for key in errors[0]:
+        sizes = [_mean_square(e[key][1]) for e in errors]
+        gap = float(np.sqrt(np.mean([np.mean(e[key][0] ** 2) / size for e, size in zip(errors, sizes, strict=True)])))
+        # Noise is the same in every record, whatever the size of what is measured.
+        noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
+        kind, place = key
+        level = float(np.sqrt(noise * np.mean([1 / size for size in sizes])))
+        sums = np.concatenate(
+            [
+                _by_second(e[key][0], r.sample_time) / (size, 1.0)
+                for e, r, size in zip(errors, case.records, sizes, strict=True)
+            ]
+        )
+        drawn = draws(len(sums)) @ sums
+        out.append(Block(kind, place or None, gap, level, drawn[:, 0] / drawn[:, 1]))
+    return tuple(out)
+
+
+def place_shares(found: Sequence[Block]) -> dict[str, float]:
+    """Share of each block in the sum of excesses, adding up to 1; all 0 where no block is off."""
+    return _of_total({b.name: b.excess for b in found})
+
+
+def place_intervals(found: Sequence[Block]) -> dict[str, Interval]:
+    """95 % intervals of `place_shares`; none where no block is off."""
+    if all(b.clean for b in found):
+        return {}
+    rows = [_of_total({b.name: b.drawn_excess(k) for b in found}) for k in range(len(found[0].drawn))]
+    return {name: interval(np.array([row[name] for row in rows])) for name in rows[0]}
+
+
+def shares_by_stage(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    found: Sequence[Block],
+    evidence: StageEvidence | None = None,
+) -> dict[str, float]:
+    """Shares (adding up to 1) of the gap by stage.
+
+    With effects named, theirs in the fall of the cost (Shapley). Without, those of the blocks at fault; the damper's
+    counts as fluid where its numbers are wrong, and is divided where it is unknown: as its stages' own variables tell
+    its force (`evidence`), or else as their effects come near.
+    """
+    if verdict == "effect" and chosen.hypothesis.terms:
+        return _of_causes(search, chosen, lambda f: f.cost)
+    nearest = stage_shares(search, chosen, verdict)
+    if evidence is not None and search.looks_like is None:
+        nearest = evidence.at()
+    return _of_blocks(found, nearest, place_shares(found))
+
+
+def intervals_by_stage(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    found: Sequence[Block],
+    evidence: StageEvidence | None = None,
+) -> dict[str, Interval]:
+    """95 % intervals of `shares_by_stage`; none where the shares are by definition.
+
+    Without effects named the blocks are drawn, and the evidence of the damper's stages with them; shares by their
+    effects stay."""
+    if verdict == "effect" and chosen.hypothesis.terms:
+        costs = DrawnCosts.of(search)
+        rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
+    elif all(b.clean for b in found):
+        return {}
+    else:
+        nearest = stage_shares(search, chosen, verdict)
+        told = evidence if search.looks_like is None else None
+        rows = [
+            _of_blocks(
+                found,
+                told.at(k) if told else nearest,
+                _of_total({b.name: b.drawn_excess(k) for b in found}),
+            )
+            for k in range(len(found[0].drawn))
+        ]
+    return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+
+
+def _of_total(values: Mapping[str, float]) -> dict[str, float]:
+    total = sum(values.values())
+    return {name: v / total if total > 0 else 0.0 for name, v in values.items()}
+
+
+def _of_causes(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
+    stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
+    out = dict.fromkeys(STAGES, 0.0)
+    for cause, share in cause_shares(search, chosen, cost).items():
+        out[stage[cause]] += max(share, 0.0)
+    total = sum(out.values())
+    return {s: v / total if total > 0 else 1 / len(out) for s, v in out.items()}
+
+
+def _of_blocks(
+    found: Sequence[Block], nearest: dict[str, float], places: Mapping[str, float]
+) -> dict[str, float]:
+    if not sum(places.values()) > 0:
+        return {s: nearest.get(s, 0.0) for s in STAGES}
+    damper = {s: nearest.get(s, 0.0) for s in STAGES if s not in ("sensor", "structure")}
+    whole = sum(damper.values())
+    damper = {s: v / whole for s, v in damper.items()} if whole > 0 else {"fluid": 1.0}
+    out = dict.fromkeys(STAGES, 0.0)
+    for b in found:
+        parts = damper if b.kind == "damper" else {_STAGE[b.kind]: 1.0}
+        for s, part in parts.items():
+            out[s] += part * places[b.name]
+    return out
+
+
+def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tuple[Array, Array]]:
+    """(kind, place) -> error of the block, and what it answers with, (n,) each in one unit."""
+    dt, ground = r.sample_time, r.channel("ground_acceleration_m_s2")
+    keep = slice(round(_ENDS / dt), r.n - round(_ENDS / dt))
+    floors = range(1, s.storeys + 1)
+    out: dict[tuple[str, int], tuple[Array, Array]] = {}
+    x = {0: np.zeros(r.n)}
+    for j in floors:
+        name = f"floor{j}_displacement_m"
+        if name in r.channels:
+            x[j] = lowpass(r.channel(name), dt, _BAND)
+    moved = {j: lowpass(ground, dt, _BAND) + second_derivative(x[j], dt) for j in x if j > 0}
+    read = {
+        j: lowpass(r.channel(f"floor{j}_acceleration_m_s2"), dt, _BAND)
+        for j in floors
+        if f"floor{j}_acceleration_m_s2" in r.channels
+    }
+    for j in floors:
+        if j in moved and j in read:
+            out["accelerometer", j] = (read[j] - moved[j])[keep], moved[j][keep]
+    force = lowpass(r.channel("force_N"), dt, _BAND) if "force_N" in r.channels else None
+    low, high = sorted(s.damper_between)
+    sign = 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
+    for j in floors:
+        above = range(j, s.storeys + 1)
+        if j not in x or j - 1 not in x or not all(k in moved or k in read for k in above):
+            continue
+        inside = low < j <= high
+        if inside and force is None:
+            continue
+        # The displacements are the better accelerometers where both are there: a faulty reading stays out of it.
+        shear = -sum((s.mass[k - 1] * moved.get(k, read.get(k, ground)) for k in above), np.zeros(r.n))
+        drift = x[j] - x[j - 1]
+        own = s.stiffness[j - 1] * drift + s.damping[j - 1] * derivative(drift, dt)
+        if inside and force is not None:
+            own = own + sign * force
+        out["storey", j] = (own - shear)[keep], shear[keep]
+    if force is not None and low in x and high in x:
+        along, velocity = stroke(r, low, high)
+        answer = core.run(
+            model.law, model.attributes, dt, sign * along, sign * velocity, u=r.command, narx=model.narx
+        )["force"]
+        out["damper", 0] = (lowpass(answer, dt, _BAND) - force)[keep], force[keep]
+    return out
+
+
+def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
+    """Displacement (m) and velocity (m/s) of floor `high` against floor `low`, (n,): displacements and accelerations
+    together, each where it has the less noise (Wiener's weights for white noise in both)."""
+    x = r.channel(f"floor{high}_displacement_m") - (r.channel(f"floor{low}_displacement_m") if low else 0.0)
+    readings = [
+        r.channels.get(f"floor{k}_acceleration_m_s2") if k else r.channel("ground_acceleration_m_s2")
+        for k in (low, high)
+    ]
+    if readings[0] is None or readings[1] is None:
+        smooth = smoothed(x)
+        return smooth, derivative(smooth, r.sample_time)
+    a = readings[1] - readings[0]
+    n = 2 * r.n  # zeros behind: a record does not run on into its own start
+    omega = 2 * np.pi * np.fft.rfftfreq(n, r.sample_time)
+    ratio = (noise_level(x) / max(noise_level(a), 1e-12)) ** 2
+    spectrum = (np.fft.rfft(x, n) - ratio * omega**2 * np.fft.rfft(a, n)) / (1 + ratio * omega**4)
+    return np.fft.irfft(spectrum, n)[: r.n], np.fft.irfft(1j * omega * spectrum, n)[: r.n]
+
+
+def _by_second(error: Array, sample_time: float) -> Array:
+    """What each second adds to an error's mean square, and its share of the samples (seconds, 2). error: (n,)."""
+    number = np.floor(sample_time * np.arange(len(error)) / SECONDS).astype(np.intp)
+    return group_sums(np.column_stack([error**2, np.ones(len(error))]) / len(error), number)
+
+
+def _mean_square(values: Array) -> float:
+    return float(np.mean(values**2)) or 1.0

@@ -1,0 +1,49 @@
+"""A frame's damper alone: its measured stroke imposed on it, its force beside what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrdamp.diagnosis.attribution.frame_blocks import Block, stroke
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model import Model
+from mrdamp.records import Record
+
+#: Samples of residuals that are looked at.
+_SAMPLES = 20_000
+
+
+def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
+    """Evidence of the stages of a frame's damper, which its own sensor is none of; None where the damper's block is not
+    at fault though others are, or was not measured."""
+    asked = (b for b in found if b.kind == "damper" and (not b.clean or all(other.clean for other in found)))
+    block = next(asked, None)
+    if block is None:
+        return None
+    rig = damper_alone(case)
+    stride = max(1, round(sum(r.n for r in rig.records) / _SAMPLES))
+    force = np.concatenate([r.channel("force_N") for r in rig.records])
+    noise = block.noise * float(np.sqrt(np.mean(force**2)))
+    return StageEvidence.of(Problem(rig, stride=stride, coarse=True), noise)
+
+
+def damper_alone(case: Case) -> DamperRig:
+    """The rig of a frame's damper with its measured stroke, its sign that of the damper's own displacement."""
+    model, structure = case.model, case.model.structure
+    assert structure is not None
+    low, high = sorted(structure.damper_between)
+    sign = 1.0 if structure.damper_between[1] > structure.damper_between[0] else -1.0
+    records = []
+    for r in case.records:
+        x, v = stroke(r, low, high)
+        channels = {"displacement_m": sign * x, "velocity_m_s": sign * v, "command": np.asarray(r.command)}
+        records.append(
+            Record(r.name, None, r.sample_time, channels | {"force_N": np.asarray(r.channel("force_N"))})
+        )
+    own = Model(model.law, model.parameters, weights=model.weights, name=model.name)
+    return DamperRig(own, tuple(records))

@@ -1,0 +1,221 @@
+"""What each stage of a damper's chain can add to its force: columns of an additive model in the stage's own variables.
+
+A stage sees little of the rest. The driver changes the current by what the command was, in time; the coil and the core
+by the path of the current, whatever the time; the fluid multiplies forces by functions of the motion, of the way since
+the last turn, of what it went through; the rod adds forces that the current does not change; a mount takes some of the
+motion by the force; a sensor changes the reading by the force that it reads. A changed current counts by the slope of
+the simulated force over the command, a changed motion by what the simulator answers to it: both vanish where the stage
+has no say. Nothing is said about the form: hats (linear splines), memories and plays stand for any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.evidence.ceiling import memory, stroke_since_reversal
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.sampling import derivative
+
+#: Steps of the command and of the motion, as shares of the largest command and of the stroke's amplitude.
+_STEP_COMMAND, _STEP_MOTION = 0.02, 0.01
+#: s, memories of the command, of its square, of the force, and of the displacement.
+_COMMAND, _LOAD, _FORCE = (0.005, 0.02, 0.1, 0.5, 2.0), (0.1, 0.5, 2.0), (0.005, 0.02, 0.1, 0.5, 2.0, 10.0)
+_MOTION = (0.02, 0.1, 0.5)
+#: Widths of what happens about no command, and of the plays of the command: shares of the largest one.
+_SMALL, _LOOPS = (0.05, 0.1, 0.2, 0.35), (0.03, 0.1, 0.3)
+#: Steps of a source that knows a few levels only, shares of the largest command.
+_STEPS = np.geomspace(0.06, 0.6, 24)
+#: Widths of plays of the motion (shares of the stroke) in a mount and on the rod.
+_GAPS, _SLACK = (0.01, 0.03, 0.1), (0.02, 0.1)
+#: Velocity, over the RMS one, at which friction is all there; way of a command back that makes a turn of it.
+_SLIP, _TURN = 0.1, 0.01
+#: Forces (over the RMS one) that something may open at, and times (s) in which it closes again.
+_OPENS, _CLOSES = (1.1, 1.4, 1.7), (0.3, 0.8)
+#: Velocities (over the RMS one) at which an orifice beside the fluid holds the RMS force.
+_ORIFICES = (0.1, 0.25, 0.6)
+#: s, what time is measured in.
+_TIME = 10.0
+
+
+@dataclass
+class Columns:
+    """Of a stage: columns (n, columns) of each record (N), and gains (n,) of each record, a few kinds of them, that an
+    error of the stage in time would be multiplied by."""
+
+    columns: list[Array] = field(default_factory=list)
+    gains: list[tuple[Array, ...]] = field(default_factory=list)
+
+    def add(self, columns: Sequence[Array], gains: tuple[Array, ...]) -> None:
+        """A record more."""
+        self.columns.append(np.nan_to_num(np.column_stack(columns), posinf=0.0, neginf=0.0))
+        self.gains.append(gains)
+
+
+def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
+    """By stage, for the residuals in the last channel of a problem's records; `reading` is the sensor's reading of the
+    displacement, `sensor` that of the force, which is none where the last channel is a load cell beside it."""
+    states = [_states(problem, rig, k) for k in problem.records]
+    scale = {n: np.concatenate([s[n] for s in states]) for n in ("u", "x", "v", "force")}
+    size = float(np.sqrt(np.mean(scale["force"] ** 2))) or 1.0
+    top = float(np.quantile(np.abs(scale["force"]), 0.995)) or 1.0
+    knots = {n: _knots(scale[n], count) for n, count in (("u", 6), ("x", 7), ("v", 9))}
+    knots["force"] = np.linspace(-top, top, 9)
+    out = {n: Columns() for n in ("driver", "magnetics", "fluid", "mechanics", "mount", "reading", "sensor")}
+    for s in states:
+        # What the command makes of the force fails or wavers with the current.
+        made = s["force"] - s["still"]
+        out["driver"].add(_driver(s), (made, s["slope"], s["slope"] * s["u"]))
+        out["magnetics"].add(_magnetics(s, knots), (made,))
+        out["fluid"].add(_fluid(s, knots, size), (s["force"],))
+        out["mechanics"].add(_mechanics(s, knots), (np.ones(len(made)),))
+        mount = [s["by force"], s["by force cubed"], s["by its sign"], s["by force before"]]
+        out["mount"].add([*mount, *(s[f"by gap {gap}"] for gap in _GAPS)], (s["by force"],))
+        reading = ["by v", "by v in time", "by sign of v", "by x", "by x squared", "by time", "by one"]
+        out["reading"].add([s[name] for name in reading], (s["by v"], s["by one"]))
+        out["sensor"].add(_sensor(s, size), (np.ones(len(made)), s["force rate"]))
+    if rig.channels[-1] != "force_N":
+        del out["sensor"]
+    return out
+
+
+def _driver(s: Mapping[str, Array]) -> list[Array]:
+    """Functions of the command's memories and of time, all of them nothing where nothing is commanded for long."""
+    u = s["u"]
+    late = [u - s[f"u {tau}"] for tau in _COMMAND]
+    lags = [*(np.maximum(d, 0) for d in late), *(np.minimum(d, 0) for d in late)]
+    sunk = [*(u * s[f"load {tau}"] for tau in _LOAD), *(u * s[f"u {tau}"] for tau in _LOAD), u * s["t"]]
+    coarse = [step * np.round(u / step) - u for step in _STEPS]
+    return [s["slope"] * c for c in (*lags, *sunk, *coarse, *(np.minimum(u, d) / d for d in _SMALL))]
+
+
+def _magnetics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array]:
+    """Functions of the current and of its path, also at none, and what a field does to the rod."""
+    u, turn = s["u"], s["turn of u"]
+    loops = [s[f"loop {width}"] for width in _LOOPS]
+    path = [*loops, loops[-1] * u, np.tanh(turn / 0.1), np.tanh(turn / 0.4), u * np.tanh(turn / 0.2)]
+    field = [*_hats(u, knots["u"]), u**2, u**3, *path]
+    small = [np.minimum(u, d) / d for d in _SMALL]
+    pull = [u**2 * c for c in (*_hats(s["x"], knots["x"]), s["x"], s["slip"])]
+    return [*(s["slope"] * c for c in (*field, *small)), *pull]
+
+
+def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> list[Array]:
+    """Forces times functions of the motion, of the way since a turn, of what the fluid went through, of the force."""
+    turn, speed, one = s["turn"], np.abs(s["v"]), np.ones(len(s["t"]))
+    gone = [s["t"], s["heat"], np.exp(-s["path"] / 3), np.exp(-s["path"] / 20)]
+    near = [np.exp(-np.abs(turn) / 0.1), np.exp(-np.abs(turn) / 0.4)]
+    open_ = [s[f"open {force} {tau}"] for force in _OPENS for tau in _CLOSES]
+    since = [np.tanh(turn / 0.1), np.tanh(turn / 0.5), *near, *gone, *open_]
+    passed = [s["v"] ** 2 / d**2 for d in _ORIFICES]
+    past = [o / np.hypot(s["force"] / size, o + 1e-9) - 1 for o in passed]
+    motion = [one, s["slip"], *_hats(s["v"], knots["v"])[:-1], *_hats(s["x"], knots["x"])[:-1], *past]
+    whole = [*motion, *since, *_hats(s["force"], knots["force"])]
+    viscous = [one, speed, np.exp(-speed), np.exp(-3 * speed)]
+    parts = (s["force"], whole), (s["force"] - s["still"], [one, s["slip"], *since]), (s["still"], viscous)
+    return [force / size * c for force, factors in parts for c in factors]
+
+
+def _mechanics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array]:
+    """Functions of the motion alone, and of what of it was before (springs that let go)."""
+    places = _hats(s["x"], knots["x"])[:-1]
+    plain = [np.ones(len(s["t"])), s["slip"], s["a"], s["t"], s["x"] * s["t"], s["v"]]
+    slack = [s[f"slack {gap}"] for gap in _SLACK]
+    late = [s["x"] - s[f"x {tau}"] for tau in _MOTION]
+    return [*plain, *_hats(s["v"], knots["v"])[:-1], *places, *(s["slip"] * c for c in places), *slack, *late]
+
+
+def _sensor(s: Mapping[str, Array], size: float) -> list[Array]:
+    """Functions of the force that is read and of its memories, of time, and what it hears of the command."""
+    f = s["force"] / size
+    before = [s[f"force {tau}"] / size - f for tau in _FORCE]
+    return [np.ones(len(f)), s["t"], s["u"], f, f * np.abs(f), f**3, *before, s["force rate"] / size]
+
+
+def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
+    """What a record's columns are made of, (n,) each, at the residuals' samples: motion over what the records span,
+    command over its largest, forces in N."""
+    r, size, take = rig.records[record], rig.sizes, problem.taken(record)
+    x, dt = rig.motions[record][0], r.sample_time
+    v = rig.velocity(record)
+    u, time = np.asarray(r.command) / size.command, np.asarray(r.time) - float(r.time[0])
+
+    def force_at(command: Array, moved: Array | None = None) -> Array:
+        return rig.through(record, size.command * command, {}, moved)["reference"]
+
+    force, still = force_at(u), force_at(0 * u)
+    f, w = force / size.force, v / size.velocity
+    place = x / size.stroke
+    moves = {
+        "by force": f,
+        "by force cubed": f**3,
+        "by its sign": np.tanh(5 * f),
+        "by force before": memory(f, dt, 0.1) - f,
+        **{f"by gap {gap}": 10 * (play(place, gap) - place) for gap in _GAPS},
+        "by v": w,
+        "by v in time": w * time / 5,
+        "by sign of v": np.tanh(w / _SLIP),
+        "by x": place,
+        "by x squared": place**2,
+        "by time": time / _TIME,
+        "by one": np.ones(r.n),
+    }
+    changed = {n: force_at(u, _STEP_MOTION * size.stroke * m) for n, m in moves.items()}
+    back = 0.01 * float(np.std(x))
+    states = {
+        "t": time / _TIME,
+        "x": place,
+        "v": w,
+        "a": derivative(v, dt) / size.acceleration,
+        "u": u,
+        "force": force,
+        "still": still,
+        "slope": (force_at(u + _STEP_COMMAND) - force) / _STEP_COMMAND,
+        "force rate": 0.01 * derivative(force, dt),
+        "slip": np.tanh(w / _SLIP),
+        "turn": stroke_since_reversal(x, back) / size.stroke,
+        "path": np.cumsum(np.abs(np.diff(x, prepend=x[0]))) / size.stroke,
+        "heat": np.cumsum(np.abs(force * v)) * dt / size.heat,
+        "turn of u": stroke_since_reversal(u, _TURN),
+        **{f"loop {width}": u - play(u, width) for width in _LOOPS},
+        **{f"slack {gap}": place - play(place, gap) for gap in _SLACK},
+        **{f"u {tau}": memory(u, dt, tau) for tau in _COMMAND},
+        # A test begins at rest: what sinks under load has not sunk yet.
+        **{f"load {tau}": memory(np.concatenate([[0.0], u**2]), dt, tau)[1:] for tau in _LOAD},
+        **{f"force {tau}": memory(force, dt, tau) for tau in _FORCE},
+        **{f"x {tau}": memory(place, dt, tau) for tau in _MOTION},
+        **{f"open {a} {tau}": np.exp(-dt * _since(np.abs(f) > a) / tau) for a in _OPENS for tau in _CLOSES},
+        **{name: (c - force) / _STEP_MOTION for name, c in changed.items()},
+    }
+    return {name: values[take] for name, values in states.items()}
+
+
+def play(x: Array, width: float) -> Array:
+    """(n,) what is drawn along by a signal (n,) through a gap of so much to either side (Prandtl's play)."""
+    out, at = np.empty(len(x)), float(x[0])
+    for k, value in enumerate(x.tolist()):
+        at = min(max(at, value - width), value + width)
+        out[k] = at
+    return out
+
+
+def _since(at: NDArray[np.bool_]) -> Array:
+    """(n,) samples since it was last so; without end before the first time."""
+    number = np.arange(len(at))
+    last = np.maximum.accumulate(np.where(at, number, -1))
+    return np.where(last < 0, np.inf, number - last)
+
+
+def _knots(values: Array, count: int) -> Array:
+    low, high = (float(q) for q in np.quantile(values, (0.01, 0.99)))
+    return np.linspace(low, high if high > low else low + 1.0, count)
+
+
+def _hats(values: Array, knots: Array) -> list[Array]:
+    """Linear splines (n,), one for each knot; constant beyond the ends."""
+    return [np.interp(values, knots, row) for row in np.eye(len(knots))]

@@ -1,0 +1,236 @@
+"""Which stage an unknown cause sits in: how well each stage's own variables tell the error of records left out.
+
+Four models of the nominal simulator's error stand for a stage: the law's numbers with the stage's own columns
+(`stage_columns`), a ridge fitted to the other records; for what is random in time the law's numbers alone; for what is
+another in each record a number of its own in each; and the catalogue's best effect of the stage, as the search fitted
+it. What a model leaves is then held against the stage once
+more: an error of the stage that wavers is the stage's gain times a number of its own in every window, so that it stops
+where the gain does and turns with it. The log likelihood of that counts beside the one of a white rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
+from mrdamp.diagnosis.evidence.resample import draws, seconds
+from mrdamp.diagnosis.evidence.verdict import INDEPENDENT, NUMBER_PRICE
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+
+#: Ridges, as shares of a column's own square; every so many samples are fitted to.
+_RIDGES, _EVERY = (1e-3, 1e-2, 1e-1), 3
+#: The law's prior against the whole square of the error.
+_LAW_PRIOR = 3e-3
+#: s, of a window (the first: a sample, the last: a record) of a wavering error.
+_WINDOWS = (0.0, 0.032, 0.128, np.inf)
+#: Independent samples, of those of a verdict, that its likelihood counts for: it can follow nearly anything. Where no
+#: model explains _TOUCHED (share of the error), the wavering is all there is, and counts for up to so many more.
+_WAVERING, _UNTOUCHED, _TOUCHED = 4.0, 200.0, 0.3
+#: Of a wavering error: levels of the rest, sizes over the error's own, shares of the windows that it is in.
+_LEVELS, _SIZES, _SHARES = 7, np.geomspace(0.03, 30, 6), (0.15, 0.999)
+#: A fit tells something of its effects' stage where it leaves no more than so much of what the law's numbers leave.
+_MORE = 0.8
+#: Stages whose errors are commonly random in time, and the price (nats) of that in another.
+_RANDOM, _RANDOM_PRICE = ("driver", "fluid", "sensor"), 1.0
+
+_Groups = list[NDArray[np.intp]]
+
+
+@dataclass(frozen=True, eq=False)
+class StageEvidence:
+    """values (1 + draws, stages): log evidence (nats) of each stage, of the records and of draws of their seconds."""
+
+    stages: tuple[str, ...]
+    values: Array
+
+    @classmethod
+    def of(
+        cls, problem: Problem, noise: float, found: Mapping[str, Fit] | None = None, base: Fit | None = None
+    ) -> StageEvidence | None:
+        """Of the nominal simulator's error in a damper's last channel (noise: standard deviation, N); None for
+        another rig. found: by stage, the best fit with its effects alone; base: with none, the law's numbers free."""
+        if not isinstance(problem.rig, DamperRig):
+            return None
+        errors = _Errors(problem)
+        law = min((errors.left(None), errors.weighted), key=_cost)
+        level = noise**2 * float(np.mean([u**2 for u in errors.units]))
+        plain: dict[str, Array] = {}
+        told: dict[str, Array] = {}
+        laws = [law, errors.weighted]
+        most = np.inf if base is None else _MORE * _cost(errors.parts(base.residual))
+        costs = [_cost(law)]
+        for name, own in columns_of(problem, problem.rig).items():
+            stage = "sensor" if name == "reading" else name
+            models = [(errors.left(own.columns), 0.0)]
+            f = (found or {}).get(stage)
+            if f is not None and _cost(errors.parts(f.residual)) < most:
+                price = NUMBER_PRICE * (len(f.point) - len(f.hypothesis.nominal))
+                models.append((errors.parts(f.residual), price))
+            rare = 0.0 if name in _RANDOM else _RANDOM_PRICE
+            models.append((errors.by_record(own), NUMBER_PRICE * len(own.gains) + rare))
+            costs += [_cost(left) for left, _ in models]
+            models += [(left, rare) for left in laws]
+            means = [errors.likelihoods(left, own, level) for left, _ in models]
+            values = [
+                (INDEPENDENT - _WAVERING) * white + _WAVERING * mean - price
+                for (_, price), (white, mean) in zip(models, means, strict=True)
+            ]
+            best = np.max(values, axis=0)
+            told[stage] = np.maximum(best, told.get(stage, best))
+            plain[stage] = np.maximum(means[-1][1], plain.get(stage, means[-1][1]))
+        explained = 1 - min(costs) / max(costs[0], 1e-30)
+        untouched = max(1 - explained / _TOUCHED, 0.0)
+        for stage in told:
+            price = 0.0 if stage in _RANDOM else _RANDOM_PRICE
+            told[stage] = told[stage] + untouched * (_UNTOUCHED * plain[stage] - price)
+        return cls(tuple(told), np.column_stack(list(told.values())))
+
+    def at(self, draw: int | None = None) -> dict[str, float]:
+        """Shares by stage, adding up to 1; in a draw of seconds."""
+        row = self.values[0 if draw is None else 1 + draw]
+        weights = np.exp(row - row.max())
+        return dict(zip(self.stages, (weights / weights.sum()).tolist(), strict=True))
+
+
+class _Errors:
+    """The error (measured less simulated) in the last channel, by record, weighted as residuals are."""
+
+    def __init__(self, problem: Problem) -> None:
+        last = len(problem.rig.channels) - 1
+        self._spans = [b.span for b in problem.blocks if b.channel == last]
+        nominal = Hypothesis(problem.rig.nominal)
+        at = np.zeros(len(problem.rig.nominal))
+        residual = problem.residuals(nominal, at)[0]
+        jacobian = problem.jacobian(nominal, at, residual)
+        self._weights = [problem.weights[s] for s in self._spans]
+        self._law = [jacobian[s] for s in self._spans]
+        self.weighted = self.parts(residual)
+        #: What an error in N is multiplied by to be over its record's size.
+        self.units = [float(w[0]) * np.sqrt(len(w)) for w in self._weights]
+        self._prior = _LAW_PRIOR * _cost(self.weighted) * (nominal.prior() ** 2 + 1e-9)
+        self._times = [problem.rig.records[k].sample_time * problem.stride for k in problem.records]
+        groups = seconds(problem)
+        self._seconds: _Groups = [groups[s] for s in self._spans]
+        self._drawn = draws(int(groups.max()) + 1)
+
+    def parts(self, residual: Array) -> list[Array]:
+        """A residual's (samples,) own parts, by record."""
+        return [-residual[s] for s in self._spans]
+
+    def left(self, columns: Sequence[Array] | None) -> list[Array]:
+        """What columns and the law's numbers, fitted to the other records, leave of each; with the best ridge."""
+        tables = self._law
+        if columns is not None:
+            own = zip(self._weights, columns, self._law, strict=True)
+            tables = [np.hstack([w[:, None] * c, law]) for w, c, law in own]
+        count = tables[0].shape[1] - self._law[0].shape[1]
+        thin = [(t[::_EVERY], e[::_EVERY]) for t, e in zip(tables, self.weighted, strict=True)]
+        grams, moments = [_EVERY * t.T @ t for t, _ in thin], [_EVERY * t.T @ e for t, e in thin]
+        gram, moment = sum(grams), sum(moments)
+        found = []
+        for ridge in _RIDGES if count else _RIDGES[:1]:
+            held = np.concatenate([ridge * np.diag(gram)[:count], self._prior])
+            left = []
+            for g, m, t, e in zip(grams, moments, tables, self.weighted, strict=True):
+                a = gram - g + np.diag(held + 1e-10 * np.trace(gram) / len(held) + 1e-300)
+                left.append(e - t @ np.linalg.solve(a, moment - m))
+            found.append(left)
+        return min(found, key=_cost)
+
+    def by_record(self, own: Columns) -> list[Array]:
+        """What a number of its own for each record, times the best of a stage's gains, leaves of the error."""
+        found = []
+        for kind in range(len(own.gains[0])):
+            gains = [g[kind] for g in own.gains]
+            scale = [float(e @ g) / max(float(g @ g), 1e-30) for e, g in zip(self.weighted, gains, strict=True)]
+            found.append([e - c * g for e, c, g in zip(self.weighted, scale, gains, strict=True)])
+        return min(found, key=_cost)
+
+    def likelihoods(self, left: Sequence[Array], own: Columns, level: float) -> tuple[Array, Array]:
+        """Mean log likelihoods (1 + draws,) of what a model leaves: as a white rest, and as wavering with the best of
+        the stage's gains."""
+        errors = [e * np.sqrt(len(e)) for e in left]
+        squares = self._by_second([e**2 for e in errors])
+        counts = self._by_second([np.ones(len(e)) for e in errors])
+        white = -0.5 * np.log(np.maximum(squares / counts, 1e-30)) - 0.5
+        means = []
+        for kind in range(len(own.gains[0])):
+            gains = [u * g[kind] for u, g in zip(self.units, own.gains, strict=True)]
+            values, samples = wavering(errors, gains, self._times, level, self._seconds, self._drawn.shape[1])
+            means.append(self._draw(values) / np.maximum(self._draw(samples), 1e-30))
+        return white, np.max(means, axis=0)
+
+    def _by_second(self, values: Sequence[Array]) -> Array:
+        count = self._drawn.shape[1]
+        sums = np.bincount(np.concatenate(self._seconds), np.concatenate(values), minlength=count)
+        return self._draw(sums.astype(float))
+
+    def _draw(self, sums: Array) -> Array:
+        """Sums (seconds,) over all seconds, then in each draw (1 + draws,)."""
+        return np.concatenate([[sums.sum()], self._drawn @ sums])
+
+
+def wavering(
+    errors: Sequence[Array],
+    gains: Sequence[Array],
+    times: Sequence[float],
+    level: float,
+    groups: _Groups,
+    count: int,
+) -> tuple[Array, Array]:
+    """Log likelihood of errors (n,) that are a gain (n,) times a normal number of its own in each window, and a white
+    rest of at least the noise's variance `level`; windows may be left out by the wavering. The best window, sizes and
+    shares count. Returns its sums by group, and the samples that they are of (groups,) each."""
+    best = -np.inf
+    values: Array = np.zeros(count)
+    samples: Array = np.zeros(count)
+    for window in _WINDOWS:
+        rows = []
+        for e, g, dt, group in zip(errors, gains, times, groups, strict=True):
+            n = round(min(max(window / dt, 1.0), len(e)))
+            cut = slice(0, len(e) // n * n)
+            a, b = e[cut].reshape(-1, n), g[cut].reshape(-1, n)
+            sums = ((a * a).sum(1), (a * b).sum(1), (b * b).sum(1))
+            rows.append(np.column_stack([*sums, np.full(len(a), float(n)), group[cut][::n]]))
+        ee, eg, gg, n, group = np.concatenate(rows).T
+        mean = float(ee.sum() / n.sum())
+        unit = mean / max(float(gg.sum() / n.sum()), 1e-30)
+        low = max(level, 1e-9 * mean, 1e-30)
+        for rest in np.geomspace(low, max(mean, 1.1 * low), _LEVELS):
+            still = -0.5 * (n * np.log(rest) + ee / rest)
+            tried = [still]
+            for size in _SIZES * unit:
+                known = eg**2 * size / (rest + size * gg)
+                moved = -0.5 * (n * np.log(rest) + np.log1p(size * gg / rest) + (ee - known) / rest)
+                tried += [np.logaddexp(np.log1p(-p) + still, np.log(p) + moved) for p in _SHARES]
+            top = max(tried, key=lambda v: float(v.sum()))
+            if float(top.sum() / n.sum()) > best:
+                best = float(top.sum() / n.sum())
+                number = group.astype(np.intp)
+                values = np.asarray(np.bincount(number, top, minlength=count), dtype=float)
+                samples = np.asarray(np.bincount(number, n, minlength=count), dtype=float)
+    return values, samples
+
+
+def _cost(parts: Sequence[Array]) -> float:
+    return sum(float(e @ e) for e in parts)
+
+
+def of_one_stage(search: Search) -> dict[str, Fit]:
+    """The best fit of a search with effects of one stage alone, by stage; rivals among them."""
+    out: dict[str, Fit] = {}
+    for f in [*search.fits.values(), *search.rivals]:
+        stages = {t.stage for t in f.hypothesis.terms}
+        if len(stages) == 1:
+            stage = stages.pop()
+            out[stage] = min(out.get(stage, f), f, key=lambda one: one.cost)
+    return out

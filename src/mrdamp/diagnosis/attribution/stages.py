@@ -1,0 +1,256 @@
+"""Where the gap lies: shares by stage of the chain, by record, and the regimes that hold more than their part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
+from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
+from mrdamp.diagnosis.evidence.verdict import shapley
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.result import Measured, Regime
+
+#: Without a cause that explains it, a stage counts by this power of what its effects explain best.
+_SHARPNESS = 3.0
+#: Where the law's own numbers act: they stand between the field and the mechanics.
+LAW_STAGE = "fluid"
+
+
+def stage_shares(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    measured: Sequence[Measured] = (),
+    evidence: StageEvidence | None = None,
+) -> dict[str, float]:
+    """Shares (adding up to 1) of the gap by stage.
+
+    With causes named, what each changes in the simulated channels with the numbers it was fitted with, and the law's
+    own numbers, which count as fluid: their covariances with the whole change. Without a cause (`unknown`), how well
+    each stage's own variables tell the error (`evidence`), or, where a rig has none of that, what the effects of each
+    stage explain at best, sharpened; what was measured between stages (`measured`) goes before. Where a cause outside
+    the catalogue explains the gap, the stage is its own.
+    """
+    if verdict == "effect" and chosen.hypothesis.terms:
+        return _of_changes(search, Changes.of(search, chosen).table.sum(axis=0), chosen)
+    shares = [m.share for m in measured]
+    return _shares(search, verdict, shares, measured, lambda f: f.cost, evidence.at() if evidence else {})
+
+
+def stage_intervals(
+    search: Search,
+    chosen: Fit,
+    verdict: str,
+    measured: Sequence[Measured] = (),
+    drawn: Array | None = None,
+    evidence: StageEvidence | None = None,
+) -> dict[str, Interval]:
+    """95 % intervals of `stage_shares`, seconds of the records drawn again; none where the shares are by definition.
+
+    drawn (draws, measured): the measured shares under the same draws. Fits stay where they are: at its optimum a cost
+    does not change with the parameters to first order.
+    """
+    if verdict == "effect" and chosen.hypothesis.terms:
+        table = Changes.of(search, chosen).table
+        rows = [_of_changes(search, sums, chosen) for sums in draws(len(table)) @ table]
+    elif verdict == "unknown":
+        costs = DrawnCosts.of(search)
+        parts = drawn if measured and drawn is not None else np.zeros((costs.count, len(measured)))
+        rows = [
+            _shares(search, verdict, own.tolist(), measured, costs.at(k), evidence.at(k) if evidence else {})
+            for k, own in enumerate(parts)
+        ]
+    else:
+        return {}
+    return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What the parts of a corrected simulator change: its causes in their order, then the law's own numbers.
+
+    table (seconds, parts): sums of a part's change times the whole change, over samples weighted as residuals are. A
+    part's change is the mean over all orders of switching the parts on with the numbers they were fitted with
+    (Shapley): nothing is fitted again, since a law bent to do without a cause is not what the cause is shared with.
+    """
+
+    table: Array
+
+    @classmethod
+    def of(cls, search: Search, chosen: Fit) -> Changes:
+        """Of a fit with causes."""
+        hypothesis = chosen.hypothesis
+        values = [c.value(float(q)) for c, q in zip(hypothesis.coordinates, chosen.point, strict=True)]
+        settings: dict[str, Settings] = {cause: {} for cause in hypothesis.causes}
+        at = len(hypothesis.nominal)
+        law = {c.name: v for c, v in zip(hypothesis.nominal, values[:at], strict=True)}
+        for term in hypothesis.terms:
+            count = len(term.coordinates)
+            own = dict(zip([c.name for c in term.coordinates], values[at : at + count], strict=True))
+            settings[term.cause] |= dict(term.fixed) | own
+            at += count
+        parts = [*settings.values(), law]
+        n = len(parts)
+        sets: list[Settings] = [
+            {k: v for i, p in enumerate(parts) if bits >> i & 1 for k, v in p.items()} for bits in range(2**n)
+        ]
+        rows = search.problem.of_settings(sets)
+        change = np.zeros((search.problem.samples, n))
+        for i in range(n):
+            for bits in (b for b in range(2**n) if not b >> i & 1):
+                inside = bits.bit_count()
+                weight = math.factorial(inside) * math.factorial(n - inside - 1) / math.factorial(n)
+                change[:, i] += weight * (rows[bits | 1 << i] - rows[bits])
+        whole = rows[-1] - rows[0]
+        return cls(group_sums(change * whole[:, None], seconds(search.problem)))
+
+
+def _of_changes(search: Search, sums: Array, chosen: Fit) -> dict[str, float]:
+    """Shares of the stages from sums (parts,) of `Changes`."""
+    shares = dict.fromkeys((s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)), 0.0)
+    stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
+    for name, value in zip([*(stage[c] for c in chosen.hypothesis.causes), LAW_STAGE], sums, strict=True):
+        shares[name] = shares.get(name, 0.0) + max(float(value), 0.0)
+    total = sum(shares.values())
+    return {s: v / total if total > 0 else 1 / len(shares) for s, v in shares.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnCosts:
+    """Costs of all fits of a search under draws of seconds: table (draws, fits), column by the fit's id."""
+
+    table: Array
+    column: Mapping[int, int]
+
+    @classmethod
+    def of(cls, search: Search) -> DrawnCosts:
+        """Of what a search has found so far."""
+        fits, groups = list(search.fits.values()), seconds(search.problem)
+        sums = group_sums(np.column_stack([f.residual for f in fits]) ** 2, groups)
+        return cls(draws(len(sums)) @ sums, {id(f): k for k, f in enumerate(fits)})
+
+    @property
+    def count(self) -> int:
+        return len(self.table)
+
+    def at(self, draw: int) -> Callable[[Fit], float]:
+        """The cost of a fit in a draw."""
+        return lambda f: float(self.table[draw, self.column[id(f)]])
+
+
+def cause_shares(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
+    """Shapley shares of the named causes in the fall of the cost."""
+    free, causes = bool(chosen.hypothesis.nominal), chosen.hypothesis.causes
+    # The best form of each set comes last, and stays.
+    costs = {
+        frozenset(f.hypothesis.causes): cost(f)
+        for f in reversed(search.ranked(free))
+        if set(f.hypothesis.causes) <= set(causes)
+    }
+    return shapley(costs, causes)
+
+
+def _shares(
+    search: Search,
+    verdict: str,
+    parts: Sequence[float],
+    measured: Sequence[Measured],
+    cost: Callable[[Fit], float],
+    told: Mapping[str, float],
+) -> dict[str, float]:
+    stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
+    if verdict != "unknown":
+        return {s: float(s == LAW_STAGE) for s in stages}
+    if search.looks_like is not None:
+        (term,) = search.looks_like.hypothesis.terms
+        return {s: float(s == term.stage) for s in stages}
+    if told:
+        return _within({s: told.get(s, 0.0) for s in stages}, parts, measured)
+    weights = {s: value**_SHARPNESS for s, value in _explained(search, stages, cost).items()}
+    total = sum(weights.values())
+    return _within({s: value / total for s, value in weights.items()}, parts, measured)
+
+
+def _explained(search: Search, stages: Sequence[str], cost: Callable[[Fit], float]) -> dict[str, float]:
+    """Share of what is beyond the noise that a stage's effects explain at best, with the law held or free."""
+    nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
+    explained = dict.fromkeys(stages, 1e-3)
+    for free in (False, True):
+        before = base if free else nominal
+        for f in search.ranked(free):
+            of = {t.stage for t in f.hypothesis.terms}
+            if len(of) == 1 and before > search.floor:
+                share = (before - cost(f)) / (before - search.floor)
+                only = of.pop()
+                explained[only] = max(explained[only], share)
+    return explained
+
+
+def _within(
+    nearest: Mapping[str, float], parts: Sequence[float], measured: Sequence[Measured]
+) -> dict[str, float]:
+    """Shares of the stages inside each measured part, which has its own.
+
+    A displacement that is read wrongly moves the damper: what stands between the command and the load cell holds that
+    part of the sensor.
+    """
+    sizes = [max(p, 0.0) for p in parts]
+    if not sum(sizes) > 0:
+        return dict(nearest)
+    out = dict.fromkeys(nearest, 0.0)
+    for part, size in zip(measured, sizes, strict=True):
+        inside = [s for s in part.stages if s in out]
+        if "mount" in inside and "sensor" not in inside:
+            inside.append("sensor")
+        total = sum(nearest[s] for s in inside)
+        for s in inside:
+            out[s] += size / sum(sizes) * (nearest[s] / total if total > 0 else 1 / len(inside))
+    return out
+
+
+def record_shares(problem: Problem, residual: Array) -> dict[str, float]:
+    """Share of the sum of gaps squared by record."""
+    squares = problem.gaps(residual) ** 2
+    out: dict[str, float] = {}
+    for b, value in zip(problem.blocks, squares, strict=True):
+        name = problem.rig.records[b.record].name
+        out[name] = out.get(name, 0.0) + float(value)
+    total = sum(out.values()) or 1.0
+    return {name: value / total for name, value in out.items()}
+
+
+def regimes(
+    conditions: Mapping[str, Array], residual: Array, halves: Array, least: float = 1.5, bins: int = 4
+) -> tuple[Regime, ...]:
+    """Regions in which the squared residual is `least` times its mean, found on one half and confirmed on the other.
+
+    conditions: name -> (samples,); residual (samples,) weighted; halves (samples,) bool: which half to find on.
+    Regions are the quarters of each condition's range of values.
+    """
+    power = residual**2
+    found = []
+    for name, values in conditions.items():
+        edges = np.quantile(values, np.linspace(0, 1, bins + 1))
+        if not edges[-1] > edges[0]:
+            continue
+        for k in range(bins):
+            inside = (values >= edges[k]) & ((values < edges[k + 1]) | (k == bins - 1))
+            ratios = []
+            for half in (halves, np.logical_not(halves)):
+                n = np.count_nonzero(inside & half)
+                mean = float(np.mean(power[half]))
+                ratios.append(float(np.mean(power[inside & half])) / mean if n > 20 and mean > 0 else 0.0)
+            if min(ratios) > least:
+                share = float(np.sum(power[inside]) / max(np.sum(power), 1e-30))
+                what = f"{name} from {edges[k]:.3g} to {edges[k + 1]:.3g}"
+                found.append(Regime(what, share, float(np.mean(inside))))
+    found.sort(key=lambda r: (-r.share_of_gap / max(r.share_of_samples, 1e-9), r.what))
+    return tuple(found[:6])

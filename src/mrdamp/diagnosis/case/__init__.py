@@ -1,0 +1,1 @@
+"""The case as read, and what an audit of its records finds."""

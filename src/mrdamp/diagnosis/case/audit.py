@@ -1,0 +1,47 @@
+"""What is odd about records before any model is run: findings told in a line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.record_checks import clipped
+
+#: Shares of samples above which held samples and coarse steps are told.
+_HELD, _COARSE = 0.05, 0.02
+
+
+def audit(case: Case) -> Iterator[str]:
+    """Clipping, held samples and coarse quantisation by record; repeats whose original is not there."""
+    for record in case.records:
+        for name, values in record.channels.items():
+            if name in ("time_s", "command") or not float(np.ptp(values)) > 0:
+                continue
+            cut = clipped(values)
+            if cut is not None:
+                yield f"{record.name}: {name} is clipped at {cut[0]:g} for {100 * cut[1]:.1f} % of the samples"
+            elif held_share(values) > _HELD:
+                yield f"{record.name}: {name} repeats its last value in {100 * held_share(values):.0f} % of the samples"
+            step = quantum(values)
+            if step > _COARSE * float(np.std(values)):
+                yield f"{record.name}: {name} comes in steps of {step:g}"
+    for repeat, original in case.repeats:
+        if original is None:
+            yield f"{repeat.name}: no record has the same input; it is left aside"
+
+
+def held_share(values: Array) -> float:
+    """Share of samples that equal the one before, where the signal moves."""
+    same = np.diff(values) == 0
+    return float(np.mean(same))
+
+
+def quantum(values: Array) -> float:
+    """Step of a converter: the smallest difference between values, where few values are taken; else 0."""
+    levels = np.unique(values)
+    if len(levels) < 2 or len(levels) > 0.2 * len(values):
+        return 0.0
+    return float(np.min(np.diff(levels)))

@@ -1,0 +1,1 @@
+"""What the measured channels say before any law: noise, smoothing, interfaces of the chain."""

@@ -1,0 +1,84 @@
+"""What two runs of one test differ by: the noise floor of every block of residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.smoothing import noise_level
+from mrdamp.diagnosis.hypotheses.terms import Settings
+from mrdamp.diagnosis.problem.residuals import SKIP, Problem
+from mrdamp.diagnosis.problem.rig import Rig
+
+#: Two runs that differ by more than this times the noise of the high band do not repeat.
+_REPEATS = 1.75
+#: Gap of noise at which a block counts 0.7: errors of form are of this size.
+_CLEAR = 0.012
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of each channel's noise (channels,), in its unit, and where it is known from.
+
+    varying: the same without what differs by a constant from run to run. steady: False where two runs of one test
+    differ by more than their noise.
+    """
+
+    levels: Array
+    source: str  # "repeat" or "high band"
+    varying: Array
+    steady: bool = True
+
+
+def channel_noise(case: Case, rig: Rig) -> Noise:
+    """From the repeats where there are any, else from what no smooth signal holds: the fifth differences.
+
+    Two runs differ by both their noises; the mean square is halved. A constant difference (an offset that drifts
+    between tests) counts as noise.
+    """
+    pairs = [(case.records[k], r) for r, k in case.repeats if k is not None]
+    levels, varying = np.empty(len(rig.channels)), np.empty(len(rig.channels))
+    for c, name in enumerate(rig.channels):
+        if pairs:
+            skip = round(SKIP / pairs[0][0].sample_time)
+            apart = [(first.channel(name) - second.channel(name))[skip:] for first, second in pairs]
+            levels[c] = np.sqrt(np.mean([np.mean(d**2) / 2 for d in apart]))
+            varying[c] = np.sqrt(np.mean([np.var(d) / 2 for d in apart]))
+        else:
+            levels[c] = varying[c] = np.median([noise_level(r.channel(name)) for r in case.records])
+    return Noise(levels, "repeat" if pairs else "high band", varying)
+
+
+def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Noise, list[str]]:
+    """The noise, no more than the high band's where two runs of a test differ by more, and notes on what does not
+    repeat: what changes from run to run is a gap and no noise. case: as measured; block: samples that the rig
+    averages into one."""
+    levels, notes = noise.levels.copy(), []
+    for c, name in enumerate(rig.channels):
+        white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(block)
+        if noise.varying[c] > _REPEATS * white > 0:
+            ratio = noise.varying[c] / white
+            notes.append(f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise")
+            levels[c] = white
+    return replace(noise, levels=levels, steady=not notes), notes
+
+
+def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
+    """Gap (blocks,) that the noise alone leaves: the outputs' own, and the inputs' carried through the simulator."""
+    carried = {k: problem.rig.input_noise(settings, k) for k in problem.records}
+    share = {k: problem.rig.noise_share(k) for k in problem.records}
+    return np.array(
+        [
+            np.hypot(share[b.record] * noise.levels[b.channel], carried[b.record][b.channel]) / b.size
+            for b in problem.blocks
+        ]
+    )
+
+
+def trust(problem: Problem, floor: Array) -> dict[tuple[int, int], float]:
+    """What each block counts, by (record, channel): less, the more of it is noise (floor (blocks,), as gaps)."""
+    counts = 1 / np.hypot(1.0, floor / _CLEAR)
+    return {(b.record, b.channel): float(c) for b, c in zip(problem.blocks, counts, strict=True)}

@@ -1,0 +1,1 @@
+"""From fits to evidence, probabilities and a verdict."""

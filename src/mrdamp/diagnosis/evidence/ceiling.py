@@ -1,0 +1,145 @@
+"""How much of a residual any model of the rig could predict: a ridge over random features, judged on other records.
+
+Features are causal: motion, command and simulated force, their lags, first-order memories, the stroke since the last
+reversal and the heat put in. Random Fourier features (Rahimi, Recht 2007) make the ridge nonparametric; records are
+left out whole, so that nothing of a record's own noise or trend is learnt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.problem.residuals import Problem
+
+#: Random features and the ridge's strength over the number of samples.
+_WIDTH, _RIDGES = 240, (1e-4, 1e-2, 1.0)
+#: s, memories of first-order filters.
+_MEMORIES = (0.01, 0.05, 0.5)
+_SEED = 7
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """predictable: share of the residuals' sum of squares that is predicted on records left out (0 to 1).
+
+    corrected (n,) per record: the residual less what was predicted.
+    """
+
+    predictable: float
+    corrected: tuple[Array, ...]
+
+
+def memory(x: Array, sample_time: float, tau: float) -> Array:
+    """First-order low-pass of a signal (n,), from its first value."""
+    decay = float(np.exp(-sample_time / tau))
+    out, _ = lfilter([1 - decay], [1, -decay], x, zi=[decay * x[0]])
+    return np.asarray(out)
+
+
+def stroke_since_reversal(x: Array, back: float) -> Array:
+    """(n,) distance from the last turning point; a turn counts from `back` (m) of way back."""
+    out = np.empty(len(x))
+    turn = extreme = float(x[0])
+    direction = 0.0
+    for k, value in enumerate(x.tolist()):
+        if direction == 0.0:
+            if abs(value - turn) > back:
+                direction, extreme = (1.0 if value > turn else -1.0), value
+        elif (value - extreme) * direction >= 0:
+            extreme = value
+        elif (extreme - value) * direction > back:
+            turn, extreme, direction = extreme, value, -direction
+        out[k] = value - turn
+    return out
+
+
+def features(
+    inputs: Sequence[Array], force: Array, velocity: Array, sample_time: float, stroke: Array
+) -> Array:
+    """(n, features): inputs are the record's own (motion, velocity, command ...), force the simulated answer."""
+    columns = [*inputs, force, stroke]
+    for x in (*inputs, force):
+        columns += [memory(x, sample_time, tau) for tau in _MEMORIES]
+    columns.append(np.cumsum(np.abs(force * velocity)) * sample_time)
+    return np.column_stack(columns)
+
+
+def of_fit(problem: Problem, residual: Array, floor: float) -> Ceiling:
+    """Ceiling of a fit's weighted residuals (samples,), from what the rig's conditions and its answer hold.
+
+    floor: sum of squares of the weighted residuals that is noise. Each channel of a record is a series of its own.
+    """
+    tables, left, weights = [], [], []
+    simulated = residual / problem.weights + problem.measured()
+    for b in problem.blocks:
+        record = problem.rig.records[b.record]
+        conditions = problem.rig.conditions(b.record)
+        taken, dt = problem.taken(b.record), record.sample_time * problem.stride
+        inputs = [v[taken] for name, v in conditions.items() if not name.startswith("time")]
+        motion = next((v for name, v in conditions.items() if name.startswith("displacement")), inputs[0])
+        speed = next((v for name, v in conditions.items() if name.startswith("velocity")), inputs[0])
+        stroke = stroke_since_reversal(motion, 0.01 * float(np.std(motion)))[taken]
+        answer = simulated[b.span]
+        channel = np.zeros((len(answer), len(problem.rig.channels)))
+        channel[:, b.channel] = 1.0
+        table = features(inputs, answer, speed[taken], dt, stroke)
+        tables.append(np.hstack([table, channel]))
+        left.append(residual[b.span] / problem.weights[b.span] / b.size)
+        weights.append(problem.weights[b.span] * b.size)
+    groups = [b.record for b in problem.blocks]
+    return ceiling(tables, left, weights, floor, groups)
+
+
+def ceiling(
+    tables: Sequence[Array],
+    residuals: Sequence[Array],
+    weights: Sequence[Array],
+    noise: float,
+    groups: Sequence[int],
+    stride: int = 2,
+) -> Ceiling:
+    """What is predictable of weighted residuals (series) from tables of features (n, features) for each.
+
+    noise: sum of squares of the weighted residuals that is noise; it cannot be predicted and does not count. groups:
+    number of the record that each series belongs to; a record's series are left out together.
+    """
+    mean = np.mean(np.vstack([t[::stride] for t in tables]), axis=0)
+    scale = np.std(np.vstack([t[::stride] for t in tables]), axis=0)
+    scale[scale == 0] = 1.0
+    rng = np.random.default_rng(_SEED)
+    width = tables[0].shape[1]
+    # Few inputs a feature: an interaction of all of them is not to be learnt from so few records.
+    mask = rng.random((width, _WIDTH)) < 3.0 / width
+    w = rng.standard_normal((width, _WIDTH)) * mask
+    phase = rng.uniform(0, 2 * np.pi, _WIDTH)
+    maps = []
+    for t in tables:
+        z = np.clip((t - mean) / scale, -4, 4)
+        maps.append(np.column_stack([np.ones(len(z)), z, np.cos(z @ w + phase)]))
+    total = sum(float(np.sum((weight * r) ** 2)) for weight, r in zip(weights, residuals, strict=True))
+    best: tuple[float, list[Array]] = (total, [np.asarray(r) for r in residuals])
+    parts = []
+    for m, r, weight in zip(maps, residuals, weights, strict=True):
+        rows = weight[::stride, None] * m[::stride]
+        parts.append((rows.T @ rows, rows.T @ (weight * r)[::stride]))
+    gram, moment = sum(p[0] for p in parts), sum(p[1] for p in parts)
+    for ridge in _RIDGES:
+        left = []
+        solved: dict[int, Array] = {}
+        for group in dict.fromkeys(groups):
+            own = [p for p, g in zip(parts, groups, strict=True) if g == group]
+            a = gram - sum(p[0] for p in own) + ridge * np.diag(np.diag(gram))
+            a = a + 1e-12 * np.trace(gram) * np.eye(len(gram))
+            solved[group] = np.linalg.solve(a, moment - sum(p[1] for p in own))
+        for m, r, group in zip(maps, residuals, groups, strict=True):
+            left.append(r - m @ solved[group])
+        cost = sum(float(np.sum((weight * e) ** 2)) for weight, e in zip(weights, left, strict=True))
+        if cost < best[0]:
+            best = (cost, left)
+    excess = max(total - noise, 1e-30)
+    return Ceiling(float(np.clip((total - best[0]) / excess, 0.0, 1.0)), tuple(best[1]))

@@ -1,0 +1,39 @@
+"""Fits whose causes are there in name only, and what is held against them (nats)."""
+
+from __future__ import annotations
+
+from mrdamp.diagnosis.evidence.verdict import NOT_ITSELF, REDUCIBLE, idle_price
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.problem.rig import Rig
+
+#: Numbers that together make a cause: where they stand at their lower ends it is another one. A mount without its
+#: clearance is a spring, and what is left of a lag without its time is a form of something else.
+_MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
+
+
+def of_itself(found: Fit) -> float:
+    """Against a fit with a cause that is gone where it stands."""
+    return NOT_ITSELF * gone(found)
+
+
+def of_damper(rig: Rig, found: Fit, law: Fit) -> float:
+    """Against a fit of a damper's records on which free numbers alone (`law`) do as well or would say the same."""
+    doubt = NOT_ITSELF * unreferenced(rig, found)
+    if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * law.cost:
+        doubt += idle_price(found.move)
+    return doubt
+
+
+def gone(found: Fit) -> bool:
+    """True where one of its causes is there in name only."""
+    low = set(found.at_lower_bounds)
+    own = {c.name for c in found.hypothesis.coordinates}
+    return any(making & own and making & own <= low for making in _MAKING)
+
+
+def unreferenced(rig: Rig, found: Fit) -> bool:
+    """True where a gain of the force channel is only a common factor in the law's numbers: with no reference beside
+    the sensor no record can tell the two apart, and numbers that are off are the plainer statement."""
+    if "reference_force_N" in rig.channels or not rig.nominal:
+        return False
+    return "sensor_gain" in found.hypothesis.causes

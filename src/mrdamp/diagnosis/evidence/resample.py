@@ -1,0 +1,118 @@
+"""Intervals by drawing again what is independent: seconds of the residuals, or records. Nothing is fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.fits.least_squares import PRIOR_WEIGHT, Fit
+from mrdamp.diagnosis.hypotheses.terms import Settings
+from mrdamp.diagnosis.problem.residuals import Problem
+
+Interval = tuple[float, float]
+Numbers = NDArray[np.intp]
+
+#: s, of a block; draws; per cent between which 95 % of them lie.
+SECONDS, DRAWS, _ENDS = 1.0, 400, (2.5, 97.5)
+_SEED = 17
+#: Records that are drawn as wholes, at least.
+_RECORDS = 4
+
+
+def seconds(problem: Problem) -> Numbers:
+    """Number of the block (samples,) that each residual is in: a second of a record, all its channels together."""
+    out, at = np.empty(problem.samples, dtype=np.intp), 0
+    for k in problem.records:
+        record = problem.rig.records[k]
+        number = np.floor((record.time[problem.taken(k)] - record.time[0]) / SECONDS).astype(np.intp)
+        for b in (b for b in problem.blocks if b.record == k):
+            out[b.span] = at + number
+        at += int(number.max()) + 1
+    return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
+
+
+def of_records(problem: Problem) -> Numbers:
+    """Number of the record (samples,) that each residual is in, from 0."""
+    out = np.empty(problem.samples, dtype=np.intp)
+    for b in problem.blocks:
+        out[b.span] = problem.records.index(b.record)
+    return out
+
+
+def draws(groups: int, count: int = DRAWS, seed: int = _SEED) -> Array:
+    """How often each group is drawn (count, groups): with replacement, as many as there are."""
+    rng = np.random.default_rng([seed, groups])
+    return rng.multinomial(groups, np.full(groups, 1 / groups), size=count).astype(float)
+
+
+def interval(values: Array) -> Interval:
+    """95 % of draws (draws,)."""
+    low, high = np.percentile(values, _ENDS)
+    return float(low), float(high)
+
+
+def group_sums(values: Array, groups: Numbers) -> Array:
+    """Sums by group (groups, columns) of values (samples, columns)."""
+    count = int(groups.max()) + 1
+    return np.column_stack([np.bincount(groups, column, minlength=count) for column in values.T])
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Points (draws, coordinates) that a fit's parameters go to, in units of search.
+
+    widest: each coordinate's own draws of the grouping that gives it the wider interval; together: draws of all
+    coordinates at once, from whole records where there are enough of them.
+    """
+
+    fit: Fit
+    widest: Array
+    together: Array
+
+    def intervals(self) -> dict[str, Interval]:
+        """95 % intervals of the settings by name, in SI units."""
+        out = {}
+        for k, c in enumerate(self.fit.hypothesis.coordinates):
+            values = sorted(c.value(end) for end in interval(self.widest[:, k]))
+            out[c.name] = (values[0], values[1])
+        return out
+
+    def settings(self) -> Iterator[Settings]:
+        """Settings of the draws, whose parameters belong together."""
+        return (self.fit.hypothesis.settings(q) for q in self.together)
+
+
+def spread(problem: Problem, found: Fit) -> Spread:
+    """Where the parameters of a fit may stand.
+
+    The score bootstrap (Kline, Santos 2012, doi:10.1515/2156-6674.1006): blocks of the gradient are drawn again, and
+    one Gauss-Newton step with the whole records' curvature takes the parameters to where the draw has its optimum.
+    Blocks are seconds, which holds for noise; where an error of form runs through a whole record, records are the
+    blocks. Draws stay within the parameters' ranges.
+    """
+    j, prior = found.jacobian, found.hypothesis.prior()
+    low, high = found.hypothesis.bounds()
+    if not j.shape[1]:
+        return Spread(found, np.zeros((DRAWS, 0)), np.zeros((DRAWS, 0)))
+    curvature = j.T @ j + PRIOR_WEIGHT * np.diag(prior**2)
+    curvature += 1e-9 * max(float(np.max(np.diag(curvature))), 1e-30) * np.eye(len(curvature))
+    scores = j * found.residual[:, None]
+    points: list[Array] = []
+    for groups, least in ((seconds(problem), 2), (of_records(problem), _RECORDS)):
+        by_group = group_sums(scores, groups)
+        count = len(by_group)
+        if count < least:
+            continue
+        # Their sum is zero at an optimum, up to the prior's pull and ranges that end.
+        centred = (by_group - by_group.mean(axis=0)) * np.sqrt(count / (count - 1))
+        step = -np.linalg.solve(curvature, (draws(count) @ centred).T).T
+        points.append(np.clip(found.point + step, low, high))
+    if not points:
+        points = [np.repeat(found.point[None], DRAWS, axis=0)]
+    wider = np.argmax([p.std(axis=0) for p in points], axis=0)
+    widest = np.column_stack([points[w][:, k] for k, w in enumerate(wider)])
+    return Spread(found, widest, points[-1])

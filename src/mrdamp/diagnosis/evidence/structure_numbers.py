@@ -1,0 +1,128 @@
+"""When the nominal numbers are free: which of the structure's own stand out, and how far the others are believed.
+
+A storey's stiffness and damping and a floor's mass are nominal numbers and causes at once. Where all numbers are a
+little off, that is `parameters`; where one is far off beside the scatter of the others, it is that storey's or floor's
+effect. The scatter is estimated from the numbers themselves and is heavy-tailed (Student, 2 degrees of freedom).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
+from mrdamp.diagnosis.problem.frame import FrameRig
+
+#: Least scatter of masses and stiffnesses that an owner's numbers have; damping is known so many times worse.
+_SCATTER, _DAMPING = 0.015, 5.0
+#: Independent samples that the standard errors are taken over.
+_INDEPENDENT = 300.0
+#: Least relative change that counts as an effect (of damping, this times _DAMPING), and the most of them at once.
+_LEAST, _MOST = 0.06, 2
+_EFFECTS = {"stiffness": "storey_stiffness", "damping": "storey_damping", "mass": "floor_mass"}
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Logarithms of the structure's fitted numbers over the nominal ones (numbers,), less what all masses and
+    stiffnesses share; scale: 1, or how much worse the number is known; error: standard errors (numbers,)."""
+
+    names: tuple[str, ...]
+    columns: tuple[int, ...]
+    values: Array
+    scale: Array
+    error: Array
+
+    def doubt(self, without: tuple[int, ...] = ()) -> float:
+        """Nats against these deviations, at the scatter that makes it least; `without` are not counted."""
+        keep = [k for k in range(len(self.names)) if k not in without]
+        scatters = _SCATTER * np.geomspace(1.0, 30.0, 25)
+        least = np.inf
+        for s in scatters:
+            size = np.hypot(s * self.scale[keep], self.error[keep])
+            own = np.hypot(_SCATTER * self.scale[keep], self.error[keep])
+            nats = np.sum(1.5 * np.log1p(0.5 * (self.values[keep] / size) ** 2) + np.log(size / own))
+            least = min(least, float(nats))
+        return least
+
+
+def deviations(found: Fit) -> Deviations:
+    """Of a fit whose nominal numbers are free."""
+    q = found.point
+    names, columns = [], []
+    for k, c in enumerate(found.hypothesis.nominal):
+        if c.name.partition("@")[0] in _EFFECTS:
+            names.append(c.name)
+            columns.append(k)
+    coordinates = [found.hypothesis.nominal[k] for k in columns]
+    values = np.array([c.scale * q[k] for c, k in zip(coordinates, columns, strict=True)])
+    kinds = [n.partition("@")[0] for n in names]
+    common = float(np.median([v for v, kind in zip(values, kinds, strict=True) if kind != "damping"]))
+    values = values - np.array([0.0 if kind == "damping" else common for kind in kinds])
+    normal = found.jacobian.T @ found.jacobian
+    normal += np.diag(1e-9 * np.max(np.diag(normal)) + found.hypothesis.prior() ** 2 * 1e-6)
+    covariance = np.linalg.inv(normal) * found.cost / _INDEPENDENT
+    error = np.array([c.scale * np.sqrt(covariance[k, k]) for c, k in zip(coordinates, columns, strict=True)])
+    scale = np.array([_DAMPING if kind == "damping" else 1.0 for kind in kinds])
+    return Deviations(tuple(names), tuple(columns), values, scale, error)
+
+
+def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]:
+    """The fit with one or two of the structure's numbers told as effects, with the doubt that is left.
+
+    Only where each takes more than `price` nats off the doubt. The simulator is the same.
+    """
+    d = deviations(found)
+    out: list[tuple[Fit, float]] = []
+    taken = {t.cause for t in found.hypothesis.terms}
+    far = [
+        k
+        for k in range(len(d.names))
+        if abs(d.values[k]) > _LEAST * d.scale[k]
+        and abs(d.values[k]) > 3 * d.error[k]
+        and _cause(d.names[k]) not in taken
+    ]
+    far.sort(key=lambda k: -abs(d.values[k]) / d.scale[k])
+    whole = d.doubt()
+    for count in range(1, _MOST + 1):
+        for chosen in combinations(far[:4], count):
+            doubt = d.doubt(chosen)
+            if doubt < whole - count * price:
+                out.append((_told(rig, found, d, chosen), doubt))
+    return out
+
+
+def _cause(name: str) -> str:
+    kind, _, place = name.partition("@")
+    return f"{_EFFECTS[kind]}@{place}"
+
+
+def _told(rig: FrameRig, found: Fit, d: Deviations, chosen: tuple[int, ...]) -> Fit:
+    """The same simulator with numbers moved from the nominal ones into effects."""
+    terms: list[Term] = [next(t for t in rig.terms if t.cause == _cause(d.names[k])) for k in chosen]
+    point, added, columns = found.point.copy(), [], []
+    for k, term in zip(chosen, terms, strict=True):
+        at, nominal = d.columns[k], found.hypothesis.nominal[d.columns[k]]
+        rest = found.point[at] - d.values[k] / nominal.scale  # what all masses and stiffnesses share stays nominal
+        own = nominal.value(float(rest))
+        change = nominal.value(float(found.point[at])) - own
+        coordinate = term.coordinates[0]
+        added.append(coordinate.point(change if term.effect == "floor_mass" else change / own))
+        slope = (1.0 if term.effect == "floor_mass" else own) * coordinate.scale
+        columns.append(found.jacobian[:, at] * slope / (nominal.scale * nominal.value(float(found.point[at]))))
+        point[at] = rest
+    hypothesis = Hypothesis(found.hypothesis.nominal, (*found.hypothesis.terms, *terms))
+    jacobian = np.hstack([found.jacobian, np.array(columns).T])
+    return Fit(
+        hypothesis,
+        np.concatenate([point, added]),
+        found.cost,
+        found.residual,
+        jacobian,
+        found.iterations,
+        found.converged,
+    )

@@ -1,0 +1,90 @@
+"""What these records cannot tell apart, and what they cannot show at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Term
+
+#: Two causes are tied where what they change is alike by this cosine, or the rival is this probable.
+_COSINE, _PROBABLE = 0.98, 0.1
+#: A cause is unseen where its signature is below so many times the error that is left, at the size it starts from.
+_SEEN = 0.1
+#: Settings whose effect is the weaker, the larger they are.
+_INVERSE = frozenset({"saturation_i_s", "mount_compliance_k", "sensor_leakage_tau"})
+
+
+def cosine(a: Array, b: Array) -> float:
+    """Of the angle between two changes (samples,)."""
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0 else 0.0
+
+
+def tie_classes(
+    search: Search, chosen: Fit, sets: dict[tuple[str, ...], float]
+) -> tuple[tuple[str, ...], ...]:
+    """Classes of causes that do as well as a named one in its place: by probability, or by what they change.
+
+    sets: probability by set of causes. A class with `parameters` in it: a recalibration does as well.
+    """
+    named = set(chosen.hypothesis.causes)
+    if not named:
+        return ()
+    free = bool(chosen.hypothesis.nominal)
+    rivals: dict[str, set[str]] = {cause: set() for cause in named}
+    best = max(sets.values(), default=1.0)
+    for causes, p in sets.items():
+        members = set(causes)
+        if p >= _PROBABLE * best and len(members) == len(named) and len(named - members) == 1:
+            rivals[(named - members).pop()] |= members - named
+    for found in search.ranked(free):
+        members = set(found.hypothesis.causes)
+        if len(members) != len(named) or len(named - members) != 1:
+            continue
+        out, others = (named - members).pop(), named & members
+        rest = search.smallest(free, others)
+        if rest is None or search.unexplained(found) > 2 * search.unexplained(chosen) + 0.05:
+            continue
+        alike = cosine(chosen.residual - rest.residual, found.residual - rest.residual)
+        if alike > _COSINE:
+            rivals[out] |= members - named
+    return tuple(tuple(sorted({cause, *others})) for cause, others in sorted(rivals.items()) if others)
+
+
+def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
+    """Effects of the catalogue that these records show too little of to say anything, with the size they could hide.
+
+    The size is that at which the signature, less what the free nominal parameters can make of it, reaches a tenth of
+    the error that is left, and no more than the end of the setting's range.
+    """
+    base = search.base
+    basis = np.linalg.qr(base.jacobian)[0] if base.jacobian.shape[1] else base.jacobian
+    rough = search.problem.rougher(base.hypothesis)
+    before = rough.residuals(base.hypothesis, base.point)[0]
+    out = []
+    for term in search.beside(()):
+        if term.cause in chosen.hypothesis.causes:
+            continue
+        hypothesis, point = search.start_from(base, term, 0)
+        change = rough.residuals(hypothesis, point)[0] - before
+        own = change - basis @ (basis.T @ change)
+        size = float(np.linalg.norm(own)) / max(float(np.sqrt(chosen.cost)), 1e-12)
+        if size < _SEEN:
+            value = could_hide(term, _SEEN / max(size, 1e-9))
+            out.append({"effect": term.cause, "setting": term.coordinates[0].name, "could_hide": value})
+    return tuple({str(u["effect"]): u for u in out}.values())
+
+
+def could_hide(term: Term, factor: float) -> float:
+    """The first setting of a term at so many times the size that it starts from, within its range."""
+    first, start = term.coordinates[0], term.starts[0][0]
+    if not first.log:
+        value = first.start + factor * (start - first.start)
+    else:
+        value = start / factor if first.name.partition("@")[0] in _INVERSE else start * factor
+    return min(max(value, first.low), first.high)

@@ -1,0 +1,1 @@
+"""Fits of hypotheses and the search over them."""

@@ -1,0 +1,30 @@
+"""What a search has done already."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.fits.beam import Promise
+from mrdamp.diagnosis.fits.least_squares import Fit
+
+
+@dataclass
+class Seen:
+    """What was fitted and screened with the nominal parameters held or free, so that nothing is done twice.
+
+    fits: by name and start; screens: by fit, its point and the terms; signatures: what a term changes in the nominal
+    simulator's residuals (samples,), by its name and start.
+    """
+
+    fits: dict[tuple[str, bytes], Fit] = field(default_factory=dict)
+    screens: dict[tuple[str, bytes, tuple[str, ...]], list[Promise]] = field(default_factory=dict)
+    signatures: dict[tuple[str, int], Array] = field(default_factory=dict)
+
+    def held(self) -> Seen:
+        """Only what had the nominal parameters held, which is the same whatever numbers those have."""
+        return Seen(
+            {k: f for k, f in self.fits.items() if not f.hypothesis.nominal},
+            {k: p for k, p in self.screens.items() if k[0].startswith("held")},
+            self.signatures,
+        )

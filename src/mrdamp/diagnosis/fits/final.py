@@ -1,0 +1,126 @@
+"""The corrected simulator: the chosen causes fitted with the full step to all records, and what mends their form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.second_cause import others
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.residuals import Problem
+
+#: A correction of form stays where it takes this share off the held-out excess.
+_WORTH = 0.15
+_ROUNDS = 2
+#: Other fits of the same causes that are settled where the chosen one is worse than nothing.
+_OTHERS = 3
+#: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
+_SAME, _NOTHING = 0.02, 1e-5
+#: Iterations that a fit which was still moving goes on for.
+_THROUGH = 8
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The final fit, the names of terms that mend a form and are not named, gaps (blocks,) on records left out."""
+
+    fit: Fit
+    corrections: tuple[str, ...]
+    heldout: Array
+    problem: Problem
+
+
+def heldout(problem: Problem, found: Fit) -> Array:
+    """Gaps (blocks,) with every record left out in turn."""
+    return leave_out(problem, found, [(k,) for k in problem.records])
+
+
+def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
+    """Frees the law's numbers, and adds terms that are not named, where records left out get better by it."""
+    best = chosen
+    corrections: tuple[str, ...] = ()
+    score = _cost(search, chosen)
+    for _ in range(_ROUNDS):
+        if search.solved(best):
+            break
+        trials: list[tuple[Fit, tuple[str, ...]]] = []
+        if not best.hypothesis.nominal:
+            free = Hypothesis(search.problem.rig.nominal, best.hypothesis.terms)
+            start = np.concatenate([np.zeros(len(free.nominal)), best.point])
+            trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
+        for promise in others(search, best)[:2]:
+            if promise.cost > (1 - _WORTH / 3) * best.cost:
+                continue
+            hypothesis, start = search.start_from(best, promise.term, promise.start, promise.by)
+            key = (bool(hypothesis.nominal), frozenset(t.name for t in hypothesis.terms))
+            found = search.fits.get(key) or search.fitted(
+                hypothesis, start, most=8, known=search.law_columns(best), stage=" mended"
+            )
+            trials.append((found, (*corrections, promise.term.name)))
+        scored = [(_cost(search, f), f, c) for f, c in trials]
+        if not scored:
+            break
+        value, found, names = min(scored, key=lambda item: (item[0], item[1].hypothesis.name))
+        if value - search.floor > (1 - _WORTH) * (score - search.floor):
+            break
+        best, score, corrections = found, value, names
+    return best, corrections
+
+
+def settle(
+    search: Search, chosen: Fit, tell: Callable[[str], None] = lambda text: None, *, mend: bool = True
+) -> Settled:
+    """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs.
+
+    Where that is worse than the nominal simulator (a form that the full step cannot follow), the same causes in other
+    forms or with the law held or free are settled in its place, and the least bad is handed over.
+    """
+    chosen = _through(search, chosen)
+    best, corrections = refine(search, chosen) if mend else (chosen, ())
+    tell("final fit")
+    settled = _settled(search, _through(search, best), corrections)
+    nominal = _square(search.problem.gaps(search.residual))
+    if not mend or _square(settled.heldout) <= nominal:
+        return settled
+    causes = set(chosen.hypothesis.causes)
+    fits = sorted((f for free in (False, True) for f in search.ranked(free)), key=lambda f: f.cost)
+    others = [f for f in fits if set(f.hypothesis.causes) == causes and f is not best]
+    for other in others[:_OTHERS]:
+        again = _settled(search, other, ())
+        if _square(again.heldout) < _square(settled.heldout):
+            settled = again
+        if _square(settled.heldout) <= nominal:
+            break
+    return settled
+
+
+def _through(search: Search, found: Fit) -> Fit:
+    """A fit that a search broke off while it was still moving, taken to where it rests."""
+    if found.converged or not found.hypothesis.coordinates:
+        return found
+    further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=" through")
+    return min(further, found, key=lambda f: f.cost)
+
+
+def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settled:
+    coarse = search.problem
+    fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
+    final = replace(fit(fine, found.hypothesis, found.point, most=0), converged=found.converged)
+    # Where the steps of a search were good enough that is that.
+    if abs(final.cost - found.cost) > max(_SAME * found.cost, _NOTHING * search.excess):
+        known = search.law_columns(found)
+        final = fit(fine, found.hypothesis, found.point, most=2, known=known, frozen=known is not None)
+    return Settled(final, corrections, heldout(fine, final), fine)
+
+
+def _square(gaps: Array) -> float:
+    return float(np.mean(gaps**2))
+
+
+def _cost(search: Search, found: Fit) -> float:
+    return search.problem.cost(heldout(search.problem, found))

@@ -1,0 +1,106 @@
+"""Points that fits have found, kept in a file while a diagnosis runs, so that an interrupted one goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+
+#: Of what is stored; another number makes old files void.
+_VERSION = 3
+
+
+class Kept(NamedTuple):
+    """Of a fit: its point (coordinates,), whether it had converged, the point of its Jacobian (coordinates,), and how
+    many iterations it took."""
+
+    point: Array
+    converged: bool
+    at: Array
+    iterations: int
+
+
+@dataclass
+class Store:
+    """Points by name of the fit. path None: nothing is kept. key: of the case's content; another one voids a file."""
+
+    path: Path | None = None
+    key: str = ""
+    points: dict[str, dict[str, Any]] = field(default_factory=dict)
+    _lock: Lock = field(default_factory=Lock, repr=False)
+
+    @classmethod
+    def of(cls, path: Path, case: Case) -> Store:
+        """The store of a case: what an earlier run left, or an empty one."""
+        key = content_key(case)
+        try:
+            data = json.loads(decode(str(path), read_bytes(path)))
+            if data.get("key") == key:
+                return cls(path, key, dict(data["points"]))
+        except (InputError, ValueError, KeyError, AttributeError):
+            pass  # none yet, or one that a stopped machine left damaged
+        return cls(path, key)
+
+    def get(self, name: str) -> Kept | None:
+        """What is kept of a fit."""
+        found = self.points.get(name)
+        if found is None:
+            return None
+        at, iterations = np.array(found["at"]), int(found["iterations"])
+        return Kept(np.array(found["point"]), bool(found["converged"]), at, iterations)
+
+    def put(
+        self, name: str, point: Array, converged: bool, at: Array | None = None, iterations: int = 0
+    ) -> None:
+        """Keeps a fit's point and that of its Jacobian (None: the same)."""
+        before = point if at is None else at
+        with self._lock:
+            self.points[name] = {
+                "point": point.tolist(),
+                "converged": converged,
+                "at": before.tolist(),
+                "iterations": iterations,
+            }
+            if self.path is not None:
+                write_atomic(self.path, json.dumps({"key": self.key, "points": self.points}))
+
+    def remove(self) -> None:
+        """Takes the file away: the diagnosis is done."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+
+def content_key(case: Case) -> str:
+    """Hash of a case's nominal model and records."""
+    h = hashlib.sha256(f"{_VERSION} {json.dumps(case.model.to_dict(), sort_keys=True)}".encode())
+    for record in (*case.records, *(r for r, _ in case.repeats)):
+        for name, values in record.channels.items():
+            h.update(name.encode())
+            h.update(np.ascontiguousarray(values).tobytes())
+    return h.hexdigest()
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Arrays and lists of names as one npz, written in one go: what the pictures of a page are drawn from."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as stream:
+            made: dict[str, Any] = {name: np.asarray(values) for name, values in arrays.items()}
+            np.savez_compressed(stream, **made)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,128 @@
+"""The catalogue of a frame: effects of storeys, floors and floor sensors, and the structure's own numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamp.diagnosis.hypotheses.damper_effects import rms
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, positive
+from mrdamp.records import Record
+from mrdamp.structures import ShearFrame
+
+
+def structure_coordinates(s: ShearFrame) -> tuple[Coordinate, ...]:
+    """Masses, stiffnesses and damping, free about their nominal values: a factor of 4 and a prior of a third."""
+    out = []
+    for kind in ("mass", "stiffness", "damping"):
+        for j, value in enumerate(getattr(s, kind), start=1):
+            size = float(value) or float(np.max(s.damping)) or 1.0
+            out.append(Coordinate(f"{kind}@{j}", size, size / 4, 4 * size, 0.1, log=True, prior=3.0))
+    return tuple(out)
+
+
+def frame_terms(s: ShearFrame, records: Sequence[Record], sizes: Sizes) -> tuple[Term, ...]:
+    """What may be wrong with each storey, floor and accelerometer, the ground up."""
+    out: list[Term] = []
+    for j in range(1, s.storeys + 1):
+        shear, acceleration = _sizes(s, records, j)
+        dashpot = float(s.damping[j - 1]) / (sizes.velocity or 1.0)
+        out += _storey(j, float(s.mass[j - 1]), shear, dashpot)
+        out += _accelerometer(j, acceleration, sizes.sample_time)
+    # A relative change of no damping is none.
+    return tuple(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
+
+
+def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ...]:
+    """mass (kg) of floor j, shear (N) that its storey carries, dashpot (N s2/m2): its damping over a velocity."""
+    stiffness = (linear(f"storey_stiffness_e@{j}", 0.05, -0.8, 3.0),)
+    damping = (linear(f"storey_damping_e@{j}", 0.3, -0.99, 60.0),)
+    quadratic = (damping[0], linear(f"storey_damping_quadratic@{j}", 0.3 * dashpot, 0.0, 300 * dashpot))
+    friction = (
+        linear(f"joint_friction_coulomb@{j}", 0.02 * shear, 0.0, 2 * shear),
+        positive(f"joint_friction_width@{j}", 2e-3, 5e-5, 0.1),
+    )
+    bristle = (friction[0], positive(f"joint_friction_presliding@{j}", 3e-5, 1e-6, 2e-3))
+    return (
+        _placed("storey_stiffness", "structure", j, stiffness, (0.05,), (-0.2,)),
+        _placed("storey_damping", "structure", j, damping, (0.3,), (3.0,), (-0.4,)),
+        replace(
+            _placed("storey_damping", "structure", j, quadratic, (0.3, 0.3 * dashpot), (1.0, 3 * dashpot)),
+            form="quadratic",
+        ),
+        _placed("joint_friction", "structure", j, friction, (0.02 * shear, 2e-3), (0.1 * shear, 2e-3)),
+        replace(
+            _placed("joint_friction", "structure", j, bristle, (0.02 * shear, 3e-5), (0.1 * shear, 1e-4)),
+            form="building up",
+        ),
+        _placed(
+            "floor_mass", "structure", j, (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),),
+            (0.03 * mass,), (0.2 * mass,),
+        ),
+    )  # fmt: skip
+
+
+def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
+    """acceleration (m/s2) that the accelerometer of floor j reads, sample time dt (s)."""
+    offset = linear(f"sensor_offset_f@{j}", 0.02 * acceleration, -5 * acceleration, 5 * acceleration)
+    settling = (
+        offset,
+        linear(f"sensor_offset_settle@{j}", 0.02 * acceleration, -10 * acceleration, 10 * acceleration),
+        positive(f"sensor_offset_time@{j}", 1.0, 0.02, 100.0),
+    )
+    leakage = positive(f"sensor_leakage_tau@{j}", 1.0, 0.01, 200.0)
+    lag = (
+        positive(f"sensor_lag_tau@{j}", 2 * dt, 0.1 * dt, 50 * dt),
+        positive(f"sensor_lag_tau2@{j}", 0.3 * dt, 0.05 * dt, 25 * dt),
+    )
+    shares = (
+        leakage,
+        linear(f"sensor_leakage_share@{j}", 0.1, 0.0, 0.9),
+        positive(f"sensor_leakage_tau2@{j}", 10.0, 0.05, 1000.0),
+    )
+    filtered = (lag[0], positive(f"sensor_lag_ratio@{j}", 0.8, 0.3, 0.98, 0.2))
+    return (
+        _placed(
+            "sensor_gain",
+            "sensor",
+            j,
+            (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),),
+            (1.05,),
+            (0.95,),
+        ),
+        _placed("sensor_offset", "sensor", j, (offset,), (0.02 * acceleration,), (-0.02 * acceleration,)),
+        replace(
+            _placed("sensor_offset", "sensor", j, settling, (0.02 * acceleration, 0.02 * acceleration, 1.0)),
+            form="settling",
+        ),
+        _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
+        replace(
+            _placed("sensor_leakage", "sensor", j, shares, (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)), form="two shares"
+        ),
+        _placed("sensor_lag", "sensor", j, lag, (2 * dt, 0.2 * dt), (5 * dt, dt)),
+        replace(
+            _placed("sensor_lag", "sensor", j, filtered, (dt, 0.8), (4 * dt, 0.8)), form="second order"
+        ),
+    )
+
+
+def _placed(
+    effect: str, stage: str, place: int, coordinates: tuple[Coordinate, ...], *starts: tuple[float, ...]
+) -> Term:
+    return Term(effect, stage, coordinates, starts, place)
+
+
+def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, float]:
+    """RMS force (N) that storey j carries, from what is above it, and RMS acceleration (m/s2) of floor j."""
+    floors = range(j, s.storeys + 1)
+    shear, acceleration = [], []
+    for r in records:
+        a = [
+            r.channels.get(f"floor{k}_acceleration_m_s2", r.channel("ground_acceleration_m_s2"))
+            for k in floors
+        ]
+        shear.append(rms(np.sum([s.mass[k - 1] * x for k, x in zip(floors, a, strict=True)], axis=0)))
+        acceleration.append(rms(np.asarray(a[0])))
+    return float(np.mean(shear)), float(np.mean(acceleration))

@@ -1,0 +1,177 @@
+"""Causes that the catalogue does not have: rivals that its effects are held against before one of them is named.
+
+Each is put about the chain, on the command before it or on the force after it, so that the plugin stays what the
+catalogue says. A rival that explains the gap better than the catalogue's effects is no correction of the simulator: the
+answer is then `unknown`, with what it looks like. The list is of common faults and cannot be complete.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.evidence.ceiling import memory
+from mrdamp.diagnosis.hypotheses.terms import Settings, Sizes, Term, linear, positive
+
+#: What the settings' names begin with.
+PREFIX = "outside_"
+
+#: Cause -> what happens, in plain words.
+PLAIN: Mapping[str, str] = {
+    "supply_sag": "a supply that sinks under a lasting command",
+    "command_threshold": "a command that does nothing below a threshold",
+    "end_stop": "an end stop inside the stroke",
+    "force_limit": "a valve or a cavity that limits the force",
+    "worn_bore": "a bore that is worn at one place",
+    "side_load": "friction that grows with the distance from a position",
+    "cross_talk": "the command in the reading of the force",
+    "settled_particles": "particles that have settled and are stirred up by the motion",
+    "storey_crack": "a crack that opens and closes",
+    "storey_yield": "a spring that yields",
+    "storey_hardening": "a spring that hardens or softens with the drift",
+}
+
+
+def plain(term: Term) -> str:
+    """What a rival is, in plain words, with its storey."""
+    return PLAIN[term.effect] + ("" if term.place is None else f" in storey {term.place}")
+
+
+def command_rivals(s: Sizes) -> tuple[Term, ...]:
+    """Rivals that act on the command; for any rig."""
+    c = s.command
+    return (
+        Term(
+            "supply_sag",
+            "driver",
+            (
+                linear("outside_sag_share", 0.1, 0.0, 0.95),
+                positive("outside_sag_time", 0.5, 0.2, 20.0),
+                positive("outside_sag_power", 2.0, 0.5, 5.0),
+            ),
+            ((0.2, 0.4, 2.0), (0.2, 3.0, 2.0)),
+            fixed={"outside_sag_command": c},
+        ),
+        Term(
+            "command_threshold",
+            "driver",
+            (positive("outside_threshold", 0.1 * c, 5e-3 * c, 0.7 * c),),
+            ((0.05 * c,), (0.2 * c,)),
+        ),
+    )
+
+
+def force_rivals(s: Sizes) -> tuple[Term, ...]:
+    """Rivals that act on the force; where the motion is imposed."""
+    k = s.force / s.stroke
+    stop = (
+        linear("outside_stop_k", 0.5 * k, 0.0, 300 * k),
+        linear("outside_stop_x", 0.1 * s.stroke, 0.4 * s.stroke, s.stroke, 0.7 * s.stroke),
+    )
+    stops = ((0.5 * k, 0.6 * s.stroke), (3.0 * k, 0.85 * s.stroke))
+    limit = (
+        positive("outside_limit_force", s.force, 0.2 * s.force, 5 * s.force),
+        positive("outside_limit_knee", 6.0, 2.0, 30.0),
+    )
+    limits = ((1.3 * s.force, 6.0), (0.8 * s.force, 6.0))
+    out = []
+    for form, side in (("extension", 1.0), ("compression", -1.0), ("both", 0.0)):
+        out.append(Term("end_stop", "mechanics", stop, stops, form=form, fixed={"outside_stop_side": side}))
+        out.append(Term("force_limit", "fluid", limit, limits, form=form, fixed={"outside_limit_side": side}))
+    wear = (
+        linear("outside_wear_loss", 0.1, -0.9, 0.9),
+        linear("outside_wear_x", 0.3 * s.stroke, -s.stroke, s.stroke),
+        positive("outside_wear_width", 0.4 * s.stroke, 0.05 * s.stroke, 2 * s.stroke),
+    )
+    spots = tuple((0.2, x * s.stroke, 0.4 * s.stroke) for x in (-0.5, 0.0, 0.5))
+    load = (
+        linear("outside_side_force", 0.1 * k, 0.0, 20 * k),
+        linear("outside_side_x", 0.3 * s.stroke, -s.stroke, s.stroke),
+    )
+    slip = {"outside_side_v": 0.03 * s.velocity}
+    heard = s.force / s.command
+    return (
+        *out,
+        Term("worn_bore", "fluid", wear, spots),
+        Term("side_load", "mechanics", load, ((0.2 * k, 0.0),), fixed=slip),
+        Term(
+            "settled_particles",
+            "fluid",
+            (
+                linear("outside_settled_loss", 0.1, 0.0, 0.95),
+                positive("outside_settled_path", 5 * s.stroke, 0.3 * s.stroke, 300 * s.stroke),
+            ),
+            ((0.2, 3 * s.stroke), (0.2, 20 * s.stroke)),
+        ),
+        Term(
+            "cross_talk",
+            "sensor",
+            (linear("outside_talk", 0.05 * heard, -4 * heard, 4 * heard),),
+            ((0.1 * heard,),),
+        ),
+    )
+
+
+def grouped(settings: Sequence[Settings]) -> list[tuple[Settings, list[int]]]:
+    """Sets of settings that share what is none of the chain's: that, and which sets (numbers)."""
+    groups: dict[tuple[tuple[str, float], ...], list[int]] = {}
+    for k, one in enumerate(settings):
+        own = tuple(sorted((name, value) for name, value in one.items() if name.startswith(PREFIX)))
+        groups.setdefault(own, []).append(k)
+    return [(dict(own), rows) for own, rows in groups.items()]
+
+
+def inside_of(settings: Mapping[str, float]) -> Settings:
+    """The settings that the chain takes."""
+    return {k: v for k, v in settings.items() if not k.startswith(PREFIX)}
+
+
+def commanded(settings: Mapping[str, float], command: Array, sample_time: float) -> Array:
+    """The command (n,) that reaches the driver of a rig with a rival."""
+    out = command
+    if "outside_sag_share" in settings:
+        # A test begins at rest: the supply has not sunk yet.
+        load = np.concatenate(
+            [[0.0], np.abs(command / settings["outside_sag_command"]) ** settings["outside_sag_power"]]
+        )
+        sunk = memory(load, sample_time, settings["outside_sag_time"])[1:]
+        out = out * (1 - settings["outside_sag_share"] * sunk)
+    if "outside_threshold" in settings:
+        out = np.sign(out) * np.maximum(np.abs(out) - settings["outside_threshold"], 0.0)
+    return out
+
+
+def forced(settings: Mapping[str, float], force: Array, x: Array, v: Array) -> Array:
+    """The force (..., n) of a rig with a rival, from the chain's and the motion x (m), v (m/s), (n,) each."""
+    out = force
+    if "outside_settled_loss" in settings:
+        path = np.cumsum(np.abs(np.diff(x, prepend=x[0])))
+        out = out * (1 - settings["outside_settled_loss"] * np.exp(-path / settings["outside_settled_path"]))
+    if "outside_stop_k" in settings:
+        beyond = _one_side(x, settings["outside_stop_side"]) - settings["outside_stop_x"]
+        out = out + settings["outside_stop_k"] * np.sign(x) * np.maximum(beyond, 0.0)
+    if "outside_limit_force" in settings:
+        knee = settings["outside_limit_knee"]
+        load = (
+            np.maximum(_one_side(out, settings["outside_limit_side"]), 0.0) / settings["outside_limit_force"]
+        )
+        out = out / (1 + load**knee) ** (1 / knee)
+    if "outside_wear_loss" in settings:
+        off = (x - settings["outside_wear_x"]) / settings["outside_wear_width"]
+        out = out * (1 - settings["outside_wear_loss"] * np.exp(-(off**2)))
+    if "outside_side_force" in settings:
+        away = np.abs(x - settings["outside_side_x"])
+        out = out + settings["outside_side_force"] * away * np.tanh(v / settings["outside_side_v"])
+    return out
+
+
+def read(settings: Mapping[str, float], name: str, force: Array, command: Array) -> Array:
+    """What column `name` of a rig with a rival reads, (..., n), of its force: the damper's own sensor may hear more."""
+    talk = settings.get("outside_talk", 0.0) if name == "force" else 0.0
+    return force + talk * command
+
+
+def _one_side(values: Array, side: float) -> Array:
+    return np.abs(values) if side == 0 else side * values

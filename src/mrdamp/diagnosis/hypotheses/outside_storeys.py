@@ -1,0 +1,74 @@
+"""Causes outside the catalogue in a frame's storeys: springs that are not straight (see `hypotheses.outside`).
+
+The frame's C entry takes such springs for this alone: no attribute of the plugin stands for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamp.core import Array, FrameInput
+from mrdamp.diagnosis.hypotheses.terms import Term, linear, positive
+from mrdamp.structures import ShearFrame
+
+#: Of the storey's stiffness at its largest drift: what a spring that softens may lose.
+_SOFTEST = 0.3
+
+
+def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: Array) -> tuple[Term, ...]:
+    """Rivals of the storeys at `places` (from 1); drift, largest (storeys,): their RMS and largest drift (m)."""
+    out: list[Term] = []
+    for j in places:
+        k, d, peak = float(s.stiffness[j - 1]), float(drift[j - 1]), float(largest[j - 1])
+        share = (linear(f"outside_crack_share@{j}", 0.1, 0.0, 0.95),)
+        for form, side in (("at a positive drift", 1.0), ("at a negative drift", -1.0)):
+            fixed = {f"outside_crack_side@{j}": side}
+            starts = ((0.15,), (0.5,))
+            out.append(Term("storey_crack", "structure", share, starts, place=j, form=form, fixed=fixed))
+        yields = (
+            linear(f"outside_yield_share@{j}", 0.1, 0.0, 0.95),
+            positive(f"outside_yield_drift@{j}", d, 0.02 * d, 4 * d),
+        )
+        out.append(Term("storey_yield", "structure", yields, ((0.3, 0.4 * d), (0.3, 1.2 * d)), place=j))
+        unit = 0.1 * k / d**2
+        cubic = (linear(f"outside_cubic@{j}", unit, -_SOFTEST * k / peak**2, 100 * unit),)
+        out.append(Term("storey_hardening", "structure", cubic, ((unit,),), place=j))
+    return tuple(out)
+
+
+def bent(settings: Mapping[str, float], frame: FrameInput) -> FrameInput:
+    """The frame with what the settings of a rival make of its storeys."""
+    places = {int(name.partition("@")[2]) for name in settings if "@" in name}
+    for j in sorted(places):
+        frame = _bent(settings, frame, j)
+    return frame
+
+
+def _bent(settings: Mapping[str, float], frame: FrameInput, j: int) -> FrameInput:
+    k = float(frame.stiffness[j - 1])
+    if f"outside_crack_share@{j}" in settings:
+        lost = settings[f"outside_crack_share@{j}"] * k
+        if settings[f"outside_crack_side@{j}"] > 0:
+            return replace(frame, one_sided=_at(frame.one_sided, j, -lost, frame))
+        stiffness = _at(frame.stiffness, j, k - lost, frame)
+        return replace(frame, stiffness=stiffness, one_sided=_at(frame.one_sided, j, lost, frame))
+    if f"outside_yield_share@{j}" in settings:
+        # A share of the spring slides, the more the nearer it is to a drift: dry friction that builds up over it.
+        slides, drift = settings[f"outside_yield_share@{j}"] * k, settings[f"outside_yield_drift@{j}"]
+        return replace(
+            frame,
+            stiffness=_at(frame.stiffness, j, k - slides, frame),
+            friction=_at(frame.friction, j, slides * drift, frame),
+            friction_width=_at(frame.friction_width, j, 0.0, frame),
+            friction_presliding=_at(frame.friction_presliding, j, drift, frame),
+        )
+    return replace(frame, cubic=_at(frame.cubic, j, settings[f"outside_cubic@{j}"], frame))
+
+
+def _at(values: Array | None, j: int, value: float, frame: FrameInput) -> Array:
+    out = np.zeros(len(frame.mass)) if values is None else values.copy()
+    out[j - 1] = value
+    return out

@@ -1,0 +1,1 @@
+"""Simulators, records and residuals of a rig."""

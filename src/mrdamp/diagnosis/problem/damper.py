@@ -1,0 +1,280 @@
+"""The rig `damper`: a record's motion imposed on the damper, its force read by its own sensor and a load cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.between import Fine, between, mended_ends
+from mrdamp.core import Array
+from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.hypotheses.outside import (
+    command_rivals,
+    commanded,
+    force_rivals,
+    forced,
+    grouped,
+    inside_of,
+    read,
+)
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
+from mrdamp.diagnosis.problem.command_memory import Remembered, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.residuals import SKIP
+from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
+from mrdamp.logged import FILTERED, LOGGER, logged, rings_before_jumps
+from mrdamp.model import Model, effects_from
+from mrdamp.records import Record
+from mrdamp.sampling import derivative
+
+_COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
+_NOISE_SEED = 20
+#: Hz, of the sines of a proposed test.
+_LOWEST, _HIGHEST = 0.3, 10.0
+#: s, the chain's step while searching, the same for rough runs and where a mount or gas is solved for in every step,
+#: and in the last fit.
+_COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
+#: How many times as wide the range is of a number that may be further off.
+_WIDER = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class DamperRig:
+    """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.problem.rig.Rig`).
+
+    rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
+    threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
+    """
+
+    nominal_model: Model
+    records: tuple[Record, ...]
+    rough: bool = False
+    threads: int = 1
+    wider: frozenset[str] = frozenset()
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        return tuple(c for c in _COLUMNS if all(c in r.channels for r in self.records))
+
+    @cached_property
+    def motions(self) -> tuple[tuple[Array, Array | None, Array | None], ...]:
+        """Displacement (m), velocity (m/s) and acceleration (m/s2) where measured, of each record."""
+        out = []
+        for r in self.records:
+            x = smoothed(mended_ends(np.asarray(r.displacement)))
+            out.append((x, r.channels.get("velocity_m_s"), r.channels.get("acceleration_m_s2")))
+        return tuple(out)
+
+    def velocity(self, record: int) -> Array:
+        """(n,) m/s, measured or of the smoothed displacement."""
+        x, v, _ = self.motions[record]
+        return derivative(x, self.records[record].sample_time) if v is None else v
+
+    @cached_property
+    def filtered(self) -> bool:
+        """True where a command's jumps tell that the log went through a filter: one logger takes all records."""
+        return any(rings_before_jumps(np.asarray(r.command)) for r in self.records)
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """What the records span."""
+        force = [r.channel(self.channels[-1]) for r in self.records]
+        v = [self.velocity(k) for k in range(len(self.records))]
+        a = [derivative(v[k], r.sample_time) for k, r in enumerate(self.records)]
+        heat = max(
+            float(np.sum(np.abs(f * w)) * r.sample_time)
+            for f, w, r in zip(force, v, self.records, strict=True)
+        )
+        return Sizes(
+            force=rms(np.concatenate(force)),
+            stroke=max(float(np.ptp(r.displacement)) for r in self.records) / 2,
+            velocity=rms(np.concatenate(v)),
+            acceleration=rms(np.concatenate(a)),
+            command=max(float(np.abs(r.command).max()) for r in self.records) or 1.0,
+            heat=heat,
+            sample_time=max(r.sample_time for r in self.records),
+        )
+
+    @cached_property
+    def nominal(self) -> tuple[Coordinate, ...]:
+        s = self.sizes
+        law = nominal_coordinates(
+            self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
+        )
+        return tuple(
+            replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name in self.wider else c
+            for c in law
+        )
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        return with_waves(damper_terms(self.sizes), self.records)
+
+    @cached_property
+    def rivals(self) -> tuple[Term, ...]:
+        """Causes outside the catalogue."""
+        return (*command_rivals(self.sizes), *force_rivals(self.sizes))
+
+    @cached_property
+    def _base(self) -> dict[str, float]:
+        return dict(self.nominal_model.attributes)
+
+    def measured(self, record: int) -> Array:
+        return np.vstack([self.records[record].channel(c) for c in self.channels])
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
+        solved = mount or any(s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings)
+        longest = self.rough or (solved and not self.filtered)  # a filter needs samples between those of its log
+        step = (_ROUGH if longest else _COARSE) if coarse else _FINE
+        # The chain halves a step behind a mount.
+        pieces = 0.5 if coarse and mount and (self.rough or self.filtered) else 1.0
+        fine = self._fine(record, step)
+
+        def run(some: Sequence[Settings], command: Array) -> Array:
+            return self._run(some, replace(fine, u=command), pieces=pieces)
+
+        command = np.asarray(self.records[record].command)
+        return self._remembered.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
+
+    def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
+        """The same with longer steps in a search; None where the records' own samples are no further apart, and where
+        the command is late: by how much less than a step counts at its jumps."""
+        longer = any(r.sample_time > 1.5 * _COARSE for r in self.records)
+        if any(t.stage == "mount" for t in terms):
+            return self._rough
+        return self._rough if longer and all(t.stage != "driver" for t in terms) else None
+
+    @cached_property
+    def _rough(self) -> DamperRig | None:
+        return None if self.rough else replace(self, rough=True)
+
+    def through(
+        self, record: int, command: Array, settings: Settings, moved: Array | None = None
+    ) -> dict[str, Array]:
+        """Forces (n,) N of a record's motion with another command: `force` of the own sensor, `reference`.
+
+        moved: (n,) m, what is added to the motion."""
+        r = self.records[record]
+        x, v, a = self.motions[record]
+        if moved is not None:
+            x, a = x + moved, None
+            v = None if v is None else v + derivative(moved, r.sample_time)
+        factor = max(1, round(r.sample_time / _COARSE))
+        inputs = between(x, command, r.sample_time, factor, v, a, filtered=self.filtered)
+        columns = ("force", "reference")
+        out = self._run([settings], inputs, columns)[0]
+        return dict(zip(columns, out, strict=True))
+
+    def _fine(self, record: int, step: float) -> Fine:
+        """A record's inputs on a clock of about this step (s); kept."""
+        factor = max(1, round(self.records[record].sample_time / step))
+        if (record, factor) not in self._inputs:
+            r = self.records[record]
+            x, v, a = self.motions[record]
+            fine = between(x, r.command, r.sample_time, factor, v, a, filtered=self.filtered)
+            self._inputs[record, factor] = fine
+        return self._inputs[record, factor]
+
+    @cached_property
+    def _remembered(self) -> Remembered:
+        return Remembered(self._base)
+
+    @cached_property
+    def _inputs(self) -> dict[tuple[int, int], Fine]:
+        return {}
+
+    def _run(
+        self, settings: Sequence[Settings], inputs: Fine, columns: Sequence[str] = (), pieces: float = 1.0
+    ) -> Array:
+        law = self.nominal_model.law
+        names = columns or [_COLUMNS[c] for c in self.channels]
+        out = np.empty((len(settings), len(names), len(inputs.x)))
+        for outside, rows in grouped(settings):
+            run = core.run_many(
+                law,
+                np.array([core.vector(law, self._base | inside_of(settings[k])) for k in rows]),
+                inputs.sample_time,
+                inputs.x,
+                commanded(outside, inputs.u, inputs.sample_time),
+                v=inputs.v,
+                a=inputs.a,
+                substep=inputs.sample_time / pieces,
+                threads=self.threads,
+                narx=self.nominal_model.narx,
+                columns=names,
+            )
+            run = forced(outside, run, inputs.x, inputs.v)
+            for k, name in enumerate(names):
+                out[rows, k] = read(outside, name, run[:, k], inputs.u)
+        return np.ascontiguousarray(logged(out, inputs.filtered, inputs.factor))
+
+    def input_noise(self, settings: Settings, record: int) -> Array:
+        """(channels,) N: what the noise of the displacement, as far as smoothing leaves it, does to the force."""
+        r = self.records[record]
+        x = self.motions[record][0]
+        level = noise_level(r.displacement)
+        rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
+        again = smoothed(x + level * rng.standard_normal(r.n), level)
+        skip = round(SKIP / r.sample_time)
+        inputs = self._fine(record, _COARSE)
+        _, v, a = self.motions[record]
+        disturbed = between(again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered)
+        change = self._run([settings], disturbed) - self._run([settings], inputs)
+        return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """Limits of the next test: what the records span; the command from 0 to the simulator's own limit."""
+        command = np.concatenate([r.command for r in self.records])
+        v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
+        return Envelope(
+            channel="displacement_m",
+            largest=self.sizes.stroke,
+            rate=v,
+            lowest=_LOWEST,
+            highest=_HIGHEST,
+            command_low=lowest(command),
+            command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
+            sample_time=self.sizes.sample_time,
+        )
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        factor = max(1, round(self.sizes.sample_time / _ROUGH))
+        inputs = between(signal.motion, signal.command, self.sizes.sample_time, factor)
+        return self._run(settings, inputs)
+
+    def noise_share(self, record: int) -> float:
+        """1: all records are compared as they are."""
+        return 1.0
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        """What the gap is mapped over: name with unit -> (n,)."""
+        r, v = self.records[record], self.velocity(record)
+        return {
+            "velocity (m/s)": v,
+            "command": np.asarray(r.command),
+            "command rate (1/s)": derivative(r.command, r.sample_time),
+            "displacement (m)": self.motions[record][0],
+            "acceleration (m/s2)": derivative(v, r.sample_time),
+            "time (s)": np.asarray(r.time),
+        }
+
+    def model(self, settings: Mapping[str, float]) -> Model:
+        own = set(self.nominal_model.parameters)
+        parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
+        effects = effects_from({k: v for k, v in inside_of(settings).items() if k not in own})
+        return Model(
+            self.nominal_model.law,
+            parameters,
+            effects,
+            weights=self.nominal_model.weights,
+            name=self.nominal_model.name,
+            sample_rate_hz=self.nominal_model.sample_rate_hz,
+            extra=told_by_the_log(settings) | ({LOGGER: FILTERED} if self.filtered else {}),
+        )

@@ -1,0 +1,384 @@
+"""The rig `frame`: a shear frame on a shaken table, one damper in it, its floors' accelerometers and displacements.
+
+Settings with a place carry it behind an `@`: `storey_stiffness_e@2`, `sensor_lag_tau@3`, and the structure's own
+numbers `mass@1`, `stiffness@1`, `damping@1` (SI).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mrdamp import core
+from mrdamp.core import Array, FrameInput
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
+from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
+from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
+from mrdamp.diagnosis.problem.command_memory import Remembered, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
+from mrdamp.errors import InputError
+from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
+from mrdamp.records import Record
+from mrdamp.sampling import derivative
+from mrdamp.structures import ShearFrame
+
+#: s, the chain's inner step while searching and for the last fit, where a finer one is not called for; the frame is
+#: stepped with half of it.
+COARSE, FINE = 2e-3, 1e-3
+#: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
+_ROUGH, _ROUGHER = 4e-3, 4.0
+#: The law's numbers are free within so many times the damper's ranges.
+_WIDER = 2.0
+#: Hz, of the sines of a proposed test.
+_LOWEST, _HIGHEST = 0.8, 16.0
+_STRUCTURE = ("mass", "stiffness", "damping")
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRig:
+    """A frame case's simulator and records (see `mrdamp.diagnosis.problem.rig.Rig`).
+
+    raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
+    the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
+    full_rate: records whose command jumps are compared as they are: there a damper rings with its floor, near 100 Hz.
+    clean: names of the blocks (`attribution.frame_blocks`) that are not at fault; nothing is sought there.
+    quiet: no block is at fault, so that what there is is small; storeys are asked after all, since a resonance shows
+    in a free run what their own balance has in its noise.
+    free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
+    coarse_step: s, the chain's inner step while searching; jump_step: the same in records whose command jumps.
+    threads: that run settings side by side.
+    """
+
+    nominal_model: Model
+    raw: tuple[Record, ...]
+    block: int = 1
+    clean: frozenset[str] = frozenset()
+    free_structure: bool = False
+    placed: bool = False
+    quiet: bool = False
+    coarse_step: float = COARSE
+    jump_step: float = COARSE
+    full_rate: bool = True
+    threads: int = 1
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        """The records at the rate of the comparison."""
+        return tuple(averaged(r, block) for r, block in zip(self.raw, self._blocks, strict=True))
+
+    @cached_property
+    def _jumps(self) -> tuple[bool, ...]:
+        return tuple(jumps(np.asarray(r.command)) for r in self.raw)
+
+    @cached_property
+    def _blocks(self) -> tuple[int, ...]:
+        return tuple(1 if jump and self.full_rate else self.block for jump in self._jumps)
+
+    @cached_property
+    def structure(self) -> ShearFrame:
+        if self.nominal_model.structure is None:
+            raise InputError(f"{self.nominal_model.name}: rig frame needs a structure")
+        return self.nominal_model.structure
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Accelerations, then displacements of the floors, the ground up, then the force: those all records have."""
+        floors = range(1, self.structure.storeys + 1)
+        names = [f"floor{j}_acceleration_m_s2" for j in floors] + [f"floor{j}_displacement_m" for j in floors]
+        return tuple(c for c in (*names, "force_N") if all(c in r.channels for r in self.raw))
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """The C entry's names of the channels."""
+        return tuple(
+            "force" if c == "force_N" else f"{c.split('_')[1]}_{c.split('_')[0].removeprefix('floor')}"
+            for c in self.channels
+        )
+
+    @cached_property
+    def _filtered(self) -> tuple[bool, ...]:
+        """Of each record, whether its command's jumps went through a filter."""
+        return tuple(rings_before_jumps(np.asarray(r.command)) for r in self.raw)
+
+    @cached_property
+    def _fine(self) -> tuple[tuple[Array, Array], ...]:
+        """Ground acceleration and command of each record between its samples."""
+        return tuple(
+            finer(np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command), filtered)
+            for r, filtered in zip(self.raw, self._filtered, strict=True)
+        )
+
+    def _driven(self, record: int, coarse: bool) -> tuple[int, Array, Array]:
+        """Samples in one of the record's, ground acceleration and command that the simulator is driven with. In
+        longer steps than a search's nothing is put between samples but where a filter's wave is."""
+        rough = coarse and self.coarse_step > COARSE and not self._filtered[record]
+        if self.nominal_model.law == "narx" or rough:
+            r = self.raw[record]
+            return 1, np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command)
+        return FACTOR, *self._fine[record]
+
+    @cached_property
+    def _free_runs(self) -> list[dict[str, Array]]:
+        """Of the nominal simulator, one for each record."""
+        return [self._run([{}], k, coarse=True)[0] for k in range(len(self.raw))]
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """What the damper goes through in the nominal simulator's free runs."""
+        runs = self._free_runs
+        x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
+        steps = [r.sample_time / self._driven(k, True)[0] for k, r in enumerate(self.raw)]
+        timed = list(zip(runs, steps, strict=True))
+        heat = max(float(np.sum(np.abs(o["true"] * o["stroke_velocity"])) * dt) for o, dt in timed)
+        return Sizes(
+            force=rms(f) or 1.0,
+            stroke=2 * rms(x),
+            velocity=rms(v),
+            acceleration=rms(np.concatenate([derivative(o["stroke_velocity"], dt) for o, dt in timed])),
+            command=max(float(np.abs(r.command).max()) for r in self.raw) or 1.0,
+            heat=heat,
+            sample_time=max(r.sample_time for r in self.raw),
+        )
+
+    @cached_property
+    def nominal(self) -> tuple[Coordinate, ...]:
+        """The law's numbers, then the structure's where they are free."""
+        s = self.sizes
+        law = nominal_coordinates(
+            self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
+        )
+        # At small drifts a frame asks little of some numbers and all of others, which may then be far off.
+        law = tuple(
+            replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name != "n" else c
+            for c in law
+        )
+        return (*law, *structure_coordinates(self.structure)) if self.free_structure else law
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        """The catalogue without what clean blocks rule out. Of a damper only its force sensor is ruled out, where the
+        storeys that it stands in are in balance with what it reads: a frame's free run shows a damper's effects better
+        than its own block does."""
+        low, high = sorted(self.structure.damper_between)
+        inside = {f"storey {j}" for j in range(low + 1, high + 1)}
+        dampers = with_waves(damper_terms(self.sizes), self.raw)
+        out = []
+        for term in (*frame_terms(self.structure, self.records, self.sizes), *dampers):
+            if term.place is not None:
+                block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
+                at_fault = block not in self.clean or (self.quiet and term.stage == "structure")
+            else:
+                at_fault = term.stage != "sensor" or term.effect == "channel_shift" or not inside & self.clean
+            if term.effect == "channel_shift":
+                at_fault = not any(
+                    f"accelerometer {j}" in self.clean for j in range(1, self.structure.storeys + 1)
+                )
+            if at_fault and (term.place is not None or not self.placed):
+                out.append(term)
+        return tuple(out)
+
+    @cached_property
+    def rivals(self) -> tuple[Term, ...]:
+        """Causes outside the catalogue, where blocks are at fault that they act in."""
+        floors = range(1, self.structure.storeys + 1)
+        places = [j for j in floors if f"storey {j}" not in self.clean]
+        x = np.hstack([[o[f"displacement_{j}"] for j in floors] for o in self._free_runs])
+        drift = np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1])))
+        size, largest = np.sqrt(np.mean(drift**2, axis=1)), np.abs(drift).max(axis=1)
+        storeys = storey_rivals(self.structure, places, size, largest)
+        return storeys if "damper" in self.clean else (*command_rivals(self.sizes), *storeys)
+
+    def measured(self, record: int) -> Array:
+        return np.vstack([self.records[record].channel(c) for c in self.channels])
+
+    def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        r = self.raw[record]
+        factor, _, fine = self._driven(record, coarse)
+
+        def run(some: Sequence[Settings], command: Array) -> Array:
+            runs = self._run(some, record, coarse=coarse, command=command)
+            return np.array([[o[c] for c in self.columns] for o in runs])
+
+        clock = (record, factor, self._step(record, coarse))
+        out = self._remembered.channels(run, settings, np.asarray(r.command), fine, clock)
+        if factor > 1:
+            out = logged(out, self._filtered[record])
+        late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
+        t = r.sample_time * np.arange(r.n)
+        for row, setting in zip(out, settings, strict=True):
+            shift = setting.get("channel_shift_d", self._base.get("channel_shift_d", 0.0))
+            if shift:
+                for k in late:
+                    row[k] = np.interp(t - shift, t, row[k])
+        return block_means(out, self._blocks[record])
+
+    def rougher(self, terms: Sequence[Term]) -> FrameRig | None:
+        """The same with longer steps in a search."""
+        return self._rough
+
+    @cached_property
+    def _rough(self) -> FrameRig | None:
+        steps = {name: getattr(self, name) for name in ("coarse_step", "jump_step")}
+        longer = {name: min(_ROUGH, _ROUGHER * step) for name, step in steps.items()}
+        return replace(self, **longer) if longer != steps else None
+
+    def input_noise(self, settings: Settings, record: int) -> Array:
+        """(channels,), nothing: a table's motion and the command are taken as they were sent."""
+        return np.zeros(len(self.channels))
+
+    def noise_share(self, record: int) -> float:
+        """White noise of a record over what it is in means of `block` samples."""
+        return float(np.sqrt(self.block / self._blocks[record]))
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        """What the gap is mapped over: name with unit -> (n,)."""
+        r, (low, high) = self.records[record], self.structure.damper_between
+        stroke = self._floor(record, high) - self._floor(record, low)
+        out = {
+            "velocity (m/s)": derivative(stroke, r.sample_time),
+            "displacement (m)": stroke,
+            "command": np.asarray(r.command),
+            "command rate (1/s)": derivative(r.command, r.sample_time),
+        }
+        for j in range(1, self.structure.storeys + 1):
+            if (j - 1, j) != (low, high):
+                out[f"drift of storey {j} (m)"] = self._floor(record, j) - self._floor(record, j - 1)
+        ground = np.asarray(r.channel("ground_acceleration_m_s2"))
+        return out | {"ground acceleration (m/s2)": ground, "time (s)": np.asarray(r.time)}
+
+    def model(self, settings: Mapping[str, float]) -> Model:
+        own, s = set(self.nominal_model.parameters), self.structure
+        parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
+        floors = range(1, s.storeys + 1)
+        mass, stiffness, damping = (
+            np.array([settings.get(f"{kind}@{j}", float(getattr(s, kind)[j - 1])) for j in floors])
+            for kind in _STRUCTURE
+        )
+        found = {k: v for k, v in inside_of(settings).items() if k not in own and "@" not in k}
+        effects = list(effects_from(found))
+        effects += placed_effects(settings)
+        return replace(
+            self.nominal_model,
+            parameters=parameters,
+            effects=(*self.nominal_model.effects, *effects),
+            structure=ShearFrame(mass, stiffness, damping, s.damper_between),
+            extra={**self.nominal_model.extra, **told_by_the_log(settings)},
+        )
+
+    def _floor(self, record: int, floor: int) -> Array:
+        """Measured displacement (n,) of a floor, at the rate of the comparison; nothing where it was not measured."""
+        r = self.records[record]
+        return np.asarray(r.channels.get(f"floor{floor}_displacement_m", np.zeros(r.n)))
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """Limits of the next test: no more acceleration of the ground than the records have."""
+        command = np.concatenate([r.command for r in self.raw])
+        return Envelope(
+            channel="ground_acceleration_m_s2",
+            largest=max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in self.raw),
+            rate=None,
+            lowest=_LOWEST,
+            highest=_HIGHEST,
+            command_low=lowest(command),
+            command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
+            sample_time=self.sizes.sample_time,
+        )
+
+    def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
+        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        channels = {"ground_acceleration_m_s2": signal.motion, "command": signal.command}
+        record = Record("trial", None, self.sizes.sample_time, channels)
+        trial = replace(self._rough or self, raw=(record,), block=1)
+        runs = trial._run(settings, 0, coarse=True)
+        return np.array([[o[c] for c in self.columns] for o in runs])
+
+    @cached_property
+    def _base(self) -> dict[str, float]:
+        return dict(self.nominal_model.attributes)
+
+    @cached_property
+    def _remembered(self) -> Remembered:
+        return Remembered(self._base)
+
+    def _run(
+        self, settings: Sequence[Settings], record: int, *, coarse: bool, command: Array | None = None
+    ) -> list[dict[str, Array]]:
+        """Columns of each of the settings on the clock of the run. command: on it, in place of the record's."""
+        factor, ground, own_command = self._driven(record, coarse)
+        command = own_command if command is None else command
+        sample_time = self.raw[record].sample_time / factor
+        step = self._step(record, coarse)
+        out: list[dict[str, Array]] = [{}] * len(settings)
+        for outside, rows in grouped(settings):
+            own = [inside_of(settings[k]) for k in rows]
+            vectors = [
+                core.vector(self.nominal_model.law, self._base | {k: v for k, v in s.items() if "@" not in k})
+                for s in own
+            ]
+            runs = core.run_frame_many(
+                self.nominal_model.law,
+                np.array(vectors),
+                [bent(outside, self._frame(s)) for s in own],
+                sample_time,
+                ground,
+                commanded(outside, command, sample_time),
+                substep=step,
+                threads=self.threads,
+                narx=self.nominal_model.narx,
+            )
+            for k, run in zip(rows, runs, strict=True):
+                out[k] = run
+        return out
+
+    def _step(self, record: int, coarse: bool) -> float:
+        """s, the chain's inner step in a record."""
+        jump = self._jumps[record]
+        step = self.jump_step if jump else self.coarse_step
+        return step if coarse else min(step / 2 if jump else step, FINE)
+
+    def _frame(self, settings: Settings) -> FrameInput:
+        s = self.structure
+        values = {kind: getattr(s, kind).copy() for kind in _STRUCTURE}
+        for key, value in settings.items():
+            kind, _, place = key.partition("@")
+            if kind in _STRUCTURE:
+                values[kind][int(place) - 1] = value
+        effects = (*self.nominal_model.effects, *placed_effects(settings))
+        frame = ShearFrame(values["mass"], values["stiffness"], values["damping"], s.damper_between)
+        return Model("bingham", _NO_DAMPER, tuple(e for e in effects if e.place), "frame", frame).frame
+
+
+def block_means(values: Array, block: int) -> Array:
+    """Means over blocks of samples: (..., n) -> (..., n // block)."""
+    n = values.shape[-1] // block * block
+    return np.asarray(values[..., :n].reshape(*values.shape[:-1], -1, block).mean(axis=-1))
+
+
+def averaged(record: Record, block: int) -> Record:
+    """A record of block means; as it is for a block of 1."""
+    if block == 1:
+        return record
+    channels = {name: block_means(np.asarray(x), block) for name, x in record.channels.items()}
+    return Record(record.name, record.path, block * record.sample_time, channels, record.ignored)
+
+
+#: `Model.frame` asks for a law; the frame does not depend on it.
+_NO_DAMPER = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), 0.0)
+
+
+def placed_effects(settings: Mapping[str, float]) -> list[Effect]:
+    """The effects that have a place, of settings `EFFECT_PARAMETER@PLACE`."""
+    found: dict[tuple[str, int], dict[str, float]] = {}
+    for key, value in settings.items():
+        head, _, place = key.partition("@")
+        for name in (*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS):
+            if place and head.startswith(f"{name}_"):
+                found.setdefault((name, int(place)), {})[head.removeprefix(f"{name}_")] = value
+    return [Effect(name, parameters, place) for (name, place), parameters in found.items()]

@@ -1,0 +1,163 @@
+"""Residuals of a rig's records under many settings at once, each record and channel over its own size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
+from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.errors import InputError
+
+#: s at the start of a record, where the unknown start state fades: they do not count.
+SKIP = 0.1
+#: Samples at a record's end, where a converter's filter bends the motion: they do not count either.
+END = 8
+#: Step of the differences, in units of search.
+_STEP = 0.02
+#: What a diverged run counts as: an error so many times the record's size.
+_DIVERGED = 1e3
+
+
+@dataclass(frozen=True)
+class Block:
+    """Where a record's channel stands in the residuals.
+
+    size: what its error is divided by (channel unit); trust: what it then counts, 0 to 1.
+    """
+
+    record: int
+    channel: int
+    span: slice
+    size: float
+    trust: float = 1.0
+
+
+class Problem:
+    """Residuals of some records of a rig; a block's sum of squares is its gap squared times its share.
+
+    A gap is the RMS error over the RMS of the measurement. share: blocks of a record with two channels count half
+    each, so that a sum of squares over all blocks is a sum over records. trust: by (record, channel), what a block's
+    residuals are multiplied by; one that is mostly noise would hide the others.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        records: Sequence[int] | None = None,
+        *,
+        stride: int = 1,
+        coarse: bool = False,
+        trust: Mapping[tuple[int, int], float] | None = None,
+    ) -> None:
+        self.rig, self.stride, self.coarse = rig, stride, coarse
+        self.trust = dict(trust or {})
+        self.records = tuple(range(len(rig.records)) if records is None else records)
+        self.runs = 0  # records simulated so far
+        self.blocks: list[Block] = []
+        self._measured: dict[int, Array] = {}
+        self._skip: dict[int, int] = {}
+        at = 0
+        for k in self.records:
+            skip = min(round(SKIP / rig.records[k].sample_time), rig.records[k].n // 4)
+            measured = rig.measured(k)[:, skip : rig.records[k].n - END : stride]
+            self._measured[k], self._skip[k] = measured, skip
+            for channel, values in enumerate(measured):
+                size = float(np.sqrt(np.mean(values**2))) or 1.0
+                trusted = self.trust.get((k, channel), 1.0)
+                self.blocks.append(Block(k, channel, slice(at, at + len(values)), size, trusted))
+                at += len(values)
+        self.samples = at
+        self.weights = np.empty(at)
+        for b in self.blocks:
+            n = b.span.stop - b.span.start
+            self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
+
+    def rougher(self, hypothesis: Hypothesis) -> Problem:
+        """The same residuals in cheaper runs, to find the way by: those of a search instead of the full step's, with
+        longer steps yet where this hypothesis takes long; this problem itself where there are none."""
+        rig = self.rig.rougher(hypothesis.terms)
+        if rig is None and self.coarse:
+            return self
+        out = copy(self)
+        out.rig, out.coarse = rig or self.rig, True
+        return out
+
+    def outputs(self, settings: Sequence[Settings]) -> Array:
+        """Simulated channels of all records in a row (sets, samples), in the channels' units."""
+        out = np.empty((len(settings), self.samples))
+        at = 0
+        for k, whole in zip(self.records, self._all_simulated(settings), strict=True):
+            run = whole[:, :, self.taken(k)]
+            width = run.shape[1] * run.shape[2]
+            out[:, at : at + width] = run.reshape(len(settings), width)
+            at += width
+        return out
+
+    def _all_simulated(self, settings: Sequence[Settings]) -> list[Array]:
+        """Runs of each record, side by side: a fit alone keeps all threads busy too."""
+        self.runs += len(settings) * len(self.records)
+        if self.rig.threads == 1 or len(self.records) == 1:
+            return [self._simulated(settings, k) for k in self.records]
+        with ThreadPoolExecutor(self.rig.threads) as pool:
+            return list(pool.map(lambda k: self._simulated(settings, k), self.records))
+
+    def _simulated(self, settings: Sequence[Settings], record: int) -> Array:
+        """Runs (sets, channels, n), NaN for settings that the chain does not take (a hysteresis without bound)."""
+        try:
+            return self.rig.simulate(settings, record, coarse=self.coarse)
+        except InputError:
+            refused = np.full((len(self.rig.channels), self.rig.records[record].n), np.nan)
+            if len(settings) == 1:
+                return refused[None]
+            return np.concatenate([self._simulated([one], record) for one in settings])
+
+    def taken(self, record: int) -> slice:
+        """Which samples of a record are in the residuals."""
+        return slice(self._skip[record], self.rig.records[record].n - END, self.stride)
+
+    def measured(self) -> Array:
+        """Measured channels of all records in a row (samples,)."""
+        return np.concatenate([self._measured[k].ravel() for k in self.records])
+
+    def of_settings(self, settings: Sequence[Settings]) -> Array:
+        """Weighted residuals (sets, samples), simulated less measured."""
+        out = (self.outputs(settings) - self.measured()) * self.weights
+        limit = _DIVERGED / np.sqrt(self.samples)
+        return np.asarray(np.clip(np.nan_to_num(out, nan=limit, posinf=limit, neginf=-limit), -limit, limit))
+
+    def residuals(self, hypothesis: Hypothesis, points: Array) -> Array:
+        """Weighted residuals (points, samples) for points (points, coordinates)."""
+        return self.of_settings([hypothesis.settings(q) for q in np.atleast_2d(points)])
+
+    def jacobian(
+        self, hypothesis: Hypothesis, q: Array, residual: Array, columns: Sequence[int] | None = None
+    ) -> Array:
+        """Forward differences within the bounds (samples, columns), all in one call; columns: which coordinates."""
+        chosen = list(range(len(q)) if columns is None else columns)
+        low, high = hypothesis.bounds()
+        points = np.repeat(q[None], len(chosen), axis=0)
+        steps = np.empty(len(chosen))
+        for row, k in enumerate(chosen):
+            steps[row] = _STEP if q[k] + _STEP <= high[k] else -_STEP
+            if steps[row] < 0 and q[k] - _STEP < low[k]:  # a range narrower than the step
+                steps[row] = (high[k] - q[k]) or (low[k] - q[k]) or _STEP
+            points[row, k] += steps[row]
+        if not chosen:
+            return np.zeros((self.samples, 0))
+        return np.asarray(((self.residuals(hypothesis, points) - residual) / steps[:, None]).T)
+
+    def gaps(self, residual: Array) -> Array:
+        """Gap (blocks,) of weighted residuals (samples,)."""
+        channels = len(self.rig.channels)
+        return np.array([np.sqrt(channels * np.sum(residual[b.span] ** 2)) / b.trust for b in self.blocks])
+
+    def cost(self, gaps: Array) -> float:
+        """Sum of squares of the weighted residuals that gaps (blocks,) stand for."""
+        trust = np.array([b.trust for b in self.blocks])
+        return float(np.sum((trust * gaps) ** 2)) / len(self.rig.channels)

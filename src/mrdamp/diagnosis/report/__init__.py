@@ -1,0 +1,1 @@
+"""The answer, its sentence, its page and the corrected simulator."""

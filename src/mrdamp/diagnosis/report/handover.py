@@ -1,0 +1,95 @@
+"""The corrected simulator as it is handed over: MJCF that steps in MuJoCo as the diagnosis computed it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.problem.residuals import END, SKIP
+from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.errors import InputError
+from mrdamp.mjcf import write_mjcf
+from mrdamp.model import Model
+from mrdamp.predict import as_logged, played
+from mrdamp.records import Record
+
+#: The two gaps agree within this share of the measurement's RMS.
+AGREEMENT = 0.01
+#: Records that the MJCF is stepped on, those whose command changes most.
+_STEPPED = 3
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One record, simulated by the C entry (as in the diagnosis) and by the written MJCF in MuJoCo.
+
+    offline, mujoco: gaps, channels pooled; difference: RMS of what the two answer differently; all over the RMS of
+    the measurement.
+    """
+
+    record: str
+    offline: float
+    mujoco: float
+    difference: float
+
+    @property
+    def within(self) -> bool:
+        """True where the two gaps are the same within 1 % of the RMS."""
+        return abs(self.mujoco - self.offline) <= AGREEMENT
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "record": self.record,
+            "offline_gap": self.offline,
+            "mujoco_gap": self.mujoco,
+            "difference": self.difference,
+        }
+
+    def line(self) -> str:
+        """What is told where they do not."""
+        gaps = f"{100 * self.mujoco:.2f} % in MuJoCo, {100 * self.offline:.2f} % offline"
+        return f"MJCF stepped on {self.record}: the gap is {gaps}"
+
+
+def hand_over(found: Diagnosis, records: Sequence[Record], folder: Path) -> Diagnosis:
+    """Writes the corrected simulator's MJCF into a folder and steps it on three records; what came of it is told."""
+    model = found.corrected
+    chosen = sorted(records, key=lambda r: -float(np.std(r.command)))[:_STEPPED]
+    try:
+        write_mjcf(model, folder)
+        rows = tuple(agreement(model, r) for r in chosen)
+    except InputError as error:
+        return replace(found, notes=(*found.notes, f"no MJCF of the corrected simulator: {error}"))
+    off = [r.line() for r in rows if not r.within]
+    return replace(found, stepped=tuple(r.to_dict() for r in rows), notes=(*found.notes, *off))
+
+
+def agreement(model: Model, record: Record) -> Agreement:
+    """Both answers for a record's inputs, over its measured channels. Raises InputError."""
+    from mrdamp.stepping import drive_frame, drive_rig  # MuJoCo comes with it
+
+    factor, sample_time, inputs = played(model, record)
+    drive = drive_rig if model.rig == "damper" else drive_frame
+    offline, stepped = (
+        as_logged(model, record, factor, run(sample_time, inputs))
+        for run in (model.simulate, lambda dt, given: drive(model, dt, given))
+    )
+    names = [name for name in offline if name in record.channels]
+    keep = slice(round(SKIP / record.sample_time), record.n - END)
+
+    def over_rms(one: Mapping[str, Array], other: Mapping[str, Array]) -> float:
+        squares = []
+        for name in names:
+            size = float(np.mean(record.channel(name)[keep] ** 2)) or 1.0
+            squares.append(float(np.mean((one[name] - other[name])[keep] ** 2)) / size)
+        return float(np.sqrt(np.mean(squares)))
+
+    measured = {name: record.channel(name) for name in names}
+    return Agreement(
+        record.name, over_rms(offline, measured), over_rms(stepped, measured), over_rms(offline, stepped)
+    )

@@ -1,0 +1,259 @@
+"""The page of a diagnosis that a person reads: one plain sentence, then the pictures and the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrdamp import __version__
+from mrdamp.core import Array
+from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.report.sentence import number, share
+from mrdamp.model import Model
+from mrdamp.pictures import damper as damper_pictures
+from mrdamp.pictures import diagnosis as pictures
+from mrdamp.predict import free_run
+from mrdamp.records import Record
+from mrdamp.report import Page
+from mrdamp.sampling import derivative
+
+_SHOWN = 3  # records with residuals and loops
+
+
+def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[pictures.ResidualData]:
+    """Each record's force, or the floor acceleration with the largest gap, measured and simulated twice."""
+    return [_frame_view(nominal, corrected, r) if nominal.rig == "frame" else _damper_view(nominal, corrected, r)
+            for r in records]  # fmt: skip
+
+
+def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_unit: str = "A") -> Page:
+    """The whole page; `nominal`: the simulator as its owner believes it, records: all of the case."""
+    out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
+    shown = views(nominal, found.corrected, records)
+    _answer(out, found)
+    _where(out, found, shown, command_unit)
+    _shrink(out, found, shown)
+    if nominal.rig == "damper":
+        out.figure(
+            "Loops",
+            damper_pictures.loops(_loops(shown, records, command_unit)),
+            "Measured force and the corrected simulator, over displacement and velocity.",
+            "Hysteresis loops of the measured force with the corrected simulator's over them.",
+        )
+    _handed_over(out, found)
+    _doubt(out, found)
+    return out
+
+
+def _answer(out: Page, found: Diagnosis) -> None:
+    if found.effects:
+        rows = [
+            (
+                e.effect if e.place is None else f"{e.effect} at {e.place}",
+                e.stage,
+                e.probability,
+                f"{100 * e.share:.0f} %",
+                "; ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items()),
+            )
+            for e in found.effects
+        ]
+        out.table(
+            "The cause",
+            ("effect", "stage", "probability", "share of the excess", "parameters (SI)"),
+            rows,
+            "In brackets: 95 % intervals.",
+        )
+    out.figure(
+        "" if found.effects else "The cause",
+        pictures.probabilities(found.probabilities),
+        "Probability of each cause. `none`: no gap beyond the noise; `parameters`: only numbers are wrong; "
+        "`unknown`: a cause outside the catalogue.",
+        "Bars: " + ", ".join(f"{k} {v:.2f}" for k, v in _likeliest(found)),
+    )
+    if found.indistinguishable:
+        out.text(
+            "",
+            [
+                f"These records cannot tell {', '.join(f'`{name}`' for name in tie)} apart."
+                for tie in found.indistinguishable
+            ],
+        )
+
+
+def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:
+    stages = found.where.stages
+    out.figure(
+        "Where the gap lies",
+        pictures.chain(stages, found.where.intervals),
+        "The chain from command to sensor, with each stage's share of the gap and its 95 % interval.",
+        "Bars: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in stages.items()),
+    )
+    if found.where.measured:
+        out.table(
+            "",
+            ("between measured channels", "stages", "share of the nominal gap", "what would part them"),
+            [
+                (m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by)
+                for m in found.where.measured
+            ],
+            "Measured signals put in at the chain's interfaces; a share below 0 undoes another part's error.",
+        )
+    out.figure(
+        "",
+        pictures.gap_map(shown, command_unit),
+        "RMS residual over piston velocity and command, nominal and corrected, on one scale.",
+        "Two maps of the residual over velocity and command; the corrected one is the paler.",
+    )
+    if found.where.regimes:
+        rows = [
+            (r.what, f"{100 * r.share_of_gap:.0f} %", f"{100 * r.share_of_samples:.0f} %")
+            for r in found.where.regimes
+        ]
+        out.table("", ("regime", "share of the gap", "share of the samples"), rows)
+    if found.where.places:
+        ends = found.where.place_intervals
+        out.table(
+            "",
+            ("place", "share of the gap"),
+            [(n, share(v, ends.get(n))) for n, v in found.where.places.items()],
+        )
+    if found.where.records:
+        out.table("", ("record", "share of the gap"),
+                  [(name, f"{100 * v:.0f} %") for name, v in found.where.records.items()])  # fmt: skip
+
+
+def _shrink(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
+    gap = found.gap
+    steps = [(s.name, s.gap, s.interval) for s in found.waterfall]
+    if steps:
+        out.figure(
+            "How far it shrinks",
+            pictures.waterfall(steps, gap.noise_floor, gap.ceiling),
+            "RMS error over the RMS of the measurement, on records that no parameter was fitted to.",
+            "Bars: " + ", ".join(f"{name} {100 * value:.2g} %" for name, value, _ in steps),
+        )
+    worst = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))[:_SHOWN]
+    out.figure(
+        "" if steps else "How far it shrinks",
+        pictures.residuals([shown[k] for k in sorted(worst)]),
+        "Measured less simulated on the records with the largest gap, before and after.",
+        "Residuals over time of the nominal and the corrected simulator.",
+    )
+    rows = [(r.name, 100 * _nrms(r.nominal, r.measured), 100 * _nrms(r.corrected, r.measured)) for r in shown]
+    out.table("", ("record", "nominal, %", "corrected, %"), rows,
+              "All records; the corrected simulator was fitted to them. The bars above are held out.")  # fmt: skip
+
+
+def _handed_over(out: Page, found: Diagnosis) -> None:
+    if found.stepped:
+        rows = [
+            (row["record"], *(100 * row[k] for k in ("offline_gap", "mujoco_gap", "difference")))
+            for row in found.stepped
+        ]
+        out.table(
+            "The corrected simulator in MuJoCo",
+            ("record", "gap offline, %", "gap in MuJoCo, %", "between the two, %"),
+            rows,
+            "The written MJCF, stepped on the record's inputs, beside the diagnosis' own simulation.",
+        )
+
+
+def _doubt(out: Page, found: Diagnosis) -> None:
+    if found.candidates:
+        out.table(
+            "What else was tried",
+            ("effects", "probability", "held-out gap"),
+            [(" + ".join(c.causes) or "parameters", c.probability, c.heldout_gap) for c in found.candidates],
+        )
+    if found.unseen:
+        columns = tuple(found.unseen[0])
+        out.table(
+            "What these records cannot show",
+            columns,
+            [tuple(_text(row.get(k)) for k in columns) for row in found.unseen],
+        )
+    if found.corrections:
+        out.text(
+            "Corrections of form",
+            "In the corrected simulator, and not named as causes: "
+            + ", ".join(f"`{c}`" for c in found.corrections),
+        )
+    test = found.next_experiment
+    if test:
+        file = f" Its inputs are in `{test['file']}`." if "file" in test else ""
+        out.text("The next experiment", [f"Why: {test['why']}.", f"Test: {test['signal']}.{file}"])
+        rows = [(row["one"], row["rival"], row["separation"]) for row in test.get("separates", ())]
+        if rows:
+            out.table(
+                "",
+                ("simulator", "rival, fitted to it again", "distance"),
+                rows,
+                "RMS over the length of the test, in standard deviations of what the noise and the form leave.",
+            )
+    if found.notes:
+        out.text("Notes", found.notes)
+
+
+def _text(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _likeliest(found: Diagnosis) -> list[tuple[str, float]]:
+    return sorted(found.probabilities.items(), key=lambda item: -item[1])[:3]
+
+
+def _nrms(simulated: Array, measured: Array) -> float:
+    size = float(np.sqrt(np.mean(measured**2))) or 1.0
+    return float(np.sqrt(np.mean((simulated - measured) ** 2))) / size
+
+
+def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
+    velocity = record.channels.get("velocity_m_s")
+    before, after = (free_run(m, record)["force_N"] for m in (nominal, corrected))
+    return pictures.ResidualData(
+        record.name,
+        record.time,
+        derivative(record.displacement, record.sample_time) if velocity is None else velocity,
+        record.command,
+        record.channel("force_N"),
+        before,
+        after,
+    )
+
+
+def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
+    assert nominal.structure is not None
+    before, after = (free_run(m, record) for m in (nominal, corrected))
+    floors = [f"floor{k}_acceleration_m_s2" for k in range(1, nominal.structure.storeys + 1)]
+    floor = max(
+        (f for f in floors if f in record.channels), key=lambda f: _nrms(before[f], record.channel(f))
+    )
+    x = np.zeros((nominal.structure.storeys + 1, record.n))
+    for k in range(1, len(x)):
+        x[k] = after[f"floor{k}_displacement_m"]
+    low, high = nominal.structure.damper_between or (0, 1)
+    return pictures.ResidualData(
+        record.name,
+        record.time,
+        derivative(x[high] - x[low], record.sample_time),
+        record.channel("command"),
+        record.channel(floor),
+        before[floor],
+        after[floor],
+        unit="m/s²",
+        note=f"floor {floor[5:].partition('_')[0]}",
+    )
+
+
+def _loops(
+    shown: Sequence[pictures.ResidualData], records: Sequence[Record], command_unit: str
+) -> list[damper_pictures.LoopData]:
+    rows = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))[:_SHOWN]
+    return [
+        damper_pictures.LoopData(
+            shown[k].name, shown[k].time, records[k].displacement, shown[k].velocity, shown[k].command,
+            shown[k].measured, shown[k].corrected, command_unit,
+        )
+        for k in sorted(rows)
+    ]  # fmt: skip

@@ -1,0 +1,134 @@
+"""The sentence and the table that a person reads first."""
+
+from __future__ import annotations
+
+from mrdamp.diagnosis.report.result import Diagnosis, Named
+
+_PLAIN = {
+    "driver_lag": "the coil current follows the command late",
+    "command_delay": "the command arrives late",
+    "saturation": "the magnetic circuit saturates",
+    "remanence": "the magnetic circuit remembers",
+    "heating": "the fluid warms up",
+    "asymmetry": "extension and compression differ",
+    "shear_thinning": "the fluid thins with velocity",
+    "trapped_gas": "trapped gas swallows the start of a stroke",
+    "gas_spring": "the accumulator acts as a spring",
+    "seal_friction": "the seal rubs",
+    "moving_mass": "a mass moves between damper and load cell",
+    "mount_compliance": "the mount gives way",
+    "backlash": "the mount has play",
+    "sensor_gain": "the force sensor's sensitivity is off",
+    "sensor_offset": "the force sensor has a bias",
+    "sensor_leakage": "the sensor's charge leaks away",
+    "sensor_lag": "the force channel is slow",
+    "channel_shift": "the displacement and force channels are shifted in time",
+    "storey_stiffness": "a storey's stiffness is off",
+    "storey_damping": "a storey's damping is off",
+    "joint_friction": "a storey rubs",
+    "floor_mass": "a floor carries another mass",
+}
+
+
+#: The same of a floor's accelerometer, in a frame.
+_PLAIN_FLOOR = {
+    "sensor_gain": "that floor's accelerometer has another sensitivity",
+    "sensor_offset": "that floor's accelerometer has a bias",
+    "sensor_leakage": "the charge of that floor's accelerometer leaks away",
+    "sensor_lag": "that floor's accelerometer is slow",
+}
+
+
+def _plain(e: Named) -> str:
+    words = _PLAIN_FLOOR if e.place is not None and e.stage == "sensor" else _PLAIN
+    return words.get(e.effect, e.stage)
+
+
+def percent(x: float) -> str:
+    return f"{100 * x:.1f} %"
+
+
+def sentence(d: Diagnosis) -> str:
+    """What was found, in one plain sentence."""
+    g = d.gap
+    shrink = f"the gap on records held out goes from {percent(g.nominal)} to {percent(g.corrected)}"
+    noise = f"noise {percent(g.noise_floor)}"
+    if d.verdict == "none":
+        return f"The simulator matches the rig: its gap of {percent(g.nominal)} is the noise of the records."
+    if d.verdict == "parameters":
+        return f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise})."
+    if d.verdict == "unknown":
+        if d.outside is not None:
+            return (
+                f"There is a gap of {percent(g.nominal)} that looks like {d.outside['what']}, which is none of the"
+                f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of"
+                f" the catalogue {percent(d.outside['nearest_gap'])}."
+            )
+        stage = max(d.where.stages, key=lambda s: d.where.stages[s])
+        return (
+            f"There is a gap of {percent(g.nominal)} that nothing in the catalogue explains; it looks most like the"
+            f" stage {stage}, and the best correction leaves {percent(g.corrected)}."
+        )
+    parts = []
+    for e in d.effects:
+        place = f" {e.place}" if e.place is not None else ""
+        parts.append(f"{e.effect}{place} ({_plain(e)})")
+    return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise})."
+
+
+def number(name: str, value: float, interval: tuple[float, float] | None) -> str:
+    """A parameter with its interval."""
+    text = f"{name} = {value:.4g}"
+    return text if interval is None else f"{text} ({interval[0]:.4g} to {interval[1]:.4g})"
+
+
+def share(value: float, interval: tuple[float, float] | None) -> str:
+    """A share with its interval, in per cent."""
+    text = f"{round(100 * value)} %"
+    return text if interval is None else f"{text} ({round(100 * interval[0])} to {round(100 * interval[1])})"
+
+
+def table(d: Diagnosis) -> str:
+    """The waterfall, the effects, the candidates and what is tied."""
+    lines = ["  gap on held-out records (RMS error over RMS)"]
+    for s in d.waterfall:
+        low, high = (percent(end) for end in s.interval)
+        lines.append(f"    {s.name:40s} {percent(s.gap):>8s}   {low} to {high}")
+    lines.append(f"    {'noise floor':40s} {percent(d.gap.noise_floor):>8s}")
+    if d.effects:
+        lines.append("  effects")
+        for e in d.effects:
+            numbers = ", ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items())
+            place = f"@{e.place}" if e.place is not None else ""
+            lines.append(
+                f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}"
+            )
+    lines.append("  candidates")
+    for c in d.candidates:
+        name = " + ".join(c.causes) or "none"
+        lines.append(f"    {name:40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
+    stages = sorted(d.where.stages.items(), key=lambda item: -item[1])
+    shown = [f"{name} {share(v, d.where.intervals.get(name))}" for name, v in stages if v > 0.005]
+    lines.append("  stages: " + ", ".join(shown))
+    found = [
+        f"{name} {share(v, d.where.place_intervals.get(name))}"
+        for name, v in d.where.places.items()
+        if v > 0.005
+    ]
+    lines += ["  places: " + ", ".join(found)] if found else []
+    for m in d.where.measured:
+        text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
+        lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
+    for tie in d.indistinguishable:
+        lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
+    if d.corrections:
+        lines.append(f"  in the corrected simulator besides, to mend a form: {', '.join(d.corrections)}")
+    if d.stepped:
+        apart = max(abs(row["mujoco_gap"] - row["offline_gap"]) for row in d.stepped)
+        where = ", ".join(str(row["record"]) for row in d.stepped)
+        lines.append(
+            f"  MJCF stepped in MuJoCo on {where}: the offline gap to {100 * apart:.2f} % of the RMS"
+        )
+    lines.append(f"  next test: {d.next_experiment.get('signal', '')} ({d.next_experiment.get('why', '')})")
+    lines += [f"  note: {n}" for n in d.notes]
+    return "\n".join(lines)
