@@ -72,6 +72,7 @@ def effect(name: str, base: Base) -> dict[str, float]:
         "saturation": {"i_s": 0.5 * u},
         "saturation Froehlich": {"i_s": 0.6 * u, "shape": 1.0},
         "saturation square": {"i_s": 0.5 * u, "shape": 2.0},
+        "saturation full": {"i_s": 0.4 * u, "shape": 2.0, "full": 0.8 * u},
         "remanence": {"b": 0.12 * u, "d": 0.15 * u},
         "heating": {**heat, "kappa": 0.02, "kappa_yield": 0.01},
         "heating warm start": {**heat, "kappa": 0.02, "kappa_yield": 0.004, "start": 12.0},
@@ -104,7 +105,7 @@ def effect(name: str, base: Base) -> dict[str, float]:
 ALONE = (
     "driver_lag", "driver_lag two poles", "command_delay", "command_delay steps", "saturation",
     "saturation Froehlich",
-    "saturation square", "remanence", "heating", "heating warm start", "asymmetry", "asymmetry wide",
+    "saturation square", "saturation full", "remanence", "heating", "heating warm start", "asymmetry", "asymmetry wide",
     "shear_thinning", "shear_thinning Cross", "shear_thinning of both dashpots", "trapped_gas",
     "trapped_gas compression", "trapped_gas both", "gas_spring",
     "seal_friction", "seal_friction Stribeck", "moving_mass", "mount_compliance", "backlash", "sensor_gain",

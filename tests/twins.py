@@ -24,7 +24,8 @@ from twin_laws import LAWS, Law, Softening
 NEUTRAL: Mapping[str, float] = {
     "command_min": -math.inf, "command_max": math.inf,
     "driver_lag_tau": 0.0, "driver_lag_tau2": 0.0, "command_delay_d": 0.0,
-    "saturation_i_s": 0.0, "saturation_shape": 0.0, "remanence_b": 0.0, "remanence_d": 0.1,
+    "saturation_i_s": 0.0, "saturation_shape": 0.0, "saturation_full": 0.0,
+    "remanence_b": 0.0, "remanence_d": 0.1,
     "heating_kappa": 0.0, "heating_kappa_yield": 0.0, "heating_capacity": 100.0, "heating_loss": 0.0,
     "heating_start": 0.0, "asymmetry_a": 0.0, "asymmetry_width": 0.005,
     "shear_thinning_m": 1.0, "shear_thinning_v_s": 0.1, "shear_thinning_shape": 2.0, "shear_thinning_series": 0.0,
@@ -117,9 +118,14 @@ class Chain:
         limit, shape = self.p["saturation_i_s"], self.p["saturation_shape"]
         if limit <= 0.0:
             return i
-        if shape == 0.0:
-            return limit * math.tanh(i / limit)
-        return float(i / (1.0 + abs(i / limit) ** shape) ** (1.0 / shape))
+
+        def curve(current: float) -> float:
+            if shape == 0.0:
+                return limit * math.tanh(current / limit)
+            return float(current / (1.0 + abs(current / limit) ** shape) ** (1.0 / shape))
+
+        full = self.p["saturation_full"]
+        return curve(i) * full / curve(full) if full > 0.0 else curve(i)
 
     # --- fluid and mechanics --------------------------------------------------------------
     def _softening(self, y: Array) -> Softening:

@@ -9,12 +9,19 @@
 
 namespace mrdamp {
 
-// saturation: i_s tanh(i / i_s), or i / (1 + |i / i_s|^p)^(1/p).
-inline double Saturate(const Params& p, double i) {
-  if (!(p.saturation_i_s > 0)) return i;
+// i_s tanh(i / i_s), or i / (1 + |i / i_s|^p)^(1/p).
+inline double SaturationCurve(const Params& p, double i) {
   const double q = i / p.saturation_i_s;
   if (p.saturation_shape == 0) return p.saturation_i_s * std::tanh(q);
   return i / std::pow(1 + std::pow(std::fabs(q), p.saturation_shape), 1 / p.saturation_shape);
+}
+
+// saturation: the curve, whose slope at zero is one; or scaled so that it gives the current back at `full`, where the
+// law's coefficients were calibrated.
+inline double Saturate(const Params& p, double i) {
+  if (!(p.saturation_i_s > 0)) return i;
+  const double b = SaturationCurve(p, i);
+  return p.saturation_full > 0 ? b * p.saturation_full / SaturationCurve(p, p.saturation_full) : b;
 }
 
 // Bound of the branch at the current i on the side of `sign`, which the way up (1) or down (-1) from zero leads to.

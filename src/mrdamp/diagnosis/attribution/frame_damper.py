@@ -45,5 +45,6 @@ def damper_alone(case: Case) -> DamperRig:
         records.append(
             Record(r.name, None, r.sample_time, channels | {"force_N": np.asarray(r.channel("force_N"))})
         )
-    own = Model(model.law, model.parameters, weights=model.weights, name=model.name)
+    effects = tuple(e for e in model.effects if e.place is None)
+    own = Model(model.law, model.parameters, effects, weights=model.weights, name=model.name)
     return DamperRig(own, tuple(records))

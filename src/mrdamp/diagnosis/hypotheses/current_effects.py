@@ -96,6 +96,17 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
             ((1.0 * s.command, 2.0), (0.4 * s.command, 2.0), (2.0 * s.command, 1.0)),
         ),
         Term(
+            "saturation",
+            "magnetics",
+            (
+                positive("saturation_i_s", s.command, 0.05 * s.command, 30 * s.command),
+                positive("saturation_shape", 2.0, 0.7, 12.0),
+            ),
+            ((1.0 * s.command, 2.0), (0.4 * s.command, 2.0), (0.4 * s.command, 1.0)),
+            form="at full scale",
+            fixed={"saturation_full": s.command},  # the law was calibrated at the largest current
+        ),
+        Term(
             "remanence",
             "magnetics",
             (

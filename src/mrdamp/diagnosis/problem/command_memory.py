@@ -15,6 +15,7 @@ from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.outside import PREFIX
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.logged import AS_SENT, LOG, rings_before_jumps, without_waves
+from mrdamp.model import Model
 from mrdamp.records import Record
 
 #: The setting that is not zero where a magnetic circuit remembers, and the one that leads it along the log's waves.
@@ -35,6 +36,12 @@ def with_waves(terms: Sequence[Term], records: Sequence[Record]) -> tuple[Term, 
             form = f"{term.form}, along the log" if term.form else "along the log"
             out.append(replace(term, form=form, fixed={**term.fixed, ALONG: 1.0}, later=True))
     return tuple(out)
+
+
+def base_settings(model: Model) -> dict[str, float]:
+    """The nominal simulator's settings, with what its file says of the log."""
+    along = {ALONG: 1.0} if model.extra.get(LOG) == AS_SENT else {}
+    return dict(model.attributes) | along
 
 
 def told_by_the_log(settings: Mapping[str, float]) -> dict[str, str]:
@@ -58,8 +65,11 @@ class Remembered:
         What the waves do to the channels all the same, since those went through the same filter, is added as the
         simulator without a memory has it. clock: names the record and the run's steps.
         """
+        as_logged = ALONG in self.base
         rows = [
-            k for k, s in enumerate(settings) if s.get(MEMORY, self.base.get(MEMORY, 0.0)) and ALONG not in s
+            k
+            for k, s in enumerate(settings)
+            if s.get(MEMORY, self.base.get(MEMORY, 0.0)) and not (as_logged or ALONG in s)
         ]
         if rows and clock not in self._held:
             self._held[clock] = without_waves(logged, fine)

@@ -13,6 +13,7 @@ from mrdamp.between import Fine, between, mended_ends
 from mrdamp.core import Array
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
 from mrdamp.diagnosis.hypotheses.outside import (
     command_rivals,
     commanded,
@@ -23,7 +24,8 @@ from mrdamp.diagnosis.hypotheses.outside import (
     read,
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
-from mrdamp.diagnosis.problem.command_memory import Remembered, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.excerpts import excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.logged import FILTERED, LOGGER, logged, rings_before_jumps
@@ -48,6 +50,7 @@ class DamperRig:
 
     rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
     threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
+    spans: what the whole records span, where these are excerpts of them.
     """
 
     nominal_model: Model
@@ -55,6 +58,7 @@ class DamperRig:
     rough: bool = False
     threads: int = 1
     wider: frozenset[str] = frozenset()
+    spans: Sizes | None = None
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -82,22 +86,33 @@ class DamperRig:
     @cached_property
     def sizes(self) -> Sizes:
         """What the records span."""
+        if self.spans is not None:
+            return self.spans
         force = [r.channel(self.channels[-1]) for r in self.records]
         v = [self.velocity(k) for k in range(len(self.records))]
         a = [derivative(v[k], r.sample_time) for k, r in enumerate(self.records)]
-        heat = max(
-            float(np.sum(np.abs(f * w)) * r.sample_time)
-            for f, w, r in zip(force, v, self.records, strict=True)
-        )
         return Sizes(
             force=rms(np.concatenate(force)),
             stroke=max(float(np.ptp(r.displacement)) for r in self.records) / 2,
             velocity=rms(np.concatenate(v)),
             acceleration=rms(np.concatenate(a)),
             command=max(float(np.abs(r.command).max()) for r in self.records) or 1.0,
-            heat=heat,
+            heat=max(self.heat),
             sample_time=max(r.sample_time for r in self.records),
         )
+
+    @cached_property
+    def heat(self) -> tuple[float, ...]:
+        """J dissipated in each record."""
+        return tuple(
+            float(np.sum(np.abs(r.channel(self.channels[-1]) * self.velocity(k))) * r.sample_time)
+            for k, r in enumerate(self.records)
+        )
+
+    def searched(self) -> DamperRig:
+        """The rig that a search runs: with excerpts of long records."""
+        short = excerpts(self.records, self.heat)
+        return self if short == self.records else replace(self, records=short, spans=self.sizes)
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
@@ -105,14 +120,19 @@ class DamperRig:
         law = nominal_coordinates(
             self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
         )
-        return tuple(
+        law = tuple(
             replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name in self.wider else c
             for c in law
         )
+        return (*law, *effect_coordinates(self.nominal_model.effects, self._catalogue))
+
+    @cached_property
+    def _catalogue(self) -> tuple[Term, ...]:
+        return with_waves(damper_terms(self.sizes), self.records)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        return with_waves(damper_terms(self.sizes), self.records)
+        return beside_own(self._catalogue, self.nominal_model.effects)
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:
@@ -121,7 +141,7 @@ class DamperRig:
 
     @cached_property
     def _base(self) -> dict[str, float]:
-        return dict(self.nominal_model.attributes)
+        return base_settings(self.nominal_model)
 
     def measured(self, record: int) -> Array:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
@@ -197,7 +217,7 @@ class DamperRig:
         for outside, rows in grouped(settings):
             run = core.run_many(
                 law,
-                np.array([core.vector(law, self._base | inside_of(settings[k])) for k in rows]),
+                np.array([core.vector(law, inside_of(self._base | settings[k])) for k in rows]),
                 inputs.sample_time,
                 inputs.x,
                 commanded(outside, inputs.u, inputs.sample_time),
@@ -266,15 +286,14 @@ class DamperRig:
         }
 
     def model(self, settings: Mapping[str, float]) -> Model:
-        own = set(self.nominal_model.parameters)
-        parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
-        effects = effects_from({k: v for k, v in inside_of(settings).items() if k not in own})
-        return Model(
-            self.nominal_model.law,
-            parameters,
-            effects,
-            weights=self.nominal_model.weights,
-            name=self.nominal_model.name,
-            sample_rate_hz=self.nominal_model.sample_rate_hz,
-            extra=told_by_the_log(settings) | ({LOGGER: FILTERED} if self.filtered else {}),
+        nominal = self.nominal_model
+        parameters = {k: settings.get(k, value) for k, value in nominal.parameters.items()}
+        found = effects_from({k: v for k, v in inside_of(settings).items() if k not in parameters})
+        return replace(
+            nominal,
+            parameters=parameters,
+            effects=merged(nominal.effects, found),
+            extra=dict(nominal.extra)
+            | told_by_the_log(settings)
+            | ({LOGGER: FILTERED} if self.filtered else {}),
         )

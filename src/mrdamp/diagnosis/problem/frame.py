@@ -16,10 +16,11 @@ from mrdamp import core
 from mrdamp.core import Array, FrameInput
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
+from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
-from mrdamp.diagnosis.problem.command_memory import Remembered, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.errors import InputError
 from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
@@ -158,7 +159,13 @@ class FrameRig:
             replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name != "n" else c
             for c in law
         )
-        return (*law, *structure_coordinates(self.structure)) if self.free_structure else law
+        own = effect_coordinates(self.nominal_model.effects, self._catalogue)
+        return (*law, *own, *(structure_coordinates(self.structure) if self.free_structure else ()))
+
+    @cached_property
+    def _catalogue(self) -> tuple[Term, ...]:
+        dampers = with_waves(damper_terms(self.sizes), self.raw)
+        return (*frame_terms(self.structure, self.records, self.sizes), *dampers)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
@@ -167,9 +174,8 @@ class FrameRig:
         than its own block does."""
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
-        dampers = with_waves(damper_terms(self.sizes), self.raw)
         out = []
-        for term in (*frame_terms(self.structure, self.records, self.sizes), *dampers):
+        for term in beside_own(self._catalogue, self.nominal_model.effects):
             if term.place is not None:
                 block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
                 at_fault = block not in self.clean or (self.quiet and term.stage == "structure")
@@ -266,7 +272,7 @@ class FrameRig:
         return replace(
             self.nominal_model,
             parameters=parameters,
-            effects=(*self.nominal_model.effects, *effects),
+            effects=merged(self.nominal_model.effects, effects),
             structure=ShearFrame(mass, stiffness, damping, s.damper_between),
             extra={**self.nominal_model.extra, **told_by_the_log(settings)},
         )
@@ -301,7 +307,7 @@ class FrameRig:
 
     @cached_property
     def _base(self) -> dict[str, float]:
-        return dict(self.nominal_model.attributes)
+        return base_settings(self.nominal_model)
 
     @cached_property
     def _remembered(self) -> Remembered:
@@ -319,7 +325,10 @@ class FrameRig:
         for outside, rows in grouped(settings):
             own = [inside_of(settings[k]) for k in rows]
             vectors = [
-                core.vector(self.nominal_model.law, self._base | {k: v for k, v in s.items() if "@" not in k})
+                core.vector(
+                    self.nominal_model.law,
+                    inside_of(self._base | {k: v for k, v in s.items() if "@" not in k}),
+                )
                 for s in own
             ]
             runs = core.run_frame_many(
@@ -350,7 +359,7 @@ class FrameRig:
             kind, _, place = key.partition("@")
             if kind in _STRUCTURE:
                 values[kind][int(place) - 1] = value
-        effects = (*self.nominal_model.effects, *placed_effects(settings))
+        effects = merged(self.nominal_model.effects, placed_effects(settings))
         frame = ShearFrame(values["mass"], values["stiffness"], values["damping"], s.damper_between)
         return Model("bingham", _NO_DAMPER, tuple(e for e in effects if e.place), "frame", frame).frame
 
