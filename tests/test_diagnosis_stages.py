@@ -7,7 +7,7 @@ import pytest
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
-from mrdamp.diagnosis.evidence.verdict import UNSTEADY
+from mrdamp.diagnosis.constants import UNSTEADY
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
 from mrdamp.diagnosis.fits.final import Settled
 from mrdamp.diagnosis.fits.least_squares import fit
@@ -106,7 +106,9 @@ def test_a_cause_that_does_not_carry_over_is_unknown_where_tests_do_not_repeat()
     chosen = fits[decision.chosen.index]
     well = Settled(chosen, (), problem.gaps(chosen.residual), problem)
     badly = Settled(chosen, (), 0.9 * problem.gaps(search.residual), problem)
-    assert carried_over(search, badly, decision) is decision  # a cause in a steady rig: the records may just be few
+    assert (
+        carried_over(search, badly, decision) is decision
+    )  # a cause in a steady rig: the records may just be few
     search.steady = False
     assert carried_over(search, well, decision) is decision
     told = carried_over(search, badly, decision)

@@ -15,16 +15,9 @@ from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.noise import channel_noise
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.constants import UNKNOWN_ABOVE
 from mrdamp.diagnosis.evidence.ceiling import ceiling, memory, of_fit, stroke_since_reversal
-from mrdamp.diagnosis.evidence.verdict import (
-    UNKNOWN_ABOVE,
-    Scored,
-    by_causes,
-    decide,
-    of_cause,
-    shapley,
-    with_lapse,
-)
+from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, of_cause, shapley, with_lapse
 from mrdamp.diagnosis.fits.final import heldout
 from mrdamp.diagnosis.fits.least_squares import fit, leave_out
 from mrdamp.diagnosis.fits.limits import Limits

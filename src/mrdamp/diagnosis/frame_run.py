@@ -26,8 +26,9 @@ from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable
+from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
-from mrdamp.diagnosis.evidence.verdict import CAUSE_PRICE, NUMBER_PRICE, Decision, decide
+from mrdamp.diagnosis.evidence.verdict import Decision, decide
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
 from mrdamp.diagnosis.fits.final import settle
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -38,6 +39,7 @@ from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.report.sentence import sentence
 from mrdamp.records import Record
@@ -126,6 +128,7 @@ def diagnose_frame(
         place_intervals=place_intervals(found),
     )
     answer = replace(answer, where=where)
+    answer = with_file_gaps(answer, small, settled.problem)
     return answer.with_sentence(sentence(answer))
 
 
@@ -146,7 +149,7 @@ def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
     weighed = [replace(s, move=0.0) for s in run.scored(fits, doubts)]
     rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
-    decision = decide(weighed, search.floor, rivals, steady=search.steady)
+    decision = decide(weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     first = fits[0]
@@ -250,7 +253,9 @@ def _ahead(search: Search) -> bool:
     """True where one cause beside free numbers leaves much less than the best one without: two causes without would
     only stand in for the numbers."""
     free, held = search.best(True, 1), search.best(False, 1)
-    return free is not None and held is not None and search.unexplained(free) < _AHEAD * search.unexplained(held)
+    return (
+        free is not None and held is not None and search.unexplained(free) < _AHEAD * search.unexplained(held)
+    )
 
 
 def stepped(rig: FrameRig, noise: Noise) -> FrameRig:
@@ -274,7 +279,9 @@ def too_coarse(problem: Problem, floor: Array, jumps: bool) -> bool:
     trifle beside the noise (floor (blocks,), gaps)."""
     rig = problem.rig
     assert isinstance(rig, FrameRig)
-    halved = replace(rig, jump_step=rig.jump_step / 2) if jumps else replace(rig, coarse_step=rig.coarse_step / 2)
+    halved = (
+        replace(rig, jump_step=rig.jump_step / 2) if jumps else replace(rig, coarse_step=rig.coarse_step / 2)
+    )
     half = Problem(halved, problem.records, coarse=True)
     apart = problem.gaps(problem.of_settings([{}])[0] - half.of_settings([{}])[0])
     return problem.cost(apart) > _STEP_ERROR * problem.cost(floor)

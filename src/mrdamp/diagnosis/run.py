@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,15 @@ from mrdamp.diagnosis.attribution.stages import (
 )
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
 from mrdamp.diagnosis.channels.interfaces import Parts, parts
 from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable, trust
+from mrdamp.diagnosis.constants import UNSTEADY
 from mrdamp.diagnosis.evidence.ceiling import of_fit
 from mrdamp.diagnosis.evidence.penalties import of_damper, of_itself
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
 from mrdamp.diagnosis.evidence.verdict import (
-    UNSTEADY,
     Decision,
     Scored,
     beyond,
@@ -38,14 +39,16 @@ from mrdamp.diagnosis.evidence.verdict import (
     with_lapse,
 )
 from mrdamp.diagnosis.fits.final import Settled, heldout, settle
-from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.outside import plain
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig, models_of
+from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.next_test import next_test
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
 from mrdamp.diagnosis.report.sentence import sentence
@@ -99,38 +102,59 @@ def diagnose(
 def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, store: Store) -> Diagnosis:
     begun = time.monotonic()
     rig = make_rig(case, jobs)
+    assert isinstance(rig, DamperRig)
     notes = list(audit(case))
-    total = sum(r.n for r in case.records) * len(rig.channels)
-    stride = max(1, round(total / _SAMPLES))
+    progress("comparing channels that see the same thing", 0.01)
+    channels = compared(rig.records, rig.terms, rig.nominal_model.attributes)
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
-    plain = Problem(rig, stride=stride, coarse=True)
-    floor = floors(plain, noise, {})
-    problem = Problem(rig, stride=stride, coarse=True, trust=trust(plain, floor))
     progress("recalibrating the nominal parameters", 0.02)
-    search = Search(problem, problem.cost(floor), limits, jobs, store)
+    search, floor = _searching(rig, noise, limits, jobs, store)
     ends = frozenset(search.base.at_bounds)
-    if ends and isinstance(rig, DamperRig) and search.unexplained(search.base) < _FAR_OFF:
+    if ends and search.unexplained(search.base) < _FAR_OFF:
         rig = replace(rig, wider=ends)
-        problem = Problem(rig, stride=stride, coarse=True, trust=problem.trust)
-        search = Search(problem, problem.cost(floor), limits, jobs, store)
+        search, floor = _searching(rig, noise, limits, jobs, store)
     search.steady = noise.steady
+    search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
+    for c in channels:
+        if c.term is not None and c.settings is not None:
+            search.begin_with(c.term, c.settings)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
-    fits, decision = judge(search)
+    fits, decision = judge(search, sensor_agrees(channels))
     decision = with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
-    settled = settle(search, chosen, mend=decision.verdict != "none")
+    settled = settle(search, chosen, mend=decision.verdict != "none", rig=rig)
     decision = carried_over(search, settled, decision)
     progress("looking at what is tied and unseen", 0.85)
-    return assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    answer = assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    return with_file_gaps(
+        replace(answer, compared=tuple(c.to_dict() for c in channels)), case, settled.problem
+    )
 
 
-def judge(search: Search) -> tuple[list[Fit], Decision]:
-    """All fits of a search and the decision over them."""
+def _searching(rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store) -> tuple[Search, Array]:
+    """A search that has not begun, on excerpts of long records, and the gaps (blocks,) that noise alone leaves."""
+    short = rig.searched()
+    total = sum(r.n for r in short.records) * len(rig.channels)
+    stride = max(1, round(total / _SAMPLES))
+    plain = Problem(short, stride=stride, coarse=True)
+    floor = floors(plain, noise, {})
+    problem = Problem(short, stride=stride, coarse=True, trust=trust(plain, floor))
+    return Search(problem, problem.cost(floor), limits, jobs, store), floor
+
+
+def judge(search: Search, agrees: bool = False) -> tuple[list[Fit], Decision]:
+    """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    doubts = {id(f): of_damper(search.problem.rig, f, search.base) for f in fits}
-    decision = decide(scored(fits, doubts), search.floor, scored(search.rivals), steady=search.steady)
+    doubts = {id(f): of_damper(search.problem.rig, f, search.base, agrees) for f in fits}
+    decision = decide(
+        scored(fits, doubts, search.direct),
+        search.floor,
+        scored(search.rivals),
+        steady=search.steady,
+        inexact=search.inexact,
+    )
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     return fits, decision
@@ -145,7 +169,13 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
     if decision.verdict != "unknown":
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
-    best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
+    if (
+        search.inexact
+    ):  # a law that is not the rig's is bent by anything: what holds in other regimes, or nothing
+        near.append(next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates))
+        best = min(near, key=lambda k: regime_cost(search.problem, fits[k]))
+    else:
+        best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
     found = fits[best]
     left = max(found.cost - decision.floor, 0.0) / decision.excess
     return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
@@ -155,6 +185,8 @@ def carried_over(search: Search, settled: Settled, decision: Decision) -> Decisi
     """The decision; `unknown` where two runs of one test differ by more than their noise and the cause that fits the
     records says little of those left out: what changes from run to run is fitted by anything with numbers enough.
     `parameters` where free numbers alone came to their end after the search, and leave noise of records left out."""
+    if search.inexact:
+        return decision
     left = max(search.problem.cost(settled.heldout) - decision.floor, 0.0) / decision.excess
     law = decision.chosen.free and not decision.chosen.causes
     if decision.verdict == "unknown" and law and search.steady and decision.outside is None:
@@ -166,8 +198,12 @@ def carried_over(search: Search, settled: Settled, decision: Decision) -> Decisi
     return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
 
 
-def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> list[Scored]:
-    """What the verdict goes by. doubts: by id of a fit (see `Scored`)."""
+def scored(
+    fits: Sequence[Fit],
+    doubts: Mapping[int, float] | None = None,
+    direct: Mapping[str, float] | None = None,
+) -> list[Scored]:
+    """What the verdict goes by. doubts: by id of a fit, direct: by cause (see `Scored`)."""
     return [
         Scored(
             f.hypothesis.causes,
@@ -177,6 +213,7 @@ def scored(fits: Sequence[Fit], doubts: Mapping[int, float] | None = None) -> li
             index,
             (doubts or {}).get(id(f), 0.0) + of_itself(f),
             f.move,
+            sum((direct or {}).get(cause, 0.0) for cause in f.hypothesis.causes),
         )
         for index, f in enumerate(fits)
     ]
@@ -206,14 +243,17 @@ def assemble(
     sets = with_lapse(sets)
     causes = of_cause(sets)
     rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
-    nominal_gaps = search.problem.gaps(search.residual)
-    recalibrated = heldout(search.problem, search.base)
+    whole = settled.problem
+    nominal = whole.of_settings([{}])[0]
+    nominal_gaps = whole.gaps(nominal)
+    recalibrated = heldout(whole, _on_whole(search, whole, search.base))
     waterfall = [_step("nominal", nominal_gaps), _step("recalibrated", recalibrated)]
     free = bool(chosen.hypothesis.nominal)
     for k in range(1, len(chosen.hypothesis.causes)):
         part = search.smallest(free, chosen.hypothesis.causes[:k])
         if part is not None:
-            waterfall.append(_step("+ " + " + ".join(part.hypothesis.causes), heldout(search.problem, part)))
+            part = _on_whole(search, whole, part)
+            waterfall.append(_step("+ " + " + ".join(part.hypothesis.causes), heldout(whole, part)))
     label = " + ".join(chosen.hypothesis.causes) or "recalibrated"
     last = _step(f"+ {label}" if chosen.hypothesis.causes else label, settled.heldout)
     waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
@@ -236,7 +276,7 @@ def assemble(
         ceiling=_ceiling(settled, search.floor),
     )
     residual = settled.fit.residual
-    conditions, halves = _conditions(search.problem)
+    conditions, halves = _conditions(whole)
     put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
     unknown = decision.verdict == "unknown"
     level, near = float(noise.levels[-1]), of_one_stage(search)
@@ -245,16 +285,16 @@ def assemble(
         stages=stage_shares(search, chosen, decision.verdict, put_in.found, evidence),
         intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, evidence),
         measured=put_in.found,
-        records=record_shares(search.problem, search.residual),
-        regimes=regimes(conditions, search.residual, halves),
+        records=record_shares(whole, nominal),
+        regimes=regimes(conditions, nominal, halves),
     )
     candidates = tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed)
     pictures: dict[str, Any] = {
-        "nominal": search.residual / search.problem.weights,
-        "corrected": residual / settled.problem.weights,
-        "measured": search.problem.measured(),
+        "nominal": nominal / whole.weights,
+        "corrected": residual / whole.weights,
+        "measured": whole.measured(),
         **{f"condition {k}": v for k, v in conditions.items()},
-        "blocks": [[b.record, b.channel, b.span.start, b.span.stop] for b in search.problem.blocks],
+        "blocks": [[b.record, b.channel, b.span.start, b.span.stop] for b in whole.blocks],
         "records": [r.name for r in rig.records],
         "channels": list(rig.channels),
     }
@@ -284,9 +324,15 @@ def assemble(
         probabilities=causes,
         seconds=time.monotonic() - begun,
         outside=_outside(search, chosen),
+        standing=None if decision.standing is None else asdict(decision.standing),
         pictures=pictures,
     )
     return found.with_sentence(sentence(found))
+
+
+def _on_whole(search: Search, whole: Problem, found: Fit) -> Fit:
+    """A fit of a search's excerpts, as it stands, with the residuals of the whole records."""
+    return found if whole.rig is search.problem.rig else fit(whole, found.hypothesis, found.point, most=0)
 
 
 def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:

@@ -77,7 +77,9 @@ def blocks(case: Case) -> tuple[Block, ...]:
     out = []
     for key in errors[0]:
         sizes = [_mean_square(e[key][1]) for e in errors]
-        gap = float(np.sqrt(np.mean([np.mean(e[key][0] ** 2) / size for e, size in zip(errors, sizes, strict=True)])))
+        gap = float(
+            np.sqrt(np.mean([np.mean(e[key][0] ** 2) / size for e, size in zip(errors, sizes, strict=True)]))
+        )
         # Noise is the same in every record, whatever the size of what is measured.
         noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
         kind, place = key

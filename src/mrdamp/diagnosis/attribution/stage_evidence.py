@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
+from mrdamp.diagnosis.constants import INDEPENDENT, NUMBER_PRICE
 from mrdamp.diagnosis.evidence.resample import draws, seconds
-from mrdamp.diagnosis.evidence.verdict import INDEPENDENT, NUMBER_PRICE
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -151,7 +151,9 @@ class _Errors:
         found = []
         for kind in range(len(own.gains[0])):
             gains = [g[kind] for g in own.gains]
-            scale = [float(e @ g) / max(float(g @ g), 1e-30) for e, g in zip(self.weighted, gains, strict=True)]
+            scale = [
+                float(e @ g) / max(float(g @ g), 1e-30) for e, g in zip(self.weighted, gains, strict=True)
+            ]
             found.append([e - c * g for e, c, g in zip(self.weighted, scale, gains, strict=True)])
         return min(found, key=_cost)
 

@@ -61,7 +61,9 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
         white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(block)
         if noise.varying[c] > _REPEATS * white > 0:
             ratio = noise.varying[c] / white
-            notes.append(f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise")
+            notes.append(
+                f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise"
+            )
             levels[c] = white
     return replace(noise, levels=levels, steady=not notes), notes
 

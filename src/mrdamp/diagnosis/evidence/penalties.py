@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mrdamp.diagnosis.evidence.verdict import NOT_ITSELF, REDUCIBLE, idle_price
+from mrdamp.diagnosis.constants import NOT_ITSELF, REDUCIBLE, SENSOR_AGREES
+from mrdamp.diagnosis.evidence.verdict import idle_price
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
 
@@ -16,9 +17,13 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(rig: Rig, found: Fit, law: Fit) -> float:
-    """Against a fit of a damper's records on which free numbers alone (`law`) do as well or would say the same."""
+def of_damper(rig: Rig, found: Fit, law: Fit, agrees: bool = False) -> float:
+    """Against a fit of a damper's records on which free numbers alone (`law`) do as well or would say the same.
+
+    agrees: the force sensor reads what the load cell does, which none of its effects would leave so."""
     doubt = NOT_ITSELF * unreferenced(rig, found)
+    if agrees and any(c.startswith("sensor_") for c in found.hypothesis.causes):
+        doubt += SENSOR_AGREES
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * law.cost:
         doubt += idle_price(found.move)
     return doubt

@@ -107,13 +107,17 @@ def _told(rig: FrameRig, found: Fit, d: Deviations, chosen: tuple[int, ...]) -> 
     point, added, columns = found.point.copy(), [], []
     for k, term in zip(chosen, terms, strict=True):
         at, nominal = d.columns[k], found.hypothesis.nominal[d.columns[k]]
-        rest = found.point[at] - d.values[k] / nominal.scale  # what all masses and stiffnesses share stays nominal
+        rest = (
+            found.point[at] - d.values[k] / nominal.scale
+        )  # what all masses and stiffnesses share stays nominal
         own = nominal.value(float(rest))
         change = nominal.value(float(found.point[at])) - own
         coordinate = term.coordinates[0]
         added.append(coordinate.point(change if term.effect == "floor_mass" else change / own))
         slope = (1.0 if term.effect == "floor_mass" else own) * coordinate.scale
-        columns.append(found.jacobian[:, at] * slope / (nominal.scale * nominal.value(float(found.point[at]))))
+        columns.append(
+            found.jacobian[:, at] * slope / (nominal.scale * nominal.value(float(found.point[at])))
+        )
         point[at] = rest
     hypothesis = Hypothesis(found.hypothesis.nominal, (*found.hypothesis.terms, *terms))
     jacobian = np.hstack([found.jacobian, np.array(columns).T])

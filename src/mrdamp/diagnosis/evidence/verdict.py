@@ -8,35 +8,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Independent samples that a form error counts for; price (nats) of a cause and of each of its numbers.
-INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
-#: Price of a free law alone, and beside a cause, where it rises by so much in proportion as the law's numbers move
-#: (RMS share) to the last figure: numbers that are a little off are common, ones that are far off have a reason.
-LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 9.0, 1.5, 5.0, 0.08
-#: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
-RESOLUTION, FLOOR_DOUBT = 0.002, 0.12
-#: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, or nothing that is
-#: worth its price, is none.
-NONE_ABOVE, REDUCIBLE = 1.75, 0.06
-#: More than this share of the excess left by the best set of causes: the cause is not in the catalogue.
-UNKNOWN_ABOVE = 0.12
-#: Free numbers that leave more than this share of the noise floor besides it have the wrong form.
-WRONG_FORM = 0.5
-
-
-#: Price (nats) of a cause outside the catalogue besides that of a cause: they are rarer than the catalogue's.
-OUTSIDE_PRICE = 1.5
-#: Nats against a cause that stands where it is another one.
-NOT_ITSELF = 6.0
-#: How sharply the probability of an unknown cause rises about these two.
-STEEPNESS = 2.0
-#: Share of answers that are wrong for a reason that no fit of theirs sees, such as a form that nobody thought of: of
-#: 337 answers above .9 in two blind tests, opened since, 6 were.
-LAPSE = 0.02
-#: Probability of an unknown cause where two runs of one test differ by more than their noise, and no cause is found:
-#: no set of numbers does that. Of 400 opened cases of the blind test eight without a cause of the catalogue were so,
-#: and none with wrong numbers alone or without a gap.
-UNSTEADY = 0.9
+from mrdamp.diagnosis.constants import (
+    CAUSE_PRICE,
+    FLOOR_DOUBT,
+    FREE_PRICE,
+    INDEPENDENT,
+    LAPSE,
+    LAW_PRICE,
+    MOVE,
+    MOVE_PRICE,
+    NONE_ABOVE,
+    NUMBER_PRICE,
+    OUTSIDE_PRICE,
+    RECALIBRATED,
+    REDUCIBLE,
+    RESOLUTION,
+    STEEPNESS,
+    UNKNOWN_ABOVE,
+    UNSTEADY,
+    WRONG_FORM,
+)
+from mrdamp.diagnosis.evidence.established import Standing, standing
 
 
 @dataclass(frozen=True)
@@ -45,7 +37,7 @@ class Scored:
 
     cost: sum of squares of its residuals; numbers: free coordinates of its effects; index: place in the list of
     fits; doubt: nats against the nominal parameters that it needs; move: RMS of what the law's numbers move by, as
-    shares of themselves.
+    shares of themselves; direct: nats that channels which see the same thing speak for its causes.
     """
 
     causes: tuple[str, ...]
@@ -55,6 +47,7 @@ class Scored:
     index: int = -1
     doubt: float = 0.0
     move: float = 0.0
+    direct: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -72,16 +65,24 @@ class Decision:
     excess: float
     unknown: float = 0.0
     outside: int | None = None
+    standing: Standing | None = None
 
 
 def decide(
-    fits: Sequence[Scored], floor: float, rivals: Sequence[Scored] = (), *, steady: bool = True
+    fits: Sequence[Scored],
+    floor: float,
+    rivals: Sequence[Scored] = (),
+    *,
+    steady: bool = True,
+    inexact: bool = False,
 ) -> Decision:
     """The verdict over fits, of which the nominal simulator (no causes, not free) is one. floor: cost of the noise.
 
     rivals: fits of causes outside the catalogue. Where one of them has more evidence than all of the catalogue's sets,
     the answer is `unknown`; the chosen fit stays the catalogue's best, which is what a simulator can be given. steady:
     False where two runs of one test differ by more than their noise, which neither `none` nor `parameters` explains.
+    inexact: nothing comes near the noise, so that a cause has to be established by how much better it does than any
+    other explanation, not by what it leaves.
     """
     nominal = next(f for f in fits if not f.causes and not f.free)
     least = min(f.cost for f in fits)
@@ -94,7 +95,10 @@ def decide(
     probabilities = tuple(float(p) for p in weights / weights.sum())
     # The answer is the most probable set of causes, all its forms together, in its best form.
     known = by_causes(fits, probabilities)
-    likely = next(iter(known))
+    found = standing(known) if inexact else None
+    likely = found.causes if found is not None and found.probability > 0.5 else next(iter(known))
+    if inexact and (found is None or found.probability <= 0.5) and likely not in ((), ("parameters",)):
+        likely = max(((), ("parameters",)), key=lambda k: known.get(k, 0.0))
     chosen = fits[max((k for k, f in enumerate(fits) if _named(f) == likely), key=lambda k: float(scores[k]))]
     left = max(chosen.cost - floor, 0.0) / excess
     if steady and nominal.cost <= NONE_ABOVE * floor and least >= (1 - REDUCIBLE) * nominal.cost:
@@ -102,6 +106,8 @@ def decide(
     if not chosen.causes and not chosen.free:
         left = 1.0
     unknown = beyond(left, excess, floor, causes=bool(chosen.causes))
+    if inexact:
+        unknown = _not_established(found, chosen, left)
     other = [_evidence(r, floor, excess, resolution) - OUTSIDE_PRICE for r in rivals]
     outside = None
     if other:
@@ -110,16 +116,28 @@ def decide(
         unknown = rival + (1 - rival) * unknown
         if rival > 0.5:
             outside = rivals[int(np.argmax(other))].index
-    if steady and outside is None and nominal.cost <= NONE_ABOVE * floor and not (chosen.causes or chosen.free):
+    if (
+        steady
+        and outside is None
+        and nominal.cost <= NONE_ABOVE * floor
+        and not (chosen.causes or chosen.free)
+    ):
         # Free numbers take a little off noise in few records; where nothing is worth its price that is no gap.
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not steady and not chosen.causes:
         unknown = max(unknown, UNSTEADY)
-    if outside is not None or unknown > (1 - unknown) * known[likely]:
+    if outside is not None or unknown > (0.5 if inexact else (1 - unknown) * known[likely]):
         verdict = "unknown"
     else:
         verdict = "effect" if chosen.causes else "parameters"
-    return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside)
+    return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside, found)
+
+
+def _not_established(found: Standing | None, chosen: Scored, left: float) -> float:
+    """Probability of an unknown cause where nothing meets the noise."""
+    if chosen.causes:
+        return 1 - (found.probability if found is not None else 0.0)
+    return 0.9 if not chosen.free or left > RECALIBRATED else 0.1
 
 
 def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
@@ -135,7 +153,7 @@ def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> 
     left = max(found.cost - floor, 0.0) / excess
     freed = _beside(found.move) if found.causes else LAW_PRICE
     price = freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
-    return -0.5 * INDEPENDENT * math.log(left + resolution) - price
+    return -0.5 * INDEPENDENT * math.log(left + resolution) - price + found.direct
 
 
 def _beside(move: float) -> float:

@@ -66,7 +66,10 @@ def drop(search: Search, found: Fit) -> None:
     tasks = []
     for term in found.hypothesis.terms:
         rest = lacking(search, found, term)
-        if (bool(rest.hypothesis.nominal), frozenset(t.name for t in rest.hypothesis.terms)) not in search.fits:
+        if (
+            bool(rest.hypothesis.nominal),
+            frozenset(t.name for t in rest.hypothesis.terms),
+        ) not in search.fits:
             tasks.append((rest.hypothesis, rest.point))
     for again in search.map(lambda h, q: search.fitted(h, q, most=8, stage=" dropped"), tasks):
         search.keep(again)

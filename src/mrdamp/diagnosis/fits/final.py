@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.regimes import by_record, left_out, regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.second_cause import others
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.rig import Rig
 
 #: A correction of form stays where it takes this share off the held-out excess.
 _WORTH = 0.15
@@ -21,8 +23,12 @@ _ROUNDS = 2
 _OTHERS = 3
 #: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
 _SAME, _NOTHING = 0.02, 1e-5
-#: Iterations that a fit which was still moving goes on for.
-_THROUGH = 8
+#: Iterations that a fit which was still moving goes on for; those of a fit of excerpts on the whole records.
+_THROUGH, _WHOLE_STEPS = 8, 3
+#: Share of what is left of regimes left out that free numbers of the law have to take off.
+_FREER = 0.1
+#: Samples of residuals that the last fit keeps.
+_SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -37,7 +43,7 @@ class Settled:
 
 def heldout(problem: Problem, found: Fit) -> Array:
     """Gaps (blocks,) with every record left out in turn."""
-    return leave_out(problem, found, [(k,) for k in problem.records])
+    return left_out(problem, found, by_record(problem))
 
 
 def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
@@ -73,16 +79,32 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
 
 
 def settle(
-    search: Search, chosen: Fit, tell: Callable[[str], None] = lambda text: None, *, mend: bool = True
+    search: Search,
+    chosen: Fit,
+    tell: Callable[[str], None] = lambda text: None,
+    *,
+    mend: bool = True,
+    rig: Rig | None = None,
 ) -> Settled:
     """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs.
 
     Where that is worse than the nominal simulator (a form that the full step cannot follow), the same causes in other
     forms or with the law held or free are settled in its place, and the least bad is handed over.
+
+    rig: with the whole records, where the search went by excerpts. Where nothing meets the noise, nothing is mended: of
+    the fits of the chosen causes, with the law held and free, the one that leaves least of regimes left out is taken.
     """
     chosen = _through(search, chosen)
-    best, corrections = refine(search, chosen) if mend else (chosen, ())
+    corrections: tuple[str, ...] = ()
+    best = chosen
+    if mend and search.inexact:
+        best = steadiest(search, chosen)
+    elif mend:
+        best, corrections = refine(search, chosen)
     tell("final fit")
+    whole = None if rig is None or rig is search.problem.rig else rig
+    if whole is not None:
+        return _of_whole(search, _through(search, best), whole)
     settled = _settled(search, _through(search, best), corrections)
     nominal = _square(search.problem.gaps(search.residual))
     if not mend or _square(settled.heldout) <= nominal:
@@ -97,6 +119,34 @@ def settle(
         if _square(settled.heldout) <= nominal:
             break
     return settled
+
+
+def steadiest(search: Search, chosen: Fit) -> Fit:
+    """Of the fits of the chosen causes the one that leaves least of regimes left out; with the law's numbers where their
+    owner believes them, unless free ones leave less by _FREER: they were identified on this rig."""
+    causes = set(chosen.hypothesis.causes)
+    found = {
+        free: min(
+            [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes][:_OTHERS],
+            key=lambda f: regime_cost(search.problem, f),
+            default=None,
+        )
+        for free in (False, True)
+    }
+    held, free = found[False], found[True]
+    if held is None or free is None:
+        return held or free or chosen
+    better = regime_cost(search.problem, free) < (1 - _FREER) * regime_cost(search.problem, held)
+    return free if better else held
+
+
+def _of_whole(search: Search, found: Fit, rig: Rig) -> Settled:
+    """A fit of excerpts taken on with the whole records and the chain's own step."""
+    stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
+    problem = Problem(rig, stride=stride, trust=search.problem.trust)
+    steps = 0 if not found.hypothesis.coordinates else _WHOLE_STEPS
+    final = fit(problem, found.hypothesis, found.point, most=steps)
+    return Settled(final, (), heldout(problem, final), problem)
 
 
 def _through(search: Search, found: Fit) -> Fit:

@@ -163,7 +163,9 @@ class _Descent:
         """Steps until they gain little."""
         self.converged = False
         if self.stepper is self.rough:
-            tolerance = min(tolerance, TOLERANCE)  # these cost little, and stopped early a slow way ends far off
+            tolerance = min(
+                tolerance, TOLERANCE
+            )  # these cost little, and stopped early a slow way ends far off
         while self.iterations < most:
             self.iterations += 1
             gain = self.step()

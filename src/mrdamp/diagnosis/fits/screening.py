@@ -38,7 +38,9 @@ def screened(search: Search, found: Fit, terms: Sequence[Term]) -> list[Promise]
     if not nominal and found.move <= _MOVED:
         for term in terms:
             if all((term.name, k) in known for k in range(len(term.starts))):
-                foretold[term.name] = left.promise(term, [known[term.name, k] for k in range(len(term.starts))])
+                foretold[term.name] = left.promise(
+                    term, [known[term.name, k] for k in range(len(term.starts))]
+                )
     order = sorted(foretold.values(), key=lambda p: (p.cost, p.term.name))
     passed = {p.term.name for p in order[_LOOKED_AT:]}
     asked = [
@@ -57,9 +59,7 @@ def screened(search: Search, found: Fit, terms: Sequence[Term]) -> list[Promise]
         hypothesis, point = search.start_from(found, term, k)
         return np.asarray(rough.residuals(hypothesis, point)[0] - before)
 
-    changes = {
-        (term.name, k): d for (term, k), d in zip(asked, search.map(change, asked), strict=True)
-    }
+    changes = {(term.name, k): d for (term, k), d in zip(asked, search.map(change, asked), strict=True)}
     if nominal:
         known.update(changes)
         changes = known

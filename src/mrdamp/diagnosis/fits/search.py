@@ -7,7 +7,7 @@ causes that a free law would blur; free is what counts where he is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.fits.beam import FLOOR_DOUBT, Promise, first_forms, parents, promising, worth_a_fit
 from mrdamp.diagnosis.fits.cache import Seen
@@ -24,7 +25,7 @@ from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, ta
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.screening import screened
 from mrdamp.diagnosis.fits.store import Store
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 
 Progress = Callable[[str, float], None]
@@ -46,7 +47,8 @@ _NEARLY = 0.02
 class Search:
     """Fits of hypotheses on one problem. floor: the cost that noise alone leaves. rivals: fits of causes outside the
     catalogue; looks_like: the one of them that the verdict went by. steady: False where two runs of one test differ by
-    more than their noise. seen: what was fitted and screened so far."""
+    more than their noise. seen: what was fitted and screened so far. direct: nats by cause that channels which see the
+    same thing speak for it."""
 
     problem: Problem
     floor: float
@@ -59,6 +61,7 @@ class Search:
     looks_like: Fit | None = None
     steady: bool = True
     seen: Seen = field(default_factory=Seen)
+    direct: Mapping[str, float] = field(default_factory=dict)
     _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
     _asked: bool = False
 
@@ -82,6 +85,20 @@ class Search:
     def base(self) -> Fit:
         """The nominal parameters alone, fitted."""
         return self.fits[True, frozenset()]
+
+    @property
+    def inexact(self) -> bool:
+        """True where no fit so far meets the noise: the law is not the rig's, or the cause is none of the catalogue's."""
+        return min(f.cost for f in self.fits.values()) > INEXACT * self.floor
+
+    def begin_with(self, term: Term, settings: Settings) -> None:
+        """Fits a term from given settings, with the law held and free, and keeps both."""
+        q = np.array([c.point(settings[c.name]) for c in term.coordinates])
+        for parent in (self.fits[False, frozenset()], self.base):
+            start = np.concatenate([parent.point, q])
+            found = self._try(parent.hypothesis.plus(term), start, self.law_columns(parent), np.inf)
+            if found is not None:
+                self.keep(found)
 
     def unexplained(self, found: Fit) -> float:
         """Share of the excess that a fit leaves."""
@@ -246,7 +263,9 @@ class Search:
             for promise in worth_a_fit(ranked, depth, self.limits):
                 hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
                 key = frozenset(t.name for t in hypothesis.terms)
-                hopeless = promise.cost - self.floor > _HOPELESS * max(least - self.floor, _SOLVED * self.excess)
+                hopeless = promise.cost - self.floor > _HOPELESS * max(
+                    least - self.floor, _SOLVED * self.excess
+                )
                 if (free, key) not in self.fits and not hopeless:
                     tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
             for found in self.map(self._try, list(tasks.values())):

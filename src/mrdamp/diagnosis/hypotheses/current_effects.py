@@ -45,7 +45,12 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
                 positive("driver_lag_tau", 0.005, 1e-4, 0.5),
                 positive("driver_lag_rate", 50 * s.command, 0.5 * s.command, 5000 * s.command),
             ),
-            ((5e-4, 300 * s.command), (0.005, 50 * s.command), (0.005, 10 * s.command), (0.02, 4 * s.command)),
+            (
+                (5e-4, 300 * s.command),
+                (0.005, 50 * s.command),
+                (0.005, 10 * s.command),
+                (0.02, 4 * s.command),
+            ),
             form="slew",
         ),
         Term(
@@ -78,11 +83,19 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
             ((0.005, 0.05, 0.4), (0.02, 0.15, 0.4)),
             form="fast and slow",
         ),
-        Term("command_delay", "driver", (positive("command_delay_d", 0.01, 1e-4, 0.3),), ((0.001,), (0.006,), (0.02,))),
         Term(
             "command_delay",
             "driver",
-            (positive("command_delay_d", 0.01, 1e-4, 0.3), positive("command_delay_spread", 0.3, 0.03, 0.6, 0.3)),
+            (positive("command_delay_d", 0.01, 1e-4, 0.3),),
+            ((0.001,), (0.006,), (0.02,)),
+        ),
+        Term(
+            "command_delay",
+            "driver",
+            (
+                positive("command_delay_d", 0.01, 1e-4, 0.3),
+                positive("command_delay_spread", 0.3, 0.03, 0.6, 0.3),
+            ),
             ((0.003, 0.3), (0.02, 0.3), (0.05, 0.3)),
             form="from packet to packet",
         ),

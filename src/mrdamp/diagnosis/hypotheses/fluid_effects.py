@@ -117,7 +117,7 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
                 form=form,
                 fixed={"trapped_gas_direction": direction},
             )
-            for form, direction in (("extension", 1.0), ("compression", -1.0), ("both", 0.0))
+            for form, direction in (("extension", 1.0), ("compression", -1.0))
         ),
         *(
             Term(
@@ -177,7 +177,11 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
                 pressed,
                 ((0.2 * s.force, 0.1 * s.stroke, 1.2), (0.5 * s.force, 0.4 * s.stroke, 1.2)),
                 form=f"{form}, in series by the secant",
-                fixed={"trapped_gas_direction": direction, "trapped_gas_series": 1.0, "trapped_gas_secant": 1.0},
+                fixed={
+                    "trapped_gas_direction": direction,
+                    "trapped_gas_series": 1.0,
+                    "trapped_gas_secant": 1.0,
+                },
             )
             for form, direction in (("extension", 1.0), ("compression", -1.0))
         ),

@@ -99,12 +99,11 @@ def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
         ),
         _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
         replace(
-            _placed("sensor_leakage", "sensor", j, shares, (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)), form="two shares"
+            _placed("sensor_leakage", "sensor", j, shares, (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)),
+            form="two shares",
         ),
         _placed("sensor_lag", "sensor", j, lag, (2 * dt, 0.2 * dt), (5 * dt, dt)),
-        replace(
-            _placed("sensor_lag", "sensor", j, filtered, (dt, 0.8), (4 * dt, 0.8)), form="second order"
-        ),
+        replace(_placed("sensor_lag", "sensor", j, filtered, (dt, 0.8), (4 * dt, 0.8)), form="second order"),
     )
 
 

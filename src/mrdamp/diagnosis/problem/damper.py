@@ -148,8 +148,12 @@ class DamperRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
-        solved = mount or any(s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings)
-        longest = self.rough or (solved and not self.filtered)  # a filter needs samples between those of its log
+        solved = mount or any(
+            s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings
+        )
+        longest = self.rough or (
+            solved and not self.filtered
+        )  # a filter needs samples between those of its log
         step = (_ROUGH if longest else _COARSE) if coarse else _FINE
         # The chain halves a step behind a mount.
         pieces = 0.5 if coarse and mount and (self.rough or self.filtered) else 1.0
@@ -160,6 +164,12 @@ class DamperRig:
 
         command = np.asarray(self.records[record].command)
         return self._remembered.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
+
+    def driven(self, record: int) -> Record:
+        return self.records[record]
+
+    def compared(self, simulated: Mapping[str, Array], record: int) -> Array:
+        return np.vstack([simulated[c] for c in self.channels])
 
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
         """The same with longer steps in a search; None where the records' own samples are no further apart, and where

@@ -224,6 +224,12 @@ class FrameRig:
                     row[k] = np.interp(t - shift, t, row[k])
         return block_means(out, self._blocks[record])
 
+    def driven(self, record: int) -> Record:
+        return self.raw[record]
+
+    def compared(self, simulated: Mapping[str, Array], record: int) -> Array:
+        return block_means(np.vstack([simulated[c] for c in self.channels]), self._blocks[record])
+
     def rougher(self, terms: Sequence[Term]) -> FrameRig | None:
         """The same with longer steps in a search."""
         return self._rough

@@ -54,6 +54,14 @@ class Rig(Protocol):
         """
         ...
 
+    def driven(self, record: int) -> Record:
+        """The record as measured, which `mrdamp predict` is given."""
+        ...
+
+    def compared(self, simulated: Mapping[str, Array], record: int) -> Array:
+        """(channels, n): simulated channels of a record as measured, at the rate of the comparison."""
+        ...
+
     def rougher(self, terms: Sequence[Term]) -> Rig | None:
         """The same with longer steps yet in a search, where runs with these terms take long; None where they do not."""
         ...

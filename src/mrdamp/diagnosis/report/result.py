@@ -125,7 +125,11 @@ class Where:
 
 @dataclass(frozen=True)
 class Gap:
-    """RMS error over the RMS of the measurement, records pooled: on records that no parameter was fitted to."""
+    """RMS error over the RMS of the measurement, records pooled.
+
+    nominal, corrected: what `mrdamp predict` gives with case.json and corrected.json on the case's records. left_out,
+    recalibrated and the interval: each record left out of the fit in turn.
+    """
 
     nominal: float
     recalibrated: float
@@ -133,6 +137,7 @@ class Gap:
     noise_floor: float
     interval: tuple[float, float]
     ceiling: float | None = None  # what a model of any form would leave
+    left_out: float | None = None  # corrected, each record left out of the fit in turn
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -141,6 +146,7 @@ class Gap:
             "corrected": self.corrected,
             "noise_floor": self.noise_floor,
             "ceiling": self.ceiling,
+            "left_out": self.left_out,
             "interval": list(self.interval),
         }
 
@@ -172,6 +178,8 @@ class Diagnosis:
     intervals: Mapping[str, tuple[float, float]] = field(
         default_factory=dict
     )  # 95 %, of every setting that the corrected simulator's last fit had free
+    compared: tuple[Mapping[str, Any], ...] = ()  # channels that see the same thing
+    standing: Mapping[str, Any] | None = None  # log odds of the causes where nothing meets the noise
     outside: Mapping[str, Any] | None = (
         None  # what an unknown cause looks like: a cause outside the catalogue
     )
@@ -200,6 +208,8 @@ class Diagnosis:
             "effects": [e.to_dict() for e in self.effects],
             "candidates": [c.to_dict() for c in self.candidates],
             "probabilities": dict(self.probabilities),
+            "channels_compared": [dict(c) for c in self.compared],
+            "standing": dict(self.standing) if self.standing is not None else None,
             "outside_catalogue": dict(self.outside) if self.outside is not None else None,
             "indistinguishable": [list(t) for t in self.indistinguishable],
             "unseen": [dict(u) for u in self.unseen],
