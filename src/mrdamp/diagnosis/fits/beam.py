@@ -37,11 +37,8 @@ def first_forms(ranked: Sequence[Promise]) -> list[Promise]:
 
 
 def promising(ranked: Sequence[Promise], cost: float, *, beside: bool = False) -> list[Promise]:
-    """Of promises, best first, on top of a fit of this cost, those worth a look. beside: another cause; where nothing
-    promises enough then, the best all the same."""
-    if not ranked:
-        return []
-    share = max(min(_BESIDE, 1 - ranked[0].cost / cost), _PROMISE) if beside else _PROMISE
+    """Of promises, best first, on top of a fit of this cost, those worth a look. beside: another cause."""
+    share = _BESIDE if beside else _PROMISE
     return [p for p in ranked if p.cost <= (1 - share) * cost]
 
 

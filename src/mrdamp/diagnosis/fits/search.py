@@ -39,6 +39,9 @@ _POLISHED, _GAINS = 4, 0.3
 _HOPELESS = 10.0
 #: Nothing material is left for another cause below this unexplained share.
 _SOLVED = 0.001
+#: A second cause's price is paid where half is left (exp(-2 (CAUSE_PRICE + NUMBER_PRICE) / INDEPENDENT)); a pair that
+#: leaves more than this share of what the best single cause leaves is not followed.
+_PAYS = 0.6
 #: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
 _NEARLY = 0.02
 
@@ -134,6 +137,8 @@ class Search:
                 if (1 + _LAW_DOUBT) * self.floor < self.base.cost < _STANDS_IN * self.nominal_cost:
                     self.extend(True, 1)
                 break
+            if free and depth > 1 and self.inexact and not self.pair_pays(False):
+                break
             beside = self.best(True, 1)
             if free and depth > 1 and beside is not None and self.solved(beside):
                 break
@@ -150,20 +155,32 @@ class Search:
             single = self.best(free, 1)
             if depth == 1 and single is not None and not self.solved(single):
                 reform(self, single)
-        self.free_parts()
+        if self.pair_pays(False):
+            self.free_parts()
         self.free_best()
         for free in (False, True):
-            best = self.best(free)
+            best = self.best(free) if self.pair_pays(free) else self.best(free, 1)
             if best is not None and not self.solved(best):
                 reform(self, best)
                 reform_rival(self, best)
-        exchange(self)
+        if self.pair_pays(False) or self.pair_pays(True):
+            exchange(self)
         for free in (False, True):
             best = self.best(free)
             if best is not None:
                 drop(self, best)
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
+
+    def pair_pays(self, free: bool) -> bool:
+        """True where the best pair of causes leaves so much less than the best single one that it can be worth the
+        price of another cause, in the form that is right; and little, where nothing meets the noise."""
+        single, pair = self.best(free, 1), self.best(free, 2)
+        if single is None or pair is None:
+            return False
+        if self.inexact and self.unexplained(pair) > 2 * _NEARLY:
+            return False
+        return pair.cost - self.floor < _PAYS * (single.cost - self.floor)
 
     def free_parts(self) -> None:
         """Each cause of the best held set alone, with the law free: numbers that are a little off look like a second
@@ -192,7 +209,8 @@ class Search:
             return
         tasks = []
         alone = any(self.solved(f) for f in self.ranked(True)[:1])
-        for depth in range(1, 2 if alone else self.limits.depth + 1):
+        most = 1 if alone or not self.pair_pays(False) else self.limits.depth
+        for depth in range(1, most + 1):
             sets: dict[frozenset[str], Fit] = {}
             for held in self.ranked(False):
                 if len(held.hypothesis.causes) == depth:

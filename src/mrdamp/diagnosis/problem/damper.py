@@ -25,7 +25,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
-from mrdamp.diagnosis.problem.excerpts import excerpts
+from mrdamp.diagnosis.problem.excerpts import STEP, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.logged import FILTERED, LOGGER, logged, rings_before_jumps
@@ -50,7 +50,7 @@ class DamperRig:
 
     rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
     threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
-    spans: what the whole records span, where these are excerpts of them.
+    spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching.
     """
 
     nominal_model: Model
@@ -59,6 +59,7 @@ class DamperRig:
     threads: int = 1
     wider: frozenset[str] = frozenset()
     spans: Sizes | None = None
+    step: float = _COARSE
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -112,7 +113,7 @@ class DamperRig:
     def searched(self) -> DamperRig:
         """The rig that a search runs: with excerpts of long records."""
         short = excerpts(self.records, self.heat)
-        return self if short == self.records else replace(self, records=short, spans=self.sizes)
+        return self if short == self.records else replace(self, records=short, spans=self.sizes, step=STEP)
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
@@ -154,7 +155,7 @@ class DamperRig:
         longest = self.rough or (
             solved and not self.filtered
         )  # a filter needs samples between those of its log
-        step = (_ROUGH if longest else _COARSE) if coarse else _FINE
+        step = (_ROUGH if longest else self.step) if coarse else _FINE
         # The chain halves a step behind a mount.
         pieces = 0.5 if coarse and mount and (self.rough or self.filtered) else 1.0
         fine = self._fine(record, step)
