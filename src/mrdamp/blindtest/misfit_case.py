@@ -1,0 +1,246 @@
+"""A case whose law is not the rig's: commissioned without the cause, recorded with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamp.blindtest import (
+    causes,
+    commissioning,
+    damper_case,
+    excitation,
+    frame_case,
+    frame_causes,
+    misfit,
+    recorder,
+    unknown,
+)
+from mrdamp.blindtest.bench import Truth, damper_channels, frame_channels
+from mrdamp.blindtest.causes import Cause
+from mrdamp.blindtest.commissioning import Commissioned, predicted
+from mrdamp.blindtest.excitation import Excitation, Machine
+from mrdamp.blindtest.recorder import Noise
+from mrdamp.blindtest.rig import Array, Numbers
+from mrdamp.blindtest.sizing import OWN, Faint, Task, pooled, relative, total
+from mrdamp.model import Model
+
+#: The gap that a cause opens by itself, in parts of what the law itself leaves: near visibility, and at least where it
+#: is well above. As large as the misfit is what a gap of 1.4 times the base is.
+_NEAR, _CLEAR = (0.4, 0.8), 1.0
+#: Least and most of it, of the RMS, and the least in parts of the noise.
+_LEAST, _MOST, _NOISE = 0.05, 0.35, 4.0
+#: How often another form of the cause is drawn where one does not show.
+_FORMS = 4
+#: Share of the cases with records of the rig in the commissioning state.
+_BASELINE = 0.4
+#: Peak over RMS that a damper is commissioned up to, for use in a frame.
+_PEAKS = 3.0
+_FLOORS = tuple(f"floor{k}_acceleration_m_s2" for k in (1, 2, 3))
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A rig that cases are made on: its tests, its simulator, and how causes are drawn and measured on it.
+
+    few: tests that causes are sized on. level: noise of the RMS. outputs: channel -> the simulated one in a test file.
+    """
+
+    made: Commissioned
+    model: Model
+    inputs: Sequence[Excitation]
+    few: Sequence[Excitation]
+    held_back: Mapping[str, Excitation]
+    level: float
+    outputs: Mapping[str, str]
+    run: Callable[[Truth, Excitation], dict[str, Array]]
+    cause: Callable[[], Cause]
+    size: Callable[[Cause, float], float]
+    shown: Callable[[Mapping[str, Numbers], Sequence[Excitation]], dict[str, float]]
+    records: Callable[[Truth], dict[str, dict[str, Array]]]
+    nominal: Mapping[str, Any]
+    recipe: misfit.Recipe
+
+
+def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """Writes the case folder and the file of its tests; returns its label with what lies behind it. Raises Faint."""
+    rng = np.random.default_rng(seed)
+    bench = (_damper if task.rig == "damper" else _frame)(rng, task)
+    plain = bench.made.truth
+    stage, numbers = _sized(rng, task, bench)
+    truth = plain.having(numbers)
+    baseline = rng.random() < _BASELINE
+    records = bench.records(truth)
+    channels = next(iter(records.values()))
+    before = _baseline(rng, task, bench, channels) if baseline else {}
+    recorder.write_case(folder, task.rig, bench.nominal, records, before)
+    own = {name: _clean(bench, plain, test) for name, test in bench.held_back.items()}
+    clean = {name: _clean(bench, truth, test) for name, test in bench.held_back.items()}
+    recorder.write_tests(tests, clean)
+    of = {name: effect for name, (effect, _) in causes.EFFECTS.items()}
+    return {
+        "label": task.label,
+        "also": list(bench.recipe.also),
+        "stages": [stage] if stage else misfit.stages(bench.recipe.also, of),
+        "gap": total(_gaps(bench, clean.values())),
+        "base": total(_gaps(bench, own.values())),
+        "size": numbers,
+        "misfit": pooled(_gaps(bench, own.values())),
+        "misfit_of": bench.recipe.of,
+        "misfit_size": bench.made.size,
+        "rig": task.rig,
+        "weak": task.weak,
+        "noise": bench.level,
+        "baseline": baseline,
+        "law": misfit_law(bench),
+        "nominal_law": bench.model.law,
+        "extras": list(bench.recipe.extras),
+    }
+
+
+def misfit_law(bench: Bench) -> str:
+    """The rig's law."""
+    from mrdamp.blindtest.rig import ALL_LAWS
+
+    return ALL_LAWS[int(bench.made.truth.numbers["law"])]
+
+
+def _damper(rng: np.random.Generator, task: Task) -> Bench:
+    device = misfit.device(rng, frame=False, mounted=task.mounted)
+    heats = "heating" in task.parts
+    inputs = excitation.damper_tests(rng, device.machine, long=heats or bool(rng.random() < 0.6))
+    held_back = excitation.held_back_damper_tests(rng, device.machine, long=heats)
+    scale = damper_case.measure(device, inputs)
+    noise = recorder.damper_noise(rng, scale.force, scale.command)
+    recipe = misfit.draw(rng, task, device, scale)
+    plain = Truth(device.numbers, filtered=bool(rng.random() < 0.5))
+
+    def run(truth: Truth, test: Excitation) -> dict[str, Array]:
+        return damper_channels(truth, test, test.rng)
+
+    def left(truth: Truth, model: Model) -> float:
+        runs = [run(truth, test) for test in held_back.values()]
+        return pooled([relative(predicted(model, c)["force_N"], c["force_N"]) for c in runs])
+
+    made = commissioning.commission(rng, recipe, plain, device.machine, noise, left)
+    few = [t for t in inputs if t.kind in (*damper_case.TELLING, *(["long"] if heats else []))]
+    channels = damper_case.chosen_channels(rng, task)
+
+    def cause() -> Cause:
+        return (unknown if task.outside else causes).draw(rng, task.parts[0], scale)
+
+    return Bench(
+        made,
+        made.model,
+        inputs,
+        few,
+        held_back,
+        noise["force_N"].deviation / scale.force,
+        {"force_N": "nominal_N"},
+        run,
+        cause,
+        lambda found, wanted: damper_case.sized_to(made.truth, found, few, wanted),
+        lambda parts, on: damper_case.shown(made.truth, parts, on),
+        lambda truth: damper_case.recorded(rng, truth, inputs, noise, channels),
+        commissioning.nominal(made.model),
+        recipe,
+    )
+
+
+def _frame(rng: np.random.Generator, task: Task) -> Bench:
+    device = misfit.device(rng, frame=True, mounted=task.mounted)
+    between = frame_case.drawn_between(rng)
+    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), frame_case.drawn_storeys(rng), between)
+    inputs = excitation.frame_tests(rng, device.machine.command)
+    held_back = excitation.held_back_frame_tests(rng, device.machine.command)
+    few = frame_case.telling(inputs)
+    scale = frame_case.measure(device, plain, few)
+    recipe = misfit.draw(rng, task, device, scale.damper)
+    speed = _PEAKS * scale.rate[max(between) - 1]
+    machine = Machine(_PEAKS * scale.damper.stroke, speed, device.machine.command)
+    on_bench = recorder.damper_noise(rng, scale.damper.force, scale.damper.command)
+    structure = frame_case.structure_of(plain)
+
+    def run(truth: Truth, test: Excitation) -> dict[str, Array]:
+        return frame_channels(truth, test, test.rng)
+
+    def left(truth: Truth, model: Model) -> float:
+        framed = commissioning.in_frame(model, structure)
+        gaps = []
+        for test in held_back.values():
+            channels = run(truth, test)
+            said = predicted(framed, channels)
+            gaps += [relative(said[name], channels[name]) for name in _FLOORS]
+        return pooled(gaps)
+
+    made = commissioning.commission(rng, recipe, plain, machine, on_bench, left)
+    noise = recorder.frame_noise(rng)
+
+    def cause() -> Cause:
+        return frame_causes.draw(rng, task.parts[0], scale, outside=task.outside)
+
+    return Bench(
+        made,
+        commissioning.in_frame(made.model, structure),
+        inputs,
+        few,
+        held_back,
+        noise[_FLOORS[0]].deviation / float(np.mean(scale.acceleration)),
+        {name: name.replace("floor", "nominal_floor").removesuffix("_m_s2") for name in _FLOORS},
+        run,
+        cause,
+        lambda found, wanted: frame_case.sized_to(made.truth, found, few, wanted),
+        lambda parts, on: frame_case.shown(made.truth, parts, on),
+        lambda truth: frame_case.recorded(rng, truth, inputs, noise),
+        {**commissioning.nominal(made.model), **structure},
+        recipe,
+    )
+
+
+def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dict[str, float]]:
+    """Stage and numbers of the cause; neither where there is none. Raises Faint where no form of it shows."""
+    if task.label == OWN:
+        return "", {}
+    base = bench.made.misfit
+    least = _NOISE * bench.level
+    low, high = (
+        (_NEAR[0] * base, _NEAR[1] * base) if task.weak else (max(_LEAST, _CLEAR * base), _MOST)
+    )
+    for _ in range(_FORMS):
+        wanted = max(float(np.exp(rng.uniform(np.log(low), np.log(high)))), least)
+        cause = bench.cause()
+        numbers = dict(cause.sized(bench.size(cause, wanted)))
+        parts = {cause.label: numbers}
+        opened = min(bench.shown(parts, on)[cause.label] for on in (bench.few, list(bench.held_back.values())))
+        if opened >= 0.6 * low and opened >= 0.5 * least:
+            return cause.stage, numbers
+    raise Faint(f"{task.label}: no form of it opens a gap of {low:.3f}")
+
+
+def _baseline(
+    rng: np.random.Generator, task: Task, bench: Bench, channels: Mapping[str, Array]
+) -> dict[str, dict[str, Array]]:
+    """Records of the rig in the commissioning state, with the case's channels: a damper's commissioning records, a
+    frame's of its own."""
+    if task.rig == "damper":
+        return {file: {name: record[name] for name in channels} for file, record in bench.made.records.items()}
+    own = replace(bench.made.truth)
+    records = bench.records(own)
+    kept = [name for name in records if any(kind in name for kind in ("sweep", "random", "bang"))]
+    return {f"baseline_{name}": records[name] for name in kept[:3]}
+
+
+def _clean(bench: Bench, truth: Truth, test: Excitation) -> dict[str, Array]:
+    """Channels of a test, free of noise, with what the nominal simulator says for its inputs."""
+    channels = bench.run(truth, test)
+    kept = {n: v for n, v in channels.items() if n not in ("reference_force_N", "current_A", "temperature_C")}
+    said = predicted(bench.model, kept)
+    return {**kept, **{name: said[output] for output, name in bench.outputs.items()}}
+
+
+def _gaps(bench: Bench, tests: Any) -> list[float]:
+    return [relative(t[name], t[output]) for t in tests for output, name in bench.outputs.items()]
