@@ -110,7 +110,11 @@ def predicted(model: Model, channels: Mapping[str, Array]) -> dict[str, Array]:
 def nominal(model: Model) -> dict[str, Any]:
     """As `case.json` holds it."""
     effects = [{"name": e.name, "place": e.place, "parameters": dict(e.parameters)} for e in model.effects]
-    return {"law": model.law, "parameters": dict(model.parameters), **({"effects": effects} if effects else {})}
+    return {
+        "law": model.law,
+        "parameters": dict(model.parameters),
+        **({"effects": effects} if effects else {}),
+    }
 
 
 def in_frame(model: Model, structure: Mapping[str, Any]) -> Model:
@@ -134,5 +138,3 @@ def _records(
 
 def _as_record(name: str, channels: Mapping[str, Array]) -> Record:
     return Record(name, None, 1 / SAMPLE_RATE_HZ, channels)
-
-

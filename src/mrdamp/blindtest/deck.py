@@ -24,9 +24,7 @@ _NOT_TOGETHER = (
 )
 
 
-def draw(
-    seed: np.random.SeedSequence, count: int, rig: str = "both", *, misfit: bool = False
-) -> list[Task]:
+def draw(seed: np.random.SeedSequence, count: int, rig: str = "both", *, misfit: bool = False) -> list[Task]:
     """`count` tasks in random order, named so that the name tells nothing.
 
     rig: `damper`, `frame` or `both`. misfit: the law is not the rig's.

@@ -34,7 +34,9 @@ def make_one(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence)
 
     maker = damper_case.make if task.rig == "damper" else frame_case.make
     if task.misfit:
-        from mrdamp.blindtest import misfit_case  # it identifies a simulator, and so loads the plugin's library
+        from mrdamp.blindtest import (
+            misfit_case,
+        )  # it identifies a simulator, and so loads the plugin's library
 
         maker = misfit_case.make
     draws = [seed, *seed.spawn(_REDRAWS)]

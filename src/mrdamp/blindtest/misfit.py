@@ -32,7 +32,16 @@ NOMINAL: Mapping[str, tuple[str, ...]] = {
 #: Share of the dampers that have a law that the simulator knows none of.
 _SIGMOID = 0.2
 #: Bench damper of about 1 kN by the law of Kwok et al. 2006, doi:10.1088/0964-1726/15/4/015.
-_KWOK = {"c0a": 700, "c0b": 800, "fya": 70, "fyb": 620, "k0": 900, "v_ref": 0.03, "hook_v": 0.006, "hook_x": 0.003}
+_KWOK = {
+    "c0a": 700,
+    "c0b": 800,
+    "fya": 70,
+    "fyb": 620,
+    "k0": 900,
+    "v_ref": 0.03,
+    "hook_v": 0.006,
+    "hook_x": 0.003,
+}
 #: Share of the RMS force from which on a stiffness that a Bingham simulator has not is an effect of its own.
 _STIFF = 0.03
 

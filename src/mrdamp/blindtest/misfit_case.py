@@ -24,7 +24,6 @@ from mrdamp.blindtest.bench import Truth, damper_channels, frame_channels
 from mrdamp.blindtest.causes import Cause
 from mrdamp.blindtest.commissioning import Commissioned, predicted
 from mrdamp.blindtest.excitation import Excitation, Machine
-from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import Array, Numbers
 from mrdamp.blindtest.sizing import OWN, Faint, Task, pooled, relative, total
 from mrdamp.model import Model
@@ -207,15 +206,15 @@ def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dic
         return "", {}
     base = bench.made.misfit
     least = _NOISE * bench.level
-    low, high = (
-        (_NEAR[0] * base, _NEAR[1] * base) if task.weak else (max(_LEAST, _CLEAR * base), _MOST)
-    )
+    low, high = (_NEAR[0] * base, _NEAR[1] * base) if task.weak else (max(_LEAST, _CLEAR * base), _MOST)
     for _ in range(_FORMS):
         wanted = max(float(np.exp(rng.uniform(np.log(low), np.log(high)))), least)
         cause = bench.cause()
         numbers = dict(cause.sized(bench.size(cause, wanted)))
         parts = {cause.label: numbers}
-        opened = min(bench.shown(parts, on)[cause.label] for on in (bench.few, list(bench.held_back.values())))
+        opened = min(
+            bench.shown(parts, on)[cause.label] for on in (bench.few, list(bench.held_back.values()))
+        )
         if opened >= 0.6 * low and opened >= 0.5 * least:
             return cause.stage, numbers
     raise Faint(f"{task.label}: no form of it opens a gap of {low:.3f}")
@@ -227,7 +226,9 @@ def _baseline(
     """Records of the rig in the commissioning state, with the case's channels: a damper's commissioning records, a
     frame's of its own."""
     if task.rig == "damper":
-        return {file: {name: record[name] for name in channels} for file, record in bench.made.records.items()}
+        return {
+            file: {name: record[name] for name in channels} for file, record in bench.made.records.items()
+        }
     own = replace(bench.made.truth)
     records = bench.records(own)
     kept = [name for name in records if any(kind in name for kind in ("sweep", "random", "bang"))]
