@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from mrdamp.blindtest.bench import Truth, damper_channels, frame_channels
 from mrdamp.blindtest.causes import Cause
 from mrdamp.blindtest.commissioning import Commissioned, predicted
 from mrdamp.blindtest.excitation import Excitation, Machine
-from mrdamp.blindtest.rig import Array, Numbers
+from mrdamp.blindtest.rig import ALL_LAWS, Array, Numbers
 from mrdamp.blindtest.sizing import OWN, Faint, Task, pooled, relative, total
 from mrdamp.model import Model
 
@@ -33,30 +33,36 @@ from mrdamp.model import Model
 _NEAR, _CLEAR = (0.4, 0.8), 1.0
 #: Least and most of it, of the RMS, and the least in parts of the noise.
 _LEAST, _MOST, _NOISE = 0.05, 0.35, 4.0
+#: Share of the least gap that must be there on tests that no case holds.
+_SHOWN = 0.6
 #: How often another form of the cause is drawn where one does not show.
 _FORMS = 4
 #: Share of the cases with records of the rig in the commissioning state.
 _BASELINE = 0.4
 #: Peak over RMS that a damper is commissioned up to, for use in a frame.
 _PEAKS = 3.0
+#: Tests of a frame that are run in the commissioning state.
+_BEFORE = ("sweep_off", "quake_random", "quake_bang")
 _FLOORS = tuple(f"floor{k}_acceleration_m_s2" for k in (1, 2, 3))
+
+
+Tested = Mapping[str, Mapping[str, Array]]
+Run = Callable[[Truth, Excitation], dict[str, Array]]
 
 
 @dataclass(frozen=True)
 class Bench:
     """A rig that cases are made on: its tests, its simulator, and how causes are drawn and measured on it.
 
-    few: tests that causes are sized on. level: noise of the RMS. outputs: channel -> the simulated one in a test file.
+    held_back: tests that no case holds. level: noise of the RMS. outputs: channel -> the simulated one in a test file.
     """
 
     made: Commissioned
     model: Model
-    inputs: Sequence[Excitation]
-    few: Sequence[Excitation]
     held_back: Mapping[str, Excitation]
     level: float
     outputs: Mapping[str, str]
-    run: Callable[[Truth, Excitation], dict[str, Array]]
+    run: Run
     cause: Callable[[], Cause]
     size: Callable[[Cause, float], float]
     shown: Callable[[Mapping[str, Numbers], Sequence[Excitation]], dict[str, float]]
@@ -69,43 +75,34 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     """Writes the case folder and the file of its tests; returns its label with what lies behind it. Raises Faint."""
     rng = np.random.default_rng(seed)
     bench = (_damper if task.rig == "damper" else _frame)(rng, task)
-    plain = bench.made.truth
-    stage, numbers = _sized(rng, task, bench)
-    truth = plain.having(numbers)
-    baseline = rng.random() < _BASELINE
-    records = bench.records(truth)
-    channels = next(iter(records.values()))
-    before = _baseline(rng, task, bench, channels) if baseline else {}
+    stage, numbers, tested = _sized(rng, task, bench)
+    baseline = bool(rng.random() < _BASELINE)
+    records = bench.records(bench.made.truth.having(numbers))
+    before = _baseline(task, bench, next(iter(records.values()))) if baseline else {}
     recorder.write_case(folder, task.rig, bench.nominal, records, before)
-    own = {name: _clean(bench, plain, test) for name, test in bench.held_back.items()}
-    clean = {name: _clean(bench, truth, test) for name, test in bench.held_back.items()}
-    recorder.write_tests(tests, clean)
-    of = {name: effect for name, (effect, _) in causes.EFFECTS.items()}
+    own, clean = (
+        [_clean(bench, channels) for channels in of.values()] for of in (bench.made.held_back, tested)
+    )
+    recorder.write_tests(tests, dict(zip(tested, clean, strict=True)))
+    stages = {name: of for name, (of, _) in causes.EFFECTS.items()}
     return {
         "label": task.label,
         "also": list(bench.recipe.also),
-        "stages": [stage] if stage else misfit.stages(bench.recipe.also, of),
-        "gap": total(_gaps(bench, clean.values())),
-        "base": total(_gaps(bench, own.values())),
+        "stages": [stage] if stage else misfit.stages(bench.recipe.also, stages),
+        "gap": total(_gaps(bench, clean)),
+        "base": total(_gaps(bench, own)),
         "size": numbers,
-        "misfit": pooled(_gaps(bench, own.values())),
+        "misfit": pooled(_gaps(bench, own)),
         "misfit_of": bench.recipe.of,
         "misfit_size": bench.made.size,
         "rig": task.rig,
         "weak": task.weak,
         "noise": bench.level,
         "baseline": baseline,
-        "law": misfit_law(bench),
+        "law": ALL_LAWS[int(bench.made.truth.numbers["law"])],
         "nominal_law": bench.model.law,
         "extras": list(bench.recipe.extras),
     }
-
-
-def misfit_law(bench: Bench) -> str:
-    """The rig's law."""
-    from mrdamp.blindtest.rig import ALL_LAWS
-
-    return ALL_LAWS[int(bench.made.truth.numbers["law"])]
 
 
 def _damper(rng: np.random.Generator, task: Task) -> Bench:
@@ -121,22 +118,22 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
     def run(truth: Truth, test: Excitation) -> dict[str, Array]:
         return damper_channels(truth, test, test.rng)
 
-    def left(truth: Truth, model: Model) -> float:
-        runs = [run(truth, test) for test in held_back.values()]
-        return pooled([relative(predicted(model, c)["force_N"], c["force_N"]) for c in runs])
+    def left(model: Model, tested: Tested) -> float:
+        return pooled([relative(predicted(model, c)["force_N"], c["force_N"]) for c in tested.values()])
 
-    made = commissioning.commission(rng, recipe, plain, device.machine, noise, left)
-    few = [t for t in inputs if t.kind in (*damper_case.TELLING, *(["long"] if heats else []))]
+    made = commissioning.commission(
+        rng, recipe, plain, device.machine, noise, lambda truth: _runs(run, truth, held_back), left
+    )
+    few = [t for t in inputs if t.kind in ("random", "sine_random", *(["long"] if heats else []))]
     channels = damper_case.chosen_channels(rng, task)
 
     def cause() -> Cause:
-        return (unknown if task.outside else causes).draw(rng, task.parts[0], scale)
+        part = task.parts[0]
+        return unknown.draw(rng, part, scale) if task.outside else causes.draw(rng, part, scale)
 
     return Bench(
         made,
         made.model,
-        inputs,
-        few,
         held_back,
         noise["force_N"].deviation / scale.force,
         {"force_N": "nominal_N"},
@@ -167,16 +164,14 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
     def run(truth: Truth, test: Excitation) -> dict[str, Array]:
         return frame_channels(truth, test, test.rng)
 
-    def left(truth: Truth, model: Model) -> float:
+    def left(model: Model, tested: Tested) -> float:
         framed = commissioning.in_frame(model, structure)
-        gaps = []
-        for test in held_back.values():
-            channels = run(truth, test)
-            said = predicted(framed, channels)
-            gaps += [relative(said[name], channels[name]) for name in _FLOORS]
-        return pooled(gaps)
+        said = [(predicted(framed, c), c) for c in tested.values()]
+        return pooled([relative(p[name], c[name]) for p, c in said for name in _FLOORS])
 
-    made = commissioning.commission(rng, recipe, plain, machine, on_bench, left)
+    made = commissioning.commission(
+        rng, recipe, plain, machine, on_bench, lambda truth: _runs(run, truth, held_back), left
+    )
     noise = recorder.frame_noise(rng)
 
     def cause() -> Cause:
@@ -185,8 +180,6 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
     return Bench(
         made,
         commissioning.in_frame(made.model, structure),
-        inputs,
-        few,
         held_back,
         noise[_FLOORS[0]].deviation / float(np.mean(scale.acceleration)),
         {name: name.replace("floor", "nominal_floor").removesuffix("_m_s2") for name in _FLOORS},
@@ -200,48 +193,55 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
     )
 
 
-def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dict[str, float]]:
-    """Stage and numbers of the cause; neither where there is none. Raises Faint where no form of it shows."""
+def _runs(run: Run, truth: Truth, tests: Mapping[str, Excitation]) -> Tested:
+    return {name: run(truth, test) for name, test in tests.items()}
+
+
+def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dict[str, float], Tested]:
+    """Stage and numbers of the cause, neither where there is none, and the tests that no case holds with it.
+
+    Raises Faint where no form of it shows.
+    """
     if task.label == OWN:
-        return "", {}
-    base = bench.made.misfit
-    least = _NOISE * bench.level
+        return "", {}, bench.made.held_back
+    base, least = bench.made.misfit, _NOISE * bench.level
     low, high = (_NEAR[0] * base, _NEAR[1] * base) if task.weak else (max(_LEAST, _CLEAR * base), _MOST)
     for _ in range(_FORMS):
         wanted = max(float(np.exp(rng.uniform(np.log(low), np.log(high)))), least)
         cause = bench.cause()
         numbers = dict(cause.sized(bench.size(cause, wanted)))
-        parts = {cause.label: numbers}
-        opened = min(
-            bench.shown(parts, on)[cause.label] for on in (bench.few, list(bench.held_back.values()))
-        )
-        if opened >= 0.6 * low and opened >= 0.5 * least:
-            return cause.stage, numbers
+        tested = _runs(bench.run, bench.made.truth.having(numbers), bench.held_back)
+        if _opened(bench, cause.label, numbers, tested) >= max(_SHOWN * low, 0.5 * least):
+            return cause.stage, numbers, tested
     raise Faint(f"{task.label}: no form of it opens a gap of {low:.3f}")
 
 
-def _baseline(
-    rng: np.random.Generator, task: Task, bench: Bench, channels: Mapping[str, Array]
-) -> dict[str, dict[str, Array]]:
+def _opened(bench: Bench, label: str, numbers: Numbers, tested: Tested) -> float:
+    """The gap that a cause opens by itself on the tests that no case holds, of the RMS."""
+    if any(name.startswith(("reading.", "ground.")) for name in numbers):  # the simulator's inputs change too
+        return bench.shown({label: numbers}, list(bench.held_back.values()))[label]
+    plain = bench.made.held_back
+    return pooled([relative(plain[test][k], c[k]) for test, c in tested.items() for k in bench.outputs])
+
+
+def _baseline(task: Task, bench: Bench, channels: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
     """Records of the rig in the commissioning state, with the case's channels: a damper's commissioning records, a
     frame's of its own."""
     if task.rig == "damper":
         return {
             file: {name: record[name] for name in channels} for file, record in bench.made.records.items()
         }
-    own = replace(bench.made.truth)
-    records = bench.records(own)
-    kept = [name for name in records if any(kind in name for kind in ("sweep", "random", "bang"))]
-    return {f"baseline_{name}": records[name] for name in kept[:3]}
+    records = bench.records(bench.made.truth)
+    kept = [name for name in records if any(kind in name for kind in _BEFORE)]
+    return {f"baseline_{name}": records[name] for name in kept}
 
 
-def _clean(bench: Bench, truth: Truth, test: Excitation) -> dict[str, Array]:
+def _clean(bench: Bench, channels: Mapping[str, Array]) -> dict[str, Array]:
     """Channels of a test, free of noise, with what the nominal simulator says for its inputs."""
-    channels = bench.run(truth, test)
     kept = {n: v for n, v in channels.items() if n not in ("reference_force_N", "current_A", "temperature_C")}
     said = predicted(bench.model, kept)
     return {**kept, **{name: said[output] for output, name in bench.outputs.items()}}
 
 
-def _gaps(bench: Bench, tests: Any) -> list[float]:
+def _gaps(bench: Bench, tests: Sequence[Mapping[str, Array]]) -> list[float]:
     return [relative(t[name], t[output]) for t in tests for output, name in bench.outputs.items()]
