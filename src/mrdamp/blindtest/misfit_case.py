@@ -38,7 +38,7 @@ _SHOWN = 0.6
 #: How often another form of the cause is drawn where one does not show.
 _FORMS = 4
 #: Share of the cases with records of the rig in the commissioning state.
-_BASELINE = 0.4
+BASELINE = 0.4
 #: Peak over RMS that a damper is commissioned up to, for use in a frame.
 _PEAKS = 3.0
 #: Tests of a frame that are run in the commissioning state.
@@ -76,7 +76,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     rng = np.random.default_rng(seed)
     bench = (_damper if task.rig == "damper" else _frame)(rng, task)
     stage, numbers, tested = _sized(rng, task, bench)
-    baseline = bool(rng.random() < _BASELINE)
+    baseline = bool(rng.random() < BASELINE)
     records = bench.records(bench.made.truth.having(numbers))
     before = _baseline(task, bench, next(iter(records.values()))) if baseline else {}
     recorder.write_case(folder, task.rig, bench.nominal, records, before)
