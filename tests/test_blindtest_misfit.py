@@ -14,7 +14,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.blindtest import causes, commissioning, deck, misfit_case, misfit_score, rig, run, score, unknown
+from mrdamp.blindtest import (
+    causes,
+    commissioning,
+    deck,
+    misfit_case,
+    misfit_score,
+    report,
+    rig,
+    run,
+    score,
+    seal,
+    unknown,
+)
 from mrdamp.blindtest.bench import Truth, damper_channels
 from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.make import make_one
@@ -219,7 +231,7 @@ def test_label_is_scored(row: Row, right: bool) -> None:
     assert row.right is right
 
 
-def test_figures_by_base_misfit() -> None:
+def test_figures_by_base_misfit(tmp_path: Path) -> None:
     rows = [
         judged("driver_lag", "effect", "driver_lag"),
         replace(judged("driver_lag", "unknown"), misfit=0.1, after=0.3, weak=True),
@@ -235,7 +247,15 @@ def test_figures_by_base_misfit() -> None:
     assert table["left over base, median"][0] == "1.100"
     assert table["left over base, worst"][:3] == ["3.000", "1.100", "3.000"]
     assert table["worse than nominal"][:3] == ["1/4", "0/2", "1/2"]
+    report.write(tmp_path, rows, "0" * 64, {})
+    for name in ("index.html", "results.md"):
+        text = (tmp_path / name).read_text()
+        assert "controls without an invented cause" in text
+        assert "base misfit 3 to 6 %" in text
+    assert "no cause invented 0.50" in (tmp_path / "results.md").read_text()
+    plain = [replace(row, misfit=math.nan) for row in rows]
     assert misfit_score.is_misfit(rows)
+    assert not misfit_score.is_misfit(plain)
 
 
 @pytest.mark.skipif(not SHARED.is_file(), reason=f"{SHARED} is not there")
@@ -310,10 +330,10 @@ def test_generation_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest
     assert made == ["case_001", "case_002", "stopped", "case_003", "case_004"]
     assert told[2:] == ["cases 3/4", "cases 4/4"]
     assert run.make_cases(out, plan, 9, lambda what, share: None) == digest
-    labels = run.seal.open_labels(out.sealed, "labels")[1]
+    labels = seal.open_labels(out.sealed, "labels")[1]
     other = run.Folders(tmp_path / "at once")
     run.make_cases(other, plan, 7, lambda what, share: None)
-    assert run.seal.open_labels(other.sealed, "labels")[1] == labels
+    assert seal.open_labels(other.sealed, "labels")[1] == labels
     (out.sealed / "labels.sealed").unlink()
     with pytest.raises(InputError, match="with --misfit; name another folder"):
         run.make_cases(out, run.Plan(4, "damper"), 7, lambda what, share: None)

@@ -12,6 +12,7 @@ from mrdamp.blindtest import excitation
 from mrdamp.blindtest.bench import SAMPLE_RATE_HZ, Truth, damper_channels
 from mrdamp.blindtest.excitation import Excitation, Machine
 from mrdamp.blindtest.misfit import Recipe
+from mrdamp.blindtest.misfit_score import PARTED
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.sizing import Faint
@@ -22,8 +23,6 @@ from mrdamp.records import Record
 
 #: What an identified simulator leaves on tests that it was not fitted to, least and most, of the RMS.
 MISFIT = (0.03, 0.15)
-#: Half of the rigs are drawn below it and half above: the figures are given for either.
-PARTED = 0.06
 #: Size that leaves about a tenth with most recipes: where the search begins.
 _TENTH = 0.7
 #: Sizes tried, and how near the drawn misfit is enough (a factor): the spread of the misfits is what counts.

@@ -10,7 +10,7 @@ import numpy as np
 from mrdamp.blindtest import score
 from mrdamp.blindtest.score import Row, Share
 
-#: Where the cases are parted by what the simulator leaves without the cause, of the RMS.
+#: Where the cases are parted by what the simulator leaves without the cause, of the RMS: half are drawn below it.
 PARTED = 0.06
 #: A corrected simulator is worse than the nominal one from this ratio of their gaps on, as the shared scorer has it.
 _WORSE = 1.02
