@@ -19,7 +19,8 @@ from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, siz
 
 #: Causes that only a second force channel tells from the law's own numbers.
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range", "cell_hysteresis", "clipped_range")
-_TELLING = ("steps", "random", "sine_random")
+#: Tests that causes are sized on.
+TELLING = ("steps", "random", "sine_random")
 
 
 def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
@@ -32,17 +33,17 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     plain = Truth(device.numbers, filtered=bool(rng.random() < 0.5))
     scale = measure(device, inputs)
     noise = recorder.damper_noise(rng, scale.force, scale.command)
-    few = [test for test in inputs if test.kind in (*_TELLING, *(["long"] if heats else []))]
+    few = [test for test in inputs if test.kind in (*TELLING, *(["long"] if heats else []))]
     level = noise["force_N"].deviation / scale.force
     found = [_cause(rng, task, part, scale) for part in task.parts]
-    parts = {c.label: c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
+    parts = {c.label: c.sized(sized_to(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
     for tests_of_it in (few, list(held_back.values())):
         must_show(shown(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
     parameters = _believed(rng, task, device, plain, few)
     believed = {**plain.numbers, **parameters}
-    records = _records(rng, truth, inputs, noise, _channels(rng, task))
+    records = recorded(rng, truth, inputs, noise, chosen_channels(rng, task))
     recorder.write_case(folder, "damper", {"law": device.law, "parameters": parameters}, records)
     clean = {name: _clean(truth, believed, test) for name, test in held_back.items()}
     recorder.write_tests(tests, clean)
@@ -83,7 +84,7 @@ def _cause(rng: np.random.Generator, task: Task, part: str, scale: Scale) -> Cau
     return unknown.draw(rng, part, scale) if task.outside else causes.draw(rng, part, scale)
 
 
-def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
+def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
     """The cause's size on a rig that has no other."""
     predicted = [nominal_damper(plain.numbers, plain, test) for test in tests]
     reads = any(name.startswith("reading.") for name in cause.sized(1.0))
@@ -135,7 +136,7 @@ def _believed(
     return dampers.perturbed(device.parameters, way, 0.04 if slightly else 0.0)
 
 
-def _channels(rng: np.random.Generator, task: Task) -> list[str]:
+def chosen_channels(rng: np.random.Generator, task: Task) -> list[str]:
     """Which of the optional channels this bench has."""
     shares = {"reference_force_N": 0.4, "current_A": 0.15, "temperature_C": 0.1}
     names = [name for name, share in shares.items() if rng.random() < share]
@@ -144,7 +145,7 @@ def _channels(rng: np.random.Generator, task: Task) -> list[str]:
     return ["displacement_m", "command", "force_N", *names]
 
 
-def _records(
+def recorded(
     rng: np.random.Generator,
     truth: Truth,
     inputs: Sequence[Excitation],

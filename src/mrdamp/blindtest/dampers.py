@@ -9,7 +9,7 @@ import numpy as np
 
 from mrdamp import sets
 from mrdamp.blindtest.excitation import Machine
-from mrdamp.blindtest.rig import LAWS, RATE_HZ, Numbers
+from mrdamp.blindtest.rig import ALL_LAWS, RATE_HZ, Numbers
 
 #: Never drawn: shape numbers, and places rather than sizes.
 _FIXED = ("n", "x0", "v_ref", "m0")
@@ -75,7 +75,7 @@ class Device:
     @property
     def numbers(self) -> dict[str, float]:
         """As the rig takes them."""
-        return {"law": float(LAWS.index(self.law)), **self.parameters}
+        return {"law": float(ALL_LAWS.index(self.law)), **self.parameters}
 
     def piston(self, force: float) -> float:
         """Mass (kg) of a piston behind a mount whose contact takes an RMS force (N) at 10 um: for steps of the rig it

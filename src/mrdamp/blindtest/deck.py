@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from mrdamp.blindtest import causes, unknown
-from mrdamp.blindtest.sizing import Task
+from mrdamp.blindtest.sizing import OWN, Task
 
 #: Shares of the cases of a rig.
 _SHARES = {"single": 0.5, "pair": 0.16, "weak": 0.08, "none": 0.07, "parameters": 0.08, "unknown": 0.11}
+#: The same where the law is not the rig's: one in five has nothing but that.
+_MISFIT_SHARES = {"single": 0.58, "weak": 0.1, "own": 0.2, "unknown": 0.12}
 #: Share of the frame among all cases.
 _FRAMES = 0.25
 #: Pairs of one mechanism, or of which one hides in the other whatever is tested.
@@ -22,17 +24,20 @@ _NOT_TOGETHER = (
 )
 
 
-def draw(seed: np.random.SeedSequence, count: int, rig: str = "both") -> list[Task]:
-    """`count` tasks in random order, named so that the name tells nothing. rig: `damper`, `frame` or `both`."""
+def draw(seed: np.random.SeedSequence, count: int, rig: str = "both", *, misfit: bool = False) -> list[Task]:
+    """`count` tasks in random order, named so that the name tells nothing.
+
+    rig: `damper`, `frame` or `both`. misfit: the law is not the rig's.
+    """
     rng = np.random.default_rng(seed)
     frames = {"damper": 0, "frame": count, "both": round(_FRAMES * count)}[rig]
-    tasks = [*_rig(rng, "damper", count - frames), *_rig(rng, "frame", frames)]
+    tasks = [*_rig(rng, "damper", count - frames, misfit), *_rig(rng, "frame", frames, misfit)]
     order = rng.permutation(len(tasks))
     named = [tasks[k] for k in order]
-    return [Task(f"case_{k:03d}", t.rig, t.label, t.weak) for k, t in enumerate(named, 1)]
+    return [Task(f"case_{k:03d}", t.rig, t.label, t.weak, t.misfit) for k, t in enumerate(named, 1)]
 
 
-def _rig(rng: np.random.Generator, rig: str, count: int) -> list[Task]:
+def _rig(rng: np.random.Generator, rig: str, count: int, misfit: bool) -> list[Task]:
     from mrdamp.blindtest import frame_causes
 
     singles = list(causes.EFFECTS) if rig == "damper" else frame_causes.labels()
@@ -43,11 +48,12 @@ def _rig(rng: np.random.Generator, rig: str, count: int) -> list[Task]:
         "weak": singles,
         "none": ["none"],
         "parameters": ["parameters"],
+        "own": [OWN],
     }
     tasks = []
-    for kind, number in _shared(count).items():
+    for kind, number in _shared(count, _MISFIT_SHARES if misfit else _SHARES).items():
         labels = _outside(rng, groups, number) if kind == "unknown" else _dealt(rng, pools[kind], number)
-        tasks += [Task("", rig, label, kind == "weak") for label in labels]
+        tasks += [Task("", rig, label, kind == "weak", misfit) for label in labels]
     return tasks
 
 
@@ -58,9 +64,9 @@ def _outside(rng: np.random.Generator, groups: Sequence[Sequence[str]], number: 
     return [f"~{orders[(first + k) % 2][k // 2]}" for k in range(number)]
 
 
-def _shared(count: int) -> dict[str, int]:
+def _shared(count: int, shares: Mapping[str, float]) -> dict[str, int]:
     """Whole numbers by largest remainder."""
-    exact = {kind: share * count for kind, share in _SHARES.items()}
+    exact = {kind: share * count for kind, share in shares.items()}
     whole = {kind: int(value) for kind, value in exact.items()}
     rest = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
     for kind in rest[: count - sum(whole.values())]:

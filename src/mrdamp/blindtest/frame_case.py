@@ -30,23 +30,23 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     """Writes the case folder and the file of its tests; returns its label with what lies behind it."""
     rng = np.random.default_rng(seed)
     device = dampers.draw(rng, frame=True, mounted=task.mounted)
-    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), _storeys(rng), _between(rng))
+    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), drawn_storeys(rng), drawn_between(rng))
     inputs = excitation.frame_tests(rng, device.machine.command)
     held_back = excitation.held_back_frame_tests(rng, device.machine.command)
-    few = _telling(inputs)
+    few = telling(inputs)
     scale = measure(device, plain, few)
     noise = recorder.frame_noise(rng)
     level = noise[_MEASURED[0]].deviation / float(np.mean(scale.acceleration))
     found = [frame_causes.draw(rng, part, scale, outside=task.outside) for part in task.parts]
-    parts = {c.label: c.sized(_size(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
+    parts = {c.label: c.sized(sized_to(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
     for tests_of_it in (few, list(held_back.values())):
         must_show(shown(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
     parameters = _believed(rng, task, device, plain, few)
     believed = replace(plain, numbers={**plain.numbers, **parameters})
-    nominal = {"law": device.law, "parameters": parameters, **_structure(plain)}
-    recorder.write_case(folder, "frame", nominal, _records(rng, truth, inputs, noise))
+    nominal = {"law": device.law, "parameters": parameters, **structure_of(plain)}
+    recorder.write_case(folder, "frame", nominal, recorded(rng, truth, inputs, noise))
     clean = {name: _clean(truth, believed, test) for name, test in held_back.items()}
     recorder.write_tests(tests, clean)
     return {
@@ -101,7 +101,7 @@ def measure(device: dampers.Device, plain: Truth, inputs: Sequence[Excitation]) 
     )
 
 
-def _storeys(rng: np.random.Generator) -> tuple[dict[str, float], ...]:
+def drawn_storeys(rng: np.random.Generator) -> tuple[dict[str, float], ...]:
     def drawn(value: float) -> float:
         return value * float(rng.uniform(1 - _SPREAD, 1 + _SPREAD))
 
@@ -109,22 +109,22 @@ def _storeys(rng: np.random.Generator) -> tuple[dict[str, float], ...]:
     return tuple({"mass": drawn(m), "stiffness": drawn(k), "damping": drawn(c)} for m, k, c in rows)
 
 
-def _between(rng: np.random.Generator) -> tuple[int, int]:
+def drawn_between(rng: np.random.Generator) -> tuple[int, int]:
     return (0, 1) if rng.random() < 0.8 else (1, 2)
 
 
-def _structure(plain: Truth) -> dict[str, Any]:
+def structure_of(plain: Truth) -> dict[str, Any]:
     names = {"mass": "mass_kg", "stiffness": "stiffness_n_m", "damping": "damping_n_s_m"}
     structure = {long: [s[short] for s in plain.storeys] for short, long in names.items()}
     return {"structure": structure, "damper_between": list(plain.between)}
 
 
-def _telling(inputs: Sequence[Excitation]) -> list[Excitation]:
+def telling(inputs: Sequence[Excitation]) -> list[Excitation]:
     """One of each kind that shows something."""
     return [next(test for test in inputs if test.kind == kind) for kind in _TELLING]
 
 
-def _size(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
+def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
     predicted = [frame_channels(plain, test, test.rng) for test in tests]
     reads = any(name.startswith("ground.") for name in cause.sized(1.0))
 
@@ -185,7 +185,7 @@ def _believed(
     return dampers.perturbed(device.parameters, way, 0.03 if slightly else 0.0)
 
 
-def _records(
+def recorded(
     rng: np.random.Generator, truth: Truth, inputs: Sequence[Excitation], noise: Mapping[str, Noise]
 ) -> dict[str, dict[str, Array]]:
     """Records by file name; the last one repeats the last ground motion."""

@@ -23,6 +23,8 @@ from mrdamp.files import write_atomic
 
 #: How often a case is drawn anew.
 _REDRAWS = 9
+#: The same beside that where the law is not the rig's: many a pair of laws leaves too much.
+_MISFIT_REDRAWS = 20
 
 
 def make_one(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
@@ -33,7 +35,15 @@ def make_one(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence)
     from mrdamp.blindtest import frame_case
 
     maker = damper_case.make if task.rig == "damper" else frame_case.make
+    if task.misfit:
+        from mrdamp.blindtest import (
+            misfit_case,
+        )  # it identifies a simulator, and so loads the plugin's library
+
+        maker = misfit_case.make
     draws = [seed, *seed.spawn(_REDRAWS)]
+    if task.misfit:
+        draws += seed.spawn(_MISFIT_REDRAWS)
     for draw in draws[:-1]:
         try:
             return maker(task, cases / task.name, tests / f"{task.name}.npz", draw)
@@ -43,17 +53,24 @@ def make_one(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence)
 
 
 def make(
-    out: Path, seed: int, count: int, rig: str = "both", *, only: Sequence[str] = (), jobs: int = 1
+    out: Path,
+    seed: int,
+    count: int,
+    rig: str = "both",
+    *,
+    only: Sequence[str] = (),
+    jobs: int = 1,
+    misfit: bool = False,
 ) -> Iterable[tuple[str, dict[str, Any]]]:
     """Cases one after another as (name, label); the same for any number of jobs.
 
-    only: labels to make instead of the usual mixture, in turn.
+    only: labels to make instead of the usual mixture, in turn. misfit: rigs whose law is not the simulator's.
     """
     deal, draws = np.random.SeedSequence(seed).spawn(2)
     if only:
-        tasks = [Task(f"case_{k + 1:03d}", rig, only[k % len(only)]) for k in range(count)]
+        tasks = [Task(f"case_{k + 1:03d}", rig, only[k % len(only)], misfit=misfit) for k in range(count)]
     else:
-        tasks = deck.draw(deal, count, rig)
+        tasks = deck.draw(deal, count, rig, misfit=misfit)
     seeds = draws.spawn(len(tasks))
     work = joblib.Parallel(n_jobs=jobs, return_as="generator")
     done = work(
@@ -73,12 +90,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     p.add_argument(
         "--only", nargs="*", default=[], help="labels to make, in turn, in place of the usual mixture"
     )
+    p.add_argument("--misfit", action="store_true", help="rigs whose law is not the simulator's")
     p.add_argument("--jobs", type=int, default=1)
     a = p.parse_args(arguments)
     a.out.mkdir(parents=True, exist_ok=True)
     labels = {}
     try:
-        for name, label in make(a.out, a.seed, a.count, a.rig, only=a.only, jobs=a.jobs):
+        for name, label in make(a.out, a.seed, a.count, a.rig, only=a.only, jobs=a.jobs, misfit=a.misfit):
             labels[name] = label
             print(f"{name} {label['label']} gap {label['gap']:.3f}", flush=True)
             write_atomic(a.out / "labels.json", json.dumps(labels, indent=1) + "\n")

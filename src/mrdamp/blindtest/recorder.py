@@ -64,11 +64,18 @@ def write_record(path: Path, channels: Mapping[str, Array]) -> None:
 
 
 def write_case(
-    folder: Path, rig: str, nominal: Mapping[str, Any], records: Mapping[str, Mapping[str, Array]]
+    folder: Path,
+    rig: str,
+    nominal: Mapping[str, Any],
+    records: Mapping[str, Mapping[str, Array]],
+    baseline: Mapping[str, Mapping[str, Array]] | None = None,
 ) -> None:
-    """A case folder: the records by file name, and case.json last."""
+    """A case folder: the records by file name, and case.json last.
+
+    baseline: records of the rig in the state in which its simulator was identified.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    for name, channels in records.items():
+    for name, channels in {**records, **(baseline or {})}.items():
         write_record(folder / name, channels)
     first = next(iter(records.values()))
     case = {
@@ -80,6 +87,8 @@ def write_case(
         "channels": ["time_s", *first],
         "records": list(records),
     }
+    if baseline:
+        case["baseline"] = list(baseline)
     write_atomic(folder / "case.json", json.dumps(case, indent=1) + "\n")
 
 

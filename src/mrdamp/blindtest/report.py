@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mrdamp.blindtest import score
+from mrdamp.blindtest import misfit_score, score
 from mrdamp.blindtest.score import Numbers, Row, Share
 from mrdamp.files import write_atomic
 from mrdamp.pictures import blindtest as pictures
@@ -24,6 +24,7 @@ WANTED = {
     "unknown said": 0.95,
 }
 _SEVERAL = "several"
+_MISFIT = "Where the law is not the rig's"
 
 
 def write(out: Path, rows: Sequence[Row], seal: str, baselines: Mapping[str, Sequence[Row]]) -> None:
@@ -36,6 +37,8 @@ def write(out: Path, rows: Sequence[Row], seal: str, baselines: Mapping[str, Seq
     )
     page.table("Figures", _FIGURE_COLUMNS, _figure_rows(figures))
     page.table("", ["figure", "value", "to reach"], _number_rows(numbers))
+    if misfit_score.is_misfit(rows):
+        page.table(_MISFIT, misfit_score.COLUMNS, misfit_score.table(rows))
     if baselines:
         page.table("Beside simpler methods", *_baseline_table({"diagnosis": rows, **baselines}))
     names, columns, counts = confusion(rows)
@@ -116,6 +119,8 @@ def markdown(rows: Sequence[Row], seal: str, baselines: Mapping[str, Sequence[Ro
         _table(_FIGURE_COLUMNS, _figure_rows(figures)),
         _table(["figure", "value", "to reach"], _number_rows(numbers)),
     ]
+    if misfit_score.is_misfit(rows):
+        parts += [f"## {_MISFIT}\n", _table(misfit_score.COLUMNS, misfit_score.table(rows))]
     if baselines:
         parts += ["## Beside simpler methods\n", _table(*_baseline_table({"diagnosis": rows, **baselines}))]
     parts += ["## By cause\n", _table(["cause", "right", "of", "answers in place of it"], by_cause(rows))]
@@ -144,12 +149,17 @@ def by_cause(rows: Sequence[Row]) -> list[list[Cell]]:
 
 
 def _summary(rows: Sequence[Row], figures: Mapping[str, Share], n: Numbers) -> str:
+    told = {
+        "single effects": "single effects named",
+        "pairs": "pairs named",
+        "unknown causes owned up to": "unknown said",
+        "no false alarm": "no false alarm (none, parameters)",
+        "no cause invented": "controls without an invented cause",
+    }
+    parts = [f"{words} {figures[name].value:.2f}" for words, name in told.items() if figures[name].of]
     return (
-        f"{figures['all'].right} of {len(rows)} cases answered rightly; single effects "
-        f"{figures['single effects named'].value:.2f}, pairs {figures['pairs named'].value:.2f}, unknown causes owned "
-        f"up to {figures['unknown said'].value:.2f}, no false alarm "
-        f"{figures['no false alarm (none, parameters)'].value:.2f}; on unseen tests the gap shrinks by "
-        f"{n.shrink_median:.2f} (median)."
+        f"{figures['all'].right} of {len(rows)} cases answered rightly; {', '.join(parts)}; on unseen tests the gap "
+        f"shrinks by {n.shrink_median:.2f} (median)."
     )
 
 
@@ -227,7 +237,7 @@ def said(r: Row) -> str:
 
 def _order(name: str) -> tuple[bool, bool, str]:
     return (
-        name in ("none", "parameters", "unknown", "failed", "timeout", _SEVERAL),
+        name in ("none", "own", "parameters", "unknown", "failed", "timeout", _SEVERAL),
         name.startswith("~"),
         name,
     )

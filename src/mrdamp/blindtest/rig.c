@@ -12,9 +12,15 @@
 static const double kPi = 3.14159265358979323846;
 
 #define RIG_NUMBERS(X)                                                                                              \
-  /* law: 0 bingham, 1 bouc_wen, 2 hyperbolic_tangent, 3 modified_bouc_wen */                                       \
+  /* law: 0 bingham, 1 bouc_wen, 2 hyperbolic_tangent, 3 modified_bouc_wen, 4 sigmoid (hook_v, hook_x) */            \
   X(law) X(c0a) X(c0b) X(c1a) X(c1b) X(k0) X(k1) X(x0) X(alpha_a) X(alpha_b) X(gamma) X(beta) X(A) X(n) X(fya) X(fyb) \
   X(v_ref) X(k0a) X(k0b) X(k1a) X(k1b) X(m0) X(f0a) X(f0b)                                                          \
+  X(hook_v) X(hook_x)                                                                                                 \
+  /* what a law may have beside its form: a current map 1 S-shaped (logistic); elements that stick and slip in         \
+   * parallel to it, their limit (N) and the part that grows with the field; a yield force that follows the rate,      \
+   * 1 at once, 2 with a memory */                                                                                    \
+  X(map_form) X(map_share) X(map_span) X(map_steep) X(map_centre)                                                      \
+  X(slip_force) X(slip_field) X(slip_span) X(slip_travel) X(rate_form) X(rate_share) X(rate_v) X(rate_time)            \
   /* driver: 1 two poles, 2 voltage limit, 3 unequal rise (tau) and fall (tau2), 4 a coil (tau) under a controller    \
    * with gain, reset time (tau2) and a limited voltage (span), 5 a coil (tau2) whose solid core lets the field in      \
    * by diffusion (tau: the slowest pole) */                                                                          \
@@ -70,9 +76,10 @@ typedef struct {
 
 enum { kStoreys = 3, kPlays = 6, kRelays = 150, kPoles = 4 };
 /* Places in the state vector: two currents, the core's poles, sag, law (2), fluid and body temperature, bristle, film,
- * piston, peak of the yield force after a turn, trapped gas, check valve, poppet, leaked length, rubber, the frame. */
+ * piston, peak of the yield force after a turn, trapped gas, check valve, poppet, leaked length, rubber, structure of
+ * the fluid, the frame. */
 enum { I1, I2, CORE, SAG = CORE + kPoles, L1, L2, HEAT, BODY, BRISTLE, FILM, XP, VP, PEAK, GAS, CHECK, POPPET, LEAK, RUBBER,
-       kDamper };
+       STIRRED, kDamper };
 enum { FX = kDamper, FV = FX + kStoreys, FQ = FV + kStoreys, HX = FQ + 2 * kStoreys, HV = HX + kStoreys,
        RX = HV + kStoreys, RV, kStates };
 /* Columns of a damper's run: load cell (N), fluid (N), current, field, temperature rise (K), piston (m). */
@@ -81,6 +88,7 @@ enum { kDamperColumns = 6, kFrameColumns = 2 * kStoreys + 5 };
 /* What changes between steps only. */
 typedef struct {
   double play[kPlays];
+  double element[kPlays]; /* m, where those in parallel to the law stick */
   char relay[kRelays];
   int on;           /* relays */
   double start;     /* where the stroke began, m */
@@ -205,6 +213,22 @@ static double field(const Rig *r, const Memory *m, double i) {
 
 /* --- fluid ------------------------------------------------------------------------------------------------------- */
 
+/* Elements in parallel that slip at travels up to `widest`, each with the same limit; 1 when all of them slip. */
+static double slip_travel(double widest, int k) { return widest * (k + 1) / kPlays; }
+
+static double slipping(const double *held, double x, double widest) {
+  double force = 0;
+  for (int k = 0; k < kPlays; ++k) force += clip((x - held[k]) / slip_travel(widest, k), -1, 1) / kPlays;
+  return force;
+}
+
+static void slip(double *held, double x, double widest) {
+  for (int k = 0; k < kPlays; ++k) {
+    const double travel = slip_travel(widest, k);
+    held[k] = clip(held[k], x - travel, x + travel);
+  }
+}
+
 static double side(double v) { return v / sqrt(v * v + 1.6e-5); }
 
 static double viscosity(const Rig *r, double heat, double v) {
@@ -230,6 +254,23 @@ static double yielding(const Rig *r, const Memory *m, double heat, double peak) 
   return factor;
 }
 
+/* Of the field that the law's numbers were made for: the same at its ends, with a toe and a shoulder in between. */
+static double mapped(const Rig *r, double b) {
+  if (!r->map_form) return b;
+  const double k = r->map_steep, part = b / r->map_span;
+  const double low = 1 / (1 + exp(k * r->map_centre)), high = 1 / (1 + exp(-k * (1 - r->map_centre)));
+  const double curve = (1 / (1 + exp(-k * (part - r->map_centre))) - low) / (high - low);
+  return b + r->map_share * (r->map_span * curve - b);
+}
+
+/* Factor of the yield force: 1 at the velocity rate_v where it follows at once. */
+static double by_rate(const Rig *r, const double *y, double v, double *dy) {
+  if (!r->rate_form) return 1;
+  const double rate = fabs(v) / (fabs(v) + r->rate_v);
+  if (r->rate_form == 2) dy[STIRRED] = (rate - y[STIRRED]) / r->rate_time;
+  return 1 + r->rate_share * 2 * ((r->rate_form == 2 ? y[STIRRED] : rate) - 0.5);
+}
+
 static double bouc_wen(const Rig *r, double z, double v) {
   const double w = pow(fabs(z), r->n - 1);
   return r->A * v - r->gamma * fabs(v) * z * w - r->beta * v * fabs(z) * w;
@@ -241,6 +282,11 @@ static double law(const Rig *r, const double *y, double x, double v, double b, d
   *spring = 0;
   const double c0 = positive(r->c0a + r->c0b * b) * thick;
   if (r->law == 0) return c0 * v + positive(r->fya + r->fyb * b) * firm * tanh(v / r->v_ref);
+  if (r->law == 4) { /* Kwok et al. 2006, doi:10.1088/0964-1726/15/4/015: the place in the stroke shifts the velocity */
+    *spring = r->k0 * (x - r->x0);
+    const double ahead = v + r->hook_v * tanh(x / r->hook_x);
+    return c0 * v + positive(r->fya + r->fyb * b) * firm * tanh(ahead / r->v_ref);
+  }
   if (r->law == 1) {
     dy[L1] = bouc_wen(r, y[L1], v);
     *spring = r->k0 * (x - r->x0);
@@ -306,22 +352,6 @@ static double rod_share(const Rig *r, const Memory *m, const double *y, double x
 
 /* --- mechanics --------------------------------------------------------------------------------------------------- */
 
-/* Elements in parallel that slip at travels up to `widest`, each with the same limit; 1 when all of them slip. */
-static double slip_travel(double widest, int k) { return widest * (k + 1) / kPlays; }
-
-static double slipping(const double *held, double x, double widest) {
-  double force = 0;
-  for (int k = 0; k < kPlays; ++k) force += clip((x - held[k]) / slip_travel(widest, k), -1, 1) / kPlays;
-  return force;
-}
-
-static void slip(double *held, double x, double widest) {
-  for (int k = 0; k < kPlays; ++k) {
-    const double travel = slip_travel(widest, k);
-    held[k] = clip(held[k], x - travel, x + travel);
-  }
-}
-
 static double seal(const Rig *r, const double *y, double v, double *dy) {
   const double q = y[BRISTLE], s = (r->seal_form == 5 ? y[FILM] : v) / r->seal_v;
   double *dq = &dy[BRISTLE];
@@ -374,8 +404,14 @@ static Force piston(const Rig *r, const Memory *m, const double *y, double x, do
   double spring;
   Force f;
   if (r->peak_gain > 0) dy[PEAK] = (exp(-fabs(x - m->start) / r->peak_path) - y[PEAK]) / 0.003;
-  const double thick = viscosity(r, y[HEAT], v), firm = yielding(r, m, y[HEAT], y[PEAK]);
-  f.fluid = law(r, y, x, v, b, thick, firm, &spring, dy);
+  const double thick = viscosity(r, y[HEAT], v);
+  const double firm = yielding(r, m, y[HEAT], y[PEAK]) * by_rate(r, y, v, dy);
+  const double felt = mapped(r, b);
+  f.fluid = law(r, y, x, v, felt, thick, firm, &spring, dy);
+  if (r->slip_force > 0) {
+    const double limit = r->slip_force * (1 - r->slip_field + r->slip_field * 2 * felt / r->slip_span);
+    f.fluid += positive(limit) * firm * slipping(m->element, x, r->slip_travel);
+  }
   f.fluid = f.closed = rod_share(r, m, y, x, v, f.fluid, dy);
   if (r->poppet_share > 0) {
     dy[POPPET] = (m->open - y[POPPET]) / (m->open ? 0.004 : r->poppet_time);
@@ -438,6 +474,7 @@ static void remember(const Rig *r, Memory *m, const double *y, double x, double 
   const double at = r->mount_form ? y[XP] : x, moved = r->mount_form ? y[VP] * dt : v * dt;
   m->time += dt;
   m->path += fabs(moved);
+  if (r->slip_force > 0) slip(m->element, at, r->slip_travel);
   m->pocket = clip(m->pocket + r->gas_sign * moved, 0, r->gas_stroke);
   if (fabs(force) > r->poppet_force) m->open = 1;
   if (fabs(force) < 0.5 * r->poppet_force) m->open = 0;
@@ -466,6 +503,8 @@ static void begin(const Rig *r, Memory *m, double *y, double x, double v, double
   m->direction = v < 0 ? -1 : 1;
   m->start = m->furthest = x;
   m->magnet = m->driven = u;
+  y[STIRRED] = fabs(v) / (fabs(v) + fmax(r->rate_v, 1e-9));
+  for (int k = 0; k < kPlays; ++k) m->element[k] = x;
   for (int k = 0; k < kPlays; ++k) m->play[k] = u; /* as after an alternating field that died out */
   magnetise(r, m, u);                              /* relays: risen from zero */
 }

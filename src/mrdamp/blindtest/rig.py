@@ -17,7 +17,9 @@ from mrdamp.errors import InputError
 Array = NDArray[np.float64]
 Numbers = Mapping[str, float]
 
+#: The laws that the plugin has too, and in `ALL_LAWS` one that it has not.
 LAWS = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
+ALL_LAWS = (*LAWS, "sigmoid")
 #: Steps a second of the integration; the rig takes its inputs at half steps.
 RATE_HZ = 25_000
 INPUT_RATE_HZ = 2 * RATE_HZ
@@ -60,7 +62,7 @@ def _path() -> Path:
 def run_damper(numbers: Numbers, x: Array, v: Array, u: Array) -> dict[str, Array]:
     """A rod that is moved by a machine.
 
-    numbers: names as in `rig.c`, with `law` one of `LAWS` by its place; those left out are zero (neutral).
+    numbers: names as in `rig.c`, with `law` one of `ALL_LAWS` by its place; those left out are zero (neutral).
     x (m), v (m/s), u (command): (2 n - 1,) at half steps. Returns (n,) arrays at `RATE_HZ`: force on the load cell (N),
     the fluid's share, current, field, heat (K over the surroundings), piston (m).
 

@@ -63,6 +63,12 @@ class Plan:
     rig: str = "both"
     timeout: float = 300.0
     jobs: int = 1
+    misfit: bool = False
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """What must be the same when a folder is gone on with."""
+        return {"count": self.count, "rig": self.rig, "misfit": self.misfit}
 
 
 def make_cases(out: Folders, plan: Plan, seed: int, progress: Progress) -> str:
@@ -73,14 +79,16 @@ def make_cases(out: Folders, plan: Plan, seed: int, progress: Progress) -> str:
     if seal.is_sealed(out.sealed, "labels"):
         return seal.digest_of(out.sealed, "labels")
     if not seal.is_sealed(out.sealed, "seed"):
-        seal.seal(out.sealed, "seed", {"seed": {"entropy": seed, "count": plan.count, "rig": plan.rig}})
+        seal.seal(out.sealed, "seed", {"seed": {"entropy": seed, **plan.drawn}})
     drawn = seal.open_labels(out.sealed, "seed")[1]["seed"]
-    if (drawn["count"], drawn["rig"]) != (plan.count, plan.rig):
+    if {"misfit": False, **drawn} != {**plan.drawn, "entropy": drawn["entropy"]}:
+        kind = "with" if drawn.get("misfit") else "without"
         raise InputError(
-            f"{out.root}: holds a blind test of {drawn['count']} cases, rig {drawn['rig']}; name another folder"
+            f"{out.root}: holds a blind test of {drawn['count']} cases, rig {drawn['rig']}, {kind} --misfit; "
+            "name another folder"
         )
     deal, draws = np.random.SeedSequence(drawn["entropy"]).spawn(2)
-    tasks = deck.draw(deal, plan.count, plan.rig)
+    tasks = deck.draw(deal, plan.count, plan.rig, misfit=plan.misfit)
     left = [
         (task, own)
         for task, own in zip(tasks, draws.spawn(len(tasks)), strict=True)

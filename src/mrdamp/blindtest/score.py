@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.blindtest.rig import Array
+from mrdamp.blindtest.sizing import OWN
 
 NOT_EFFECTS = ("none", "parameters")
 #: Simulated channels for a test's inputs.
@@ -25,7 +26,9 @@ class Row:
     """One case: what it is and what was answered.
 
     before, after: the gap of the nominal and of the corrected model on tests that no case holds (NaN where there is
-    no corrected model). probability: what the answer said of itself, NaN where it said nothing.
+    no corrected model). probability: what the answer said of itself, NaN where it said nothing. also: effects that the
+    rig has in any case, named or not. base: `before` of the same rig without the cause; misfit: that of the RMS over
+    tests and channels. baseline: the case has records of the rig before the cause.
     """
 
     case: str
@@ -42,12 +45,18 @@ class Row:
     after: float
     seconds: float
     error: str = ""
+    also: frozenset[str] = frozenset()
+    base: float = math.nan
+    misfit: float = math.nan
+    baseline: bool = False
 
     @property
     def want(self) -> str:
         """The right verdict."""
         if self.label in NOT_EFFECTS:
             return self.label
+        if self.label == OWN:
+            return "own"
         return "unknown" if self.label.startswith("~") else "effect"
 
     @property
@@ -61,7 +70,16 @@ class Row:
     @property
     def right(self) -> bool:
         """Verdict and effects with their places are right."""
-        return self.verdict == self.want and (self.want != "effect" or self.named == self.causes)
+        if self.want == "own":
+            return self.verdict in ("none", "parameters", "unknown", "effect") and not self.invented
+        return self.verdict == self.want and (
+            self.want != "effect" or (self.causes <= self.named and not self.invented)
+        )
+
+    @property
+    def invented(self) -> frozenset[Cause]:
+        """Named effects that the rig has not."""
+        return frozenset(c for c in self.named - self.causes if c[0] not in self.also)
 
     @property
     def right_or_tied(self) -> bool:
@@ -102,6 +120,7 @@ def row(
         stated(answer),
         *gaps,
         seconds,
+        **_misfit(label),
     )
 
 
@@ -122,7 +141,18 @@ def failed(case: str, label: Mapping[str, Any], verdict: str, seconds: float, er
         after=math.nan,
         seconds=seconds,
         error=error,
+        **_misfit(label),
     )
+
+
+def _misfit(label: Mapping[str, Any]) -> dict[str, Any]:
+    """What a label says of the law's own misfit."""
+    return {
+        "also": frozenset(label.get("also", ())),
+        "base": float(label.get("base", math.nan)),
+        "misfit": float(label.get("misfit", math.nan)),
+        "baseline": bool(label.get("baseline", False)),
+    }
 
 
 def stated(answer: Mapping[str, Any]) -> float:
@@ -200,7 +230,8 @@ def shares(rows: Sequence[Row]) -> dict[str, Share]:
             lambda r: r.want in NOT_EFFECTS, lambda r: r.verdict in NOT_EFFECTS
         ),
         "unknown said": share(lambda r: r.want == "unknown"),
-        "stage": share(lambda r: r.want not in NOT_EFFECTS, lambda r: r.stage_right),
+        "controls without an invented cause": share(lambda r: r.want == "own"),
+        "stage": share(lambda r: r.want in ("effect", "unknown"), lambda r: r.stage_right),
         "all": share(lambda r: True),
     }
 

@@ -14,6 +14,8 @@ _SKIP = 50  # samples at the start that no gap counts
 _SMALLEST, _STEPS = 0.004, 8
 #: The least gap that a cause may open, in parts of the noise, and the most that a weak one is to open.
 _WEAK = (1.5, 3.0)
+#: Label of a rig that has nothing but a law of its own.
+OWN = "~own"
 
 
 class Faint(InputError):
@@ -25,18 +27,20 @@ class Task:
     """What a case is about.
 
     label: `none`, `parameters`, an effect, two joined by `+`, or `~` and a cause outside the catalogue; in a frame
-    with `@` and its place. weak: a gap just above the noise.
+    with `@` and its place. weak: a gap just above the noise. misfit: the rig's law is not the simulator's; then the
+    label `~own` is a rig with nothing else, and weak is below what the law itself leaves.
     """
 
     name: str
     rig: str
     label: str
     weak: bool = False
+    misfit: bool = False
 
     @property
     def parts(self) -> list[str]:
         """The causes of the label."""
-        return [] if self.label in ("none", "parameters") else self.label.removeprefix("~").split("+")
+        return [] if self.label in ("none", "parameters", OWN) else self.label.removeprefix("~").split("+")
 
     @property
     def mounted(self) -> bool:
@@ -46,7 +50,7 @@ class Task:
     @property
     def outside(self) -> bool:
         """The cause is not in the catalogue."""
-        return self.label.startswith("~")
+        return self.label.startswith("~") and self.label != OWN
 
 
 def relative(simulated: Array, measured: Array) -> float:
@@ -58,6 +62,11 @@ def relative(simulated: Array, measured: Array) -> float:
 def pooled(gaps: list[float]) -> float:
     """Root mean square of gaps."""
     return float(np.sqrt(np.mean(np.square(gaps))))
+
+
+def total(gaps: list[float]) -> float:
+    """Root of the sum of squares of gaps: what the shared scorer calls the gap of several tests and channels."""
+    return float(np.sqrt(np.sum(np.square(gaps))))
 
 
 def goal(rng: np.random.Generator, *, weak: bool, noise: float) -> float:

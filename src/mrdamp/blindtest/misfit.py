@@ -1,0 +1,154 @@
+"""Rigs whose law is not the simulator's: what their dampers have that no law of the simulator has.
+
+A recipe is drawn for a damper and a scale; its parts grow with one size. Each part names the effects of the catalogue
+that it looks like or is (`also`): a friction that sticks and slips is one whether it is called the damper's law or a
+seal's, and to name it or not is both right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.blindtest import dampers
+from mrdamp.blindtest.dampers import Device
+from mrdamp.blindtest.excitation import Machine
+from mrdamp.blindtest.rig import Numbers
+from mrdamp.blindtest.scale import Scale, Sized
+from mrdamp.blindtest.sizing import Task
+
+#: Law of the rig -> laws of its simulator, its own among them where that can be wrong by other parts. Pairs that leave
+#: more than 15 % by themselves on most dampers are not in it (Bingham for any hysteresis, Bouc-Wen for a damper with
+#: mass).
+NOMINAL: Mapping[str, tuple[str, ...]] = {
+    "bouc_wen": ("hyperbolic_tangent", "bouc_wen", "modified_bouc_wen"),
+    "hyperbolic_tangent": ("hyperbolic_tangent", "modified_bouc_wen"),
+    "modified_bouc_wen": ("bouc_wen", "hyperbolic_tangent", "hyperbolic_tangent", "bingham"),
+    "bingham": ("bouc_wen", "bingham"),
+    "sigmoid": ("bouc_wen", "hyperbolic_tangent"),
+}
+#: Share of the dampers that have a law that the simulator knows none of.
+_SIGMOID = 0.2
+#: Bench damper of about 1 kN by the law of Kwok et al. 2006, doi:10.1088/0964-1726/15/4/015.
+_KWOK = {
+    "c0a": 700,
+    "c0b": 800,
+    "fya": 70,
+    "fyb": 620,
+    "k0": 900,
+    "v_ref": 0.03,
+    "hook_v": 0.006,
+    "hook_x": 0.003,
+}
+#: Share of the RMS force from which on a stiffness that a Bingham simulator has not is an effect of its own.
+_STIFF = 0.03
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something that the rig's law has beside its form: numbers of `rig.c` by size, effects that it looks like."""
+
+    name: str
+    sized: Sized
+    also: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What is wrong with the simulator of a rig.
+
+    law: of the simulator. extras, dependence: what `identify` frees beside the law's numbers. lag: the driver's own
+    (rig's numbers), which the simulator has too.
+    """
+
+    law: str
+    parts: tuple[Part, ...]
+    extras: tuple[str, ...]
+    dependence: str
+    lag: Numbers
+    also: tuple[str, ...]
+
+    def numbers(self, size: float) -> dict[str, float]:
+        """The rig's numbers beside its law's."""
+        out = dict(self.lag)
+        for part in self.parts:
+            out |= part.sized(size)
+        return out
+
+    @property
+    def of(self) -> list[str]:
+        """Names of the parts."""
+        return [part.name for part in self.parts]
+
+
+def device(rng: np.random.Generator, *, frame: bool, mounted: bool) -> Device:
+    """A damper of a law of the simulators, or of one that none of them has."""
+    if mounted or rng.random() >= _SIGMOID:
+        return dampers.draw(rng, frame=frame, mounted=mounted)
+    drawn = {k: v * float(rng.uniform(0.8, 1.25)) for k, v in _KWOK.items()}
+    machine = Machine(0.012 * float(rng.uniform(0.9, 1.3)), float(rng.uniform(0.15, 0.3)), 1.0)
+    return Device("sigmoid", drawn, machine)
+
+
+def draw(rng: np.random.Generator, task: Task, rig: Device, scale: Scale) -> Recipe:
+    """A simulator's law and one to three parts; none that looks like the effect that the case is about."""
+    wanted = {part.partition("@")[0] for part in task.parts}
+    law = str(rng.choice(NOMINAL[rig.law]))
+    parts = [form(rng, scale, rig) for form in (_map, _slip, _rate)]
+    parts = [part for part in parts if not wanted & set(part.also)]
+    number = int(rng.choice([1, 2, 3], p=[0.35, 0.4, 0.25]))
+    chosen = [parts[k] for k in sorted(rng.permutation(len(parts))[:number])]
+    own_lag = "driver_lag" not in wanted and rng.random() < 0.25
+    tau = float(rng.uniform(0.004, 0.015))
+    lag = {"lag_form": 1, "lag_tau": tau, "lag_tau2": 0.4 * tau} if own_lag else {}
+    preload = rig.parameters.get("x0", 0.0) != 0
+    extras = [*(["offset"] if preload or rng.random() < 0.5 else []), *(["driver_lag"] if own_lag else [])]
+    also = {name for part in chosen for name in part.also} | ({"driver_lag"} if own_lag else set())
+    also |= set(_of_law(rig, law, scale)) - wanted
+    dependence = str(rng.choice(["linear", "quadratic"], p=[0.75, 0.25]))
+    return Recipe(law, tuple(chosen), tuple(extras), dependence, lag, tuple(sorted(also)))
+
+
+def _of_law(rig: Device, law: str, scale: Scale) -> list[str]:
+    """Effects that the rig's law holds and the simulator's has no number for."""
+    if law != "bingham" or rig.law == "bingham":
+        return []
+    p = rig.parameters
+    stiffness = p.get("k0", 0.0) + p.get("k0a", 0.0) + (p["k1"] if rig.law == "modified_bouc_wen" else 0.0)
+    spring = ["gas_spring"] if stiffness * scale.stroke > _STIFF * scale.force else []
+    return ["mount_compliance", *spring] if rig.law != "sigmoid" else spring
+
+
+Drawn = Callable[[np.random.Generator, Scale, Device], Part]
+
+
+def _map(r: np.random.Generator, c: Scale, rig: Device) -> Part:
+    """The yield force follows the current along an S: a toe at small currents, a shoulder at large ones."""
+    share, steep, centre = r.uniform(0.5, 1.0), r.uniform(5.0, 10.0), r.uniform(0.35, 0.65)
+    fixed = {"map_form": 1, "map_span": c.command, "map_steep": steep, "map_centre": centre}
+    return Part("current_map", lambda s: {**fixed, "map_share": min(share * s, 1.0)}, ("saturation",))
+
+
+def _slip(r: np.random.Generator, c: Scale, rig: Device) -> Part:
+    """Maxwell-slip elements beside the law: hysteresis in the stroke, of the fluid or of what rubs."""
+    force, travel = c.force * r.uniform(0.2, 0.4), c.stroke * r.uniform(0.3, 1.2)
+    field = float(r.choice([0.0, r.uniform(0.5, 1.0)]))
+    fixed = {"slip_field": field, "slip_span": c.command, "slip_travel": travel}
+    return Part("slip_elements", lambda s: {**fixed, "slip_force": force * s}, ("seal_friction",))
+
+
+def _rate(r: np.random.Generator, c: Scale, rig: Device) -> Part:
+    """A yield force that grows or falls with the rate of shear, at once or as the fluid's structure follows."""
+    share, v = r.choice([-1.0, 1.0]) * r.uniform(0.25, 0.5), rig.machine.velocity * r.uniform(0.08, 0.3)
+    form, time = int(r.integers(1, 3)), r.uniform(0.03, 0.15)
+    fixed = {"rate_form": form, "rate_v": v, "rate_time": time}
+    most = 0.9
+    sized = lambda s: {**fixed, "rate_share": float(np.clip(share * s, -most, most))}  # noqa: E731
+    return Part("rate_dependent_yield", sized, ("shear_thinning",))
+
+
+def stages(also: Sequence[str], of: Mapping[str, str]) -> list[str]:
+    """Where a rig is not its simulator, for one with nothing else: in the fluid, and where what it looks like sits."""
+    return sorted({"fluid", *(of[name] for name in also)})
