@@ -54,3 +54,5 @@ TIED_BY_NATURE = (
 )
 #: Nats against an effect of the force sensor where its reading agrees with the load cell's.
 SENSOR_AGREES = 6.0
+#: Share of what is left that a model of the same inputs predicts on records left out, above which it is the law's.
+PREDICTABLE = 0.15

@@ -99,18 +99,19 @@ def diagnose_frame(
     noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
     notes += note
     rig = stepped(rig, noise)
+    base = run.baseline_gap(case, replace(rig, raw=case.baseline) if case.baseline else rig)
 
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
-    search, floor = _search(rig, noise, limits, jobs, store or Store(), part(0.05, 0.45))
+    search, floor = _search(rig, noise, base, limits, jobs, store or Store(), part(0.05, 0.45))
     fits, decision = judge(search, rig)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     outside = any(search.solved(f) for f in search.rivals)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
         # What was kept is of other nominal numbers, but where those are held.
-        search, floor = _search(rig, noise, limits, jobs, Store(), part(0.45, 0.7), search)
+        search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
         fits, decision = judge(search, rig)
     decision = run.with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
@@ -128,7 +129,7 @@ def diagnose_frame(
         place_intervals=place_intervals(found),
     )
     answer = replace(answer, where=where)
-    answer = with_file_gaps(answer, small, settled.problem)
+    answer = with_file_gaps(answer, small, settled.problem, base if case.baseline else None)
     return answer.with_sentence(sentence(answer))
 
 
@@ -164,6 +165,7 @@ def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
 def _search(
     rig: FrameRig,
     noise: Noise,
+    base: Array,
     limits: Limits,
     jobs: int,
     store: Store,
@@ -173,12 +175,13 @@ def _search(
     """A search that is through, and the gaps (blocks,) that noise alone leaves.
 
     Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
-    before: a search on the same records with other nominal numbers, whose held fits are taken over.
+    base: (channels,) gap that the simulator leaves of the rig's baseline. before: a search on the same records with other nominal numbers, whose held fits are taken over.
     """
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
-    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
+    own = np.hypot(floor, [base[b.channel] for b in problem.blocks])
+    search = Search(problem, float(np.sum(own**2)) / len(rig.channels), limits, jobs, store)
     search.steady = noise.steady
     if before is not None:
         search.seen = before.seen.held()

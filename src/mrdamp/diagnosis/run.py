@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.attribution.stages import (
+    LAW_STAGE,
     cause_shares,
     record_shares,
     regimes,
@@ -24,7 +25,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
 from mrdamp.diagnosis.channels.interfaces import Parts, parts
 from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable, trust
-from mrdamp.diagnosis.constants import UNSTEADY
+from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE, UNSTEADY
 from mrdamp.diagnosis.evidence.ceiling import of_fit
 from mrdamp.diagnosis.evidence.penalties import of_damper, of_itself
 from mrdamp.diagnosis.evidence.resample import Interval, spread
@@ -50,7 +51,7 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig, models_of
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.next_test import next_test
-from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, Where
 from mrdamp.diagnosis.report.sentence import sentence
 
 Progress = Callable[[str, float], None]
@@ -103,17 +104,19 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     begun = time.monotonic()
     rig = make_rig(case, jobs)
     assert isinstance(rig, DamperRig)
+    rig = rig.with_motion()
     notes = list(audit(case))
     progress("comparing channels that see the same thing", 0.01)
     channels = compared(rig.records, rig.terms, rig.nominal_model.attributes)
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
     progress("recalibrating the nominal parameters", 0.02)
-    search, floor = _searching(rig, noise, limits, jobs, store)
+    base = baseline_gap(case, replace(rig, records=case.baseline) if case.baseline else rig)
+    search, floor = _searching(rig, noise, limits, jobs, store, base)
     ends = frozenset(search.base.at_bounds)
     if ends and search.unexplained(search.base) < _FAR_OFF:
         rig = replace(rig, wider=ends)
-        search, floor = _searching(rig, noise, limits, jobs, store)
+        search, floor = _searching(rig, noise, limits, jobs, store, base)
     search.steady = noise.steady
     search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
     for c in channels:
@@ -133,15 +136,32 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     )
 
 
-def _searching(rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store) -> tuple[Search, Array]:
-    """A search that has not begun, on excerpts of long records, and the gaps (blocks,) that noise alone leaves."""
+def baseline_gap(case: Case, rig: Rig) -> Array:
+    """(channels,) RMS gap that the nominal simulator leaves of the baseline's records, 0 without any. rig: theirs."""
+    if not case.baseline:
+        return np.zeros(len(rig.channels))
+    problem = Problem(rig, coarse=True)
+    gaps = problem.gaps(problem.of_settings([{}])[0])
+    channel = np.array([b.channel for b in problem.blocks])
+    return np.array([np.sqrt(np.mean(gaps[channel == c] ** 2)) for c in range(len(rig.channels))])
+
+
+def _searching(
+    rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store, base: Array
+) -> tuple[Search, Array]:
+    """A search that has not begun, on excerpts of long records, and the gaps (blocks,) that noise alone leaves.
+
+    base: (channels,) gap that the simulator leaves of the rig's baseline. That is its own, and what a cause leaves is
+    held against it as against noise.
+    """
     short = rig.searched()
     total = sum(r.n for r in short.records) * len(rig.channels)
     stride = max(1, round(total / _SAMPLES))
     plain = Problem(short, stride=stride, coarse=True)
     floor = floors(plain, noise, {})
     problem = Problem(short, stride=stride, coarse=True, trust=trust(plain, floor))
-    return Search(problem, problem.cost(floor), limits, jobs, store), floor
+    own = np.hypot(floor, [base[b.channel] for b in problem.blocks])
+    return Search(problem, problem.cost(own), limits, jobs, store), floor
 
 
 def judge(search: Search, agrees: bool = False) -> tuple[list[Fit], Decision]:
@@ -267,13 +287,14 @@ def assemble(
     notes += search.failed
     if noise.source != "repeat":
         notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
+    predictable = _predictable(settled, search.floor)
     gap = Gap(
         nominal=pooled(nominal_gaps),
         recalibrated=pooled(recalibrated),
         corrected=rms["heldout"],
         noise_floor=rms["floor"],
         interval=last.interval,
-        ceiling=_ceiling(settled, search.floor),
+        ceiling=_ceiling(settled, predictable, rms["floor"]),
     )
     residual = settled.fit.residual
     conditions, halves = _conditions(whole)
@@ -324,6 +345,7 @@ def assemble(
         probabilities=causes,
         seconds=time.monotonic() - begun,
         outside=_outside(search, chosen),
+        remainder=_remainder(search, settled, conditions, halves, rms, predictable),
         standing=None if decision.standing is None else asdict(decision.standing),
         pictures=pictures,
     )
@@ -352,12 +374,40 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
     }
 
 
-def _ceiling(settled: Settled, floor: float) -> float:
-    """Gap that a model of any form would leave on records left out."""
-    found = of_fit(settled.problem, settled.fit.residual, floor)
-    left = settled.fit.cost
-    share = (left - found.predictable * max(left - floor, 0.0)) / max(left, 1e-30)
-    return pooled(settled.heldout) * float(np.sqrt(share))
+def _predictable(settled: Settled, floor: float) -> float:
+    """Share of what the corrected simulator leaves beyond the noise that a model of any form would predict."""
+    return of_fit(settled.problem, settled.fit.residual, floor).predictable
+
+
+def _ceiling(settled: Settled, predictable: float, noise: float) -> float:
+    """Gap that a model of any form would leave on records left out. noise: gap of it."""
+    left = pooled(settled.heldout)
+    return float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
+
+
+def _remainder(
+    search: Search,
+    settled: Settled,
+    conditions: Mapping[str, Array],
+    halves: Array,
+    rms: Mapping[str, float],
+    predictable: float,
+) -> Remainder | None:
+    """What is left beyond the noise; None where that is no gap."""
+    left, noise = rms["heldout"], rms["floor"]
+    if left**2 <= NONE_ABOVE * noise**2:
+        return None
+    whole = settled.problem
+    nominal = pooled(whole.gaps(whole.of_settings([{}])[0]))
+    share = (left**2 - noise**2) / max(nominal**2 - noise**2, 1e-12)
+    if search.looks_like is not None:
+        (term,) = search.looks_like.hypothesis.terms
+        of, stage = "outside", term.stage
+    elif predictable >= PREDICTABLE:
+        of, stage = "law", LAW_STAGE
+    else:
+        of, stage = "unpredictable", None
+    return Remainder(left, share, of, stage, regimes(conditions, settled.fit.residual, halves)[:3])
 
 
 def _named(

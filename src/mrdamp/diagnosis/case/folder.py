@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,13 +26,15 @@ _SAME = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A case as read: nominal model, records (repeats apart), and which of the records each repeat repeats."""
+    """A case as read: nominal model, records (repeats apart), which of the records each repeat repeats, and records of
+    the rig in the state in which the nominal simulator was identified (`baseline`)."""
 
     name: str
     folder: Path
     model: Model
     records: tuple[Record, ...]
     repeats: tuple[tuple[Record, int | None], ...]
+    baseline: tuple[Record, ...] = ()
 
 
 def read_case(folder: Path | str) -> Case:
@@ -58,7 +60,23 @@ def read_case(folder: Path | str) -> Case:
     if not records:
         raise InputError(f"{path}: every record is a repeat of another one; at least one test is needed")
     repeats = tuple((r, _original(r, records)) for r in found if "repeat" in r.name.lower())
-    return Case(str(data.get("name", folder.name)), folder, model, records, repeats)
+    baseline = tuple(
+        _record(folder, path, name, channels, data.get("sample_rate_hz"))
+        for name in _baseline(path, data, names)
+    )
+    return Case(str(data.get("name", folder.name)), folder, model, records, repeats, baseline)
+
+
+def _baseline(path: Path, data: Mapping[str, Any], names: Sequence[str]) -> tuple[str, ...]:
+    value = data.get("baseline", [])
+    if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
+        raise InputError(f"{path}: 'baseline' must be a list of file names, got {value!r}")
+    both = [v for v in value if v in names]
+    if both or len(set(value)) != len(value):
+        raise InputError(
+            f"{path}: 'baseline' names a file twice, or one of 'records': {', '.join(both or value)}"
+        )
+    return tuple(value)
 
 
 def _lists(path: Path, data: Mapping[str, Any], rig: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

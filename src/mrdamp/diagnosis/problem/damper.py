@@ -26,7 +26,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.excerpts import STEP, excerpts
-from mrdamp.diagnosis.problem.residuals import SKIP
+from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.logged import FILTERED, LOGGER, logged, rings_before_jumps
 from mrdamp.model import Model, effects_from
@@ -40,6 +40,8 @@ _LOWEST, _HIGHEST = 0.3, 10.0
 #: s, the chain's step while searching, the same for rough runs and where a mount or gas is solved for in every step,
 #: and in the last fit.
 _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
+#: Share of what the nominal simulator leaves with a smoothed motion, below which the logged one is taken.
+_LOGGED = 0.9
 #: How many times as wide the range is of a number that may be further off.
 _WIDER = 8.0
 
@@ -50,7 +52,8 @@ class DamperRig:
 
     rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
     threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
-    spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching.
+    spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching. as_logged: the motion is
+    taken with its noise, as `mrdamp predict` takes it.
     """
 
     nominal_model: Model
@@ -60,6 +63,7 @@ class DamperRig:
     wider: frozenset[str] = frozenset()
     spans: Sizes | None = None
     step: float = _COARSE
+    as_logged: bool = False
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -70,7 +74,8 @@ class DamperRig:
         """Displacement (m), velocity (m/s) and acceleration (m/s2) where measured, of each record."""
         out = []
         for r in self.records:
-            x = smoothed(mended_ends(np.asarray(r.displacement)))
+            x = mended_ends(np.asarray(r.displacement))
+            x = x if self.as_logged else smoothed(x)
             out.append((x, r.channels.get("velocity_m_s"), r.channels.get("acceleration_m_s2")))
         return tuple(out)
 
@@ -112,8 +117,17 @@ class DamperRig:
 
     def searched(self) -> DamperRig:
         """The rig that a search runs: with excerpts of long records."""
-        short = excerpts(self.records, self.heat)
-        return self if short == self.records else replace(self, records=short, spans=self.sizes, step=STEP)
+        short = excerpts(self.records, self.heat, thinned=not self.as_logged)
+        step = _COARSE if self.as_logged else STEP
+        return self if short == self.records else replace(self, records=short, spans=self.sizes, step=step)
+
+    def with_motion(self) -> DamperRig:
+        """The rig with the motion that the nominal simulator meets the records better with: freed of its noise, or as
+        logged. A law that was identified with a logged motion has its noise in the numbers: a hysteresis that
+        is shaken gives way earlier."""
+        logged = replace(self, as_logged=True)
+        costs = [float(np.sum(Problem(rig, coarse=True).of_settings([{}])[0] ** 2)) for rig in (self, logged)]
+        return logged if costs[1] < _LOGGED * costs[0] else self
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
@@ -250,7 +264,8 @@ class DamperRig:
         x = self.motions[record][0]
         level = noise_level(r.displacement)
         rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
-        again = smoothed(x + level * rng.standard_normal(r.n), level)
+        again = x + level * rng.standard_normal(r.n)
+        again = again if self.as_logged else smoothed(again, level)
         skip = round(SKIP / r.sample_time)
         inputs = self._fine(record, _COARSE)
         _, v, a = self.motions[record]

@@ -22,20 +22,20 @@ EACH, LONGEST = 3.5, 15.0
 STEP = 2e-3
 
 
-def excerpts(records: Sequence[Record], heat: Sequence[float]) -> tuple[Record, ...]:
+def excerpts(records: Sequence[Record], heat: Sequence[float], *, thinned: bool = True) -> tuple[Record, ...]:
     """The records with their middle parts (a machine starts and stops at the ends) where they are long together.
 
-    heat: J dissipated, by record.
+    heat: J dissipated, by record. thinned: in samples STEP apart, where they are nearer.
     """
     if sum(r.n * r.sample_time for r in records) <= WHOLE:
         return tuple(records)
     hottest = int(np.argmax(heat))
-    return tuple(_middle(r, LONGEST if k == hottest else EACH) for k, r in enumerate(records))
+    return tuple(_middle(r, LONGEST if k == hottest else EACH, thinned) for k, r in enumerate(records))
 
 
-def _middle(record: Record, seconds: float) -> Record:
+def _middle(record: Record, seconds: float, thinned: bool) -> Record:
     n = min(record.n, max(round(seconds / record.sample_time), 1))
-    first, every = (record.n - n) // 2, max(1, round(STEP / record.sample_time))
+    first, every = (record.n - n) // 2, max(1, round(STEP / record.sample_time)) if thinned else 1
     channels = {
         name: np.asarray(values)[first : first + n : every] for name, values in record.channels.items()
     }

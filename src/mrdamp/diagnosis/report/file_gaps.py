@@ -18,11 +18,11 @@ from mrdamp.predict import free_run
 AGREEMENT = 0.01
 
 
-def with_file_gaps(found: Diagnosis, case: Case, problem: Problem) -> Diagnosis:
+def with_file_gaps(found: Diagnosis, case: Case, problem: Problem, base: Array | None = None) -> Diagnosis:
     """The answer with the gaps that `mrdamp predict` gives with case.json and corrected.json on the case's records.
 
-    problem: with the whole records; the fit's own figures are held against the file's, and a note tells where they
-    part. Where the corrected simulator leaves more than the nominal one, the nominal one is handed over and said so.
+    problem: with the whole records; the fit's own figure is held against the file's, and a note tells where they
+    part. base: (channels,) gap that the nominal simulator leaves of the rig's baseline, where there are such records.
     """
     nominal = predicted_gap(case.model, problem)
     corrected = predicted_gap(found.corrected, problem)
@@ -30,10 +30,16 @@ def with_file_gaps(found: Diagnosis, case: Case, problem: Problem) -> Diagnosis:
     notes = list(found.notes)
     if abs(nominal - inside) > AGREEMENT:
         notes.append(
-            f"the nominal simulator leaves {100 * nominal:.1f} % by its file and {100 * inside:.1f} % in the fit, whose"
-            " motion is smoothed"
+            f"the nominal simulator leaves {100 * nominal:.1f} % by its file and {100 * inside:.1f} % in the fit:"
+            " the noise of the displacement acts on the law; figures are the file's"
         )
-    gap = replace(found.gap, nominal=nominal, corrected=corrected, left_out=found.gap.corrected)
+    gap = replace(
+        found.gap,
+        nominal=nominal,
+        corrected=corrected,
+        left_out=found.gap.corrected,
+        baseline=None if base is None else float(np.sqrt(np.mean(base**2))),
+    )
     return replace(found, gap=gap, notes=tuple(notes))
 
 

@@ -137,6 +137,7 @@ class Gap:
     noise_floor: float
     interval: tuple[float, float]
     ceiling: float | None = None  # what a model of any form would leave
+    baseline: float | None = None  # nominal, on the rig's baseline records
     left_out: float | None = None  # corrected, each record left out of the fit in turn
 
     def to_dict(self) -> dict[str, Any]:
@@ -147,7 +148,33 @@ class Gap:
             "noise_floor": self.noise_floor,
             "ceiling": self.ceiling,
             "left_out": self.left_out,
+            "baseline": self.baseline,
             "interval": list(self.interval),
+        }
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What no cause explains: its gap in the corrected simulator, its share of the nominal excess over the noise, and
+    what it is of.
+
+    of: `law`, where a model of the same inputs would predict more of it; `unpredictable`, where none would; `outside`,
+    where a cause outside the catalogue explains it. regimes: where it is largest.
+    """
+
+    gap: float
+    share: float
+    of: str
+    stage: str | None
+    regimes: tuple[Regime, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "gap": self.gap,
+            "share": self.share,
+            "of": self.of,
+            "stage": self.stage,
+            "regimes": [r.to_dict() for r in self.regimes],
         }
 
 
@@ -179,6 +206,7 @@ class Diagnosis:
         default_factory=dict
     )  # 95 %, of every setting that the corrected simulator's last fit had free
     compared: tuple[Mapping[str, Any], ...] = ()  # channels that see the same thing
+    remainder: Remainder | None = None  # None where the corrected simulator meets the noise
     standing: Mapping[str, Any] | None = None  # log odds of the causes where nothing meets the noise
     outside: Mapping[str, Any] | None = (
         None  # what an unknown cause looks like: a cause outside the catalogue
@@ -215,6 +243,7 @@ class Diagnosis:
             "unseen": [dict(u) for u in self.unseen],
             "where": self.where.to_dict(),
             "gap": self.gap.to_dict(),
+            "remainder": self.remainder.to_dict() if self.remainder is not None else None,
             "waterfall": [s.to_dict() for s in self.waterfall],
             "corrections": list(self.corrections),
             "parameter_intervals": {k: list(v) for k, v in self.intervals.items()},
