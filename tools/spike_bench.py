@@ -34,6 +34,8 @@ ROOT = Path(__file__).resolve().parents[1]
 LAWS = ("bouc_wen", "modified_bouc_wen", "hyperbolic_tangent")
 #: Gap with the effect over the gap without it, between which sizes are drawn.
 LEAST, MOST = 1.2, 3.0
+#: Factor by which the tests' gap must grow, so that a simulator without the effect is told from one with it.
+SHOWN = 1.1
 #: Samples at the start of a test that do not count (as in the scorer of the cases).
 SKIP = 50
 #: Of a set's records, in a case that has not all of them.
@@ -47,17 +49,19 @@ _EXACT_AGAIN = 20  # draws before a slot is given up
 class Rig:
     """A measured set: its folder, effects that it has anyway, effects identified along, and the sampling kept.
 
-    every: of so many samples one is kept. tests: validation records of a case, by name; empty: all of them."""
+    every: of so many samples one is kept. tests: validation records of a case, by the start of their names; empty: all
+    of them. sweep: s, the part that is taken of a swept sine."""
 
     also: tuple[str, ...]
     extras: tuple[str, ...] = ("offset",)
     every: int = 1
     tests: tuple[str, ...] = ()
+    sweep: tuple[float, float] | None = None
 
 
 RIGS = {
     "nees": Rig(("channel_shift", "driver_lag", "command_delay"), ("offset", "driver_lag"), every=3),
-    "utfsm": Rig(("shear_thinning", "trapped_gas"), tests=("sine_",)),
+    "utfsm": Rig(("shear_thinning", "trapped_gas"), sweep=(4.0, 8.0)),  # 2.5 to 5 Hz; trained up to 3 Hz
     "utfpr": Rig(
         ("shear_thinning", "gas_spring"),
         tests=("0.87V_ensaio2", "0.87V_ensaio6", "0V_ensaio1", "0V_ensaio4a", "1.98V", "3.21V_ensaio.A.4"),
@@ -74,6 +78,8 @@ def records_of(name: str) -> RecordSet:
     folder = Path(os.environ.get("MRDAMP_DATA", ROOT.parent / "shared" / "data"))
     found = embedded() if name == "embedded" else read_records(folder / name)
     kept = [r for r in found.validation if not rig.tests or r.name.startswith(rig.tests)]
+    if rig.sweep:
+        kept = [r.part(*rig.sweep) if r.name.startswith("chirp") else r for r in kept]
     halves = [
         tuple(r.resample(rig.every * r.sample_time) if rig.every > 1 else r for r in half)
         for half in (found.train, kept)
@@ -139,24 +145,32 @@ def make(
     if refusal(effect, model, chosen) or refusal(effect, model, records.validation):
         return None
     injection = Injection.draw(effect, model, (*records.train, *records.validation), rng)
-    target = base * float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
+    target = float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
+    own = test_gap(model, chosen)
 
-    def spiked(strength: float) -> tuple[Model, list[Record]]:
-        tests = [injection.put(r, strength) for r in records.validation]
-        return widened(model, [*tests, *(injection.put(r, strength) for r in chosen)]), tests
+    def spiked(strength: float) -> tuple[Model, list[Record], list[Record]]:
+        put = [[injection.put(r, strength) for r in half] for half in (chosen, records.validation)]
+        return widened(model, [*put[0], *put[1]]), put[0], put[1]
 
-    strength = strength_of(lambda s: test_gap(*spiked(s)), target)
+    def ratio(strength: float) -> float:
+        # Of the records too: what slow tests hardly show may be out of all bounds in fast ones.
+        wide, put, tests = spiked(strength)
+        return max(test_gap(wide, tests) / base, test_gap(wide, put) / own)
+
+    strength = strength_of(ratio, target)
     if strength is None:
         return None
-    wide, tests = spiked(strength)
+    wide, put, tests = spiked(strength)
+    after = test_gap(wide, tests)
+    if after < SHOWN * base:
+        return None
     label |= {
         "stages": [injection.form.stage],
-        "gap": test_gap(wide, tests),
+        "gap": after,
         "base": base,
         "size": injection.parameters(strength),
     }
-    put = tuple(injection.put(r, strength) for r in chosen)
-    return Made(wide, put, baseline, tuple(tests), label)
+    return Made(wide, tuple(put), baseline, tuple(tests), label)
 
 
 def _split(
