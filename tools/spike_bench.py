@@ -102,7 +102,12 @@ def nominal(folder: Path, name: str, law: str, records: RecordSet) -> Model:
     if not path.exists():
         begun = time.monotonic()
         fit = identify(
-            law, records.train, records.validation, extras=RIGS[name].extras, dependence="quadratic", threads=1
+            law,
+            records.train,
+            records.validation,
+            extras=RIGS[name].extras,
+            dependence="quadratic",
+            threads=1,
         )
         folder.mkdir(parents=True, exist_ok=True)
         fit.model.write(path)
@@ -212,7 +217,7 @@ def write(made: Made, name: str, out: Path) -> None:
     if made.baseline:
         data["baseline"] = files[len(made.records) :]
     write_atomic(folder / "case.json", json.dumps(data, indent=1) + "\n")
-    arrays = {}
+    arrays: dict[str, Any] = {}
     for r in made.tests:
         arrays |= {f"{r.name}/{c}": np.asarray(v) for c, v in r.channels.items()}
         arrays[f"{r.name}/nominal_N"] = np.asarray(r.channel("force_N")) - residual(made.model, r)
@@ -220,7 +225,9 @@ def write(made: Made, name: str, out: Path) -> None:
     np.savez_compressed(out / "tests" / f"{name}.npz", **arrays)
 
 
-def slots(count: int, controls: int, sets: Sequence[str], rng: np.random.Generator) -> list[tuple[str, str | None]]:
+def slots(
+    count: int, controls: int, sets: Sequence[str], rng: np.random.Generator
+) -> list[tuple[str, str | None]]:
     """Sets and effects (None: a control), each effect about as often as any other, sets in turn."""
     pairs: list[tuple[str, str | None]] = []
     for n in range(controls):

@@ -121,9 +121,7 @@ def _thinning(s: Signals, p: Parameters, _: Scales) -> Record:
 def _scaled(s: Signals, factor: Array, c: Scales) -> Record:
     """The fluid's force times a factor (n,); the preload and the seal are not the fluid's."""
     names = [n for n in FORCES if n in s.record.channels]
-    return s.record.with_channels(
-        {n: c.preload + (s.record.channel(n) - c.preload) * factor for n in names}
-    )
+    return s.record.with_channels({n: c.preload + (s.record.channel(n) - c.preload) * factor for n in names})
 
 
 def _draw_asymmetry(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -172,6 +170,13 @@ def since_turn(x: Array, least: float) -> Array:
 # --- what the machine reads of the motion ------------------------------------------------------------------------
 
 
+def _moved(record: Record, x: Array) -> Record:
+    """Another displacement (n,) in m; measured derivatives of the old one would contradict it and are left out."""
+    old = ("velocity_m_s", "acceleration_m_s2")
+    kept = {n: c for n, c in record.channels.items() if n not in old}
+    return Record(record.name, record.path, record.sample_time, {**kept, "displacement_m": x}, record.ignored)
+
+
 def _draw_mount(r: np.random.Generator, c: Scales, _: Model) -> Sized:
     hard = c.force * r.choice([1e3, 1.0, 2.0])
     return lambda s: {"k": c.force / (0.3 * s * c.stroke), "hardening": float(hard)}
@@ -180,7 +185,7 @@ def _draw_mount(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 def _mount(s: Signals, p: Parameters, _: Scales) -> Record:
     """The rod is ahead of the piston by the mount's stretch, whose rate rises with the force."""
     stretch = p["hardening"] / p["k"] * np.arcsinh(s.force / p["hardening"])
-    return s.record.with_channels({"displacement_m": s.record.displacement + stretch})
+    return _moved(s.record, np.asarray(s.record.displacement) + stretch)
 
 
 def _draw_backlash(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -191,7 +196,7 @@ def _draw_backlash(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 def _backlash(s: Signals, p: Parameters, _: Scales) -> Record:
     """The pin lies on the side that the force presses it to; contact: N, over which it changes sides."""
     pin = 0.5 * p["gap"] * s.force / np.hypot(s.force, p["contact"])
-    return s.record.with_channels({"displacement_m": s.record.displacement + pin})
+    return _moved(s.record, np.asarray(s.record.displacement) + pin)
 
 
 def _draw_shift(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -203,7 +208,7 @@ def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
     """The displacement read d late; samples that would come from outside the record are left out."""
     record, lost = s.record, int(np.ceil(abs(p["d"]) / s.record.sample_time))
     spline = CubicSpline(record.time, record.displacement)
-    moved = record.with_channels({"displacement_m": spline(record.time - p["d"])})
+    moved = _moved(record, spline(record.time - p["d"]))
     keep = slice(lost, None) if p["d"] > 0 else slice(None, record.n - lost)
     return moved.part(record.time[keep][0], record.time[keep][-1])
 
@@ -239,9 +244,7 @@ def _leakage(s: Signals, p: Parameters, _: Scales) -> Record:
     def change(f: Array) -> Array:
         decay = np.exp(-s.record.sample_time / p["tau"])
         gain = p["tau"] / s.record.sample_time * (1 - decay)
-        return np.asarray(
-            lfilter([gain, -gain], [1.0, -decay], f, zi=np.array([(1 - gain) * f[0]]))[0]
-        )
+        return np.asarray(lfilter([gain, -gain], [1.0, -decay], f, zi=np.array([(1 - gain) * f[0]]))[0])
 
     return _read(s, change)
 
@@ -257,7 +260,7 @@ def _lag(s: Signals, p: Parameters, _: Scales) -> Record:
     def change(f: Array) -> Array:
         b, a = bessel(int(p["order"]), 1 / p["tau"], analog=True, norm="delay")
         num, den, _dt = cont2discrete((b, a), s.record.sample_time, method="foh")
-        return f[0] + np.asarray(lfilter(np.ravel(num), den, f - f[0]))
+        return np.asarray(f[0] + lfilter(np.ravel(num), den, f - f[0]))
 
     return _read(s, change)
 
@@ -269,6 +272,12 @@ def _logged(s: Signals, command: Array) -> Record:
     return s.record.with_channels({"command": command})
 
 
+def _sent(s: Signals, command: Array) -> Record:
+    """The same where the coil's current is the command and the field is not: a measured current goes with it."""
+    names = [n for n in ("command", "current_A") if n in s.record.channels]
+    return s.record.with_channels(dict.fromkeys(names, command))
+
+
 def _draw_saturation(r: np.random.Generator, c: Scales, _: Model) -> Sized:
     froehlich = float(r.random() < 0.5)
     return lambda s: {"span": c.command, "bend": 4 * s, "froehlich": froehlich}
@@ -278,11 +287,9 @@ def _saturation(s: Signals, p: Parameters, _: Scales) -> Record:
     """The field as a share of that at the largest command, by Froehlich or an arctangent; logged: its inverse."""
     u = np.asarray(s.record.command) / p["span"]
     bend = p["bend"]
-    if p["froehlich"]:  # b = (1 + bend) u / (1 + bend u)
-        logged = u / (1 + bend * (1 - np.abs(u)))
-    else:
-        logged = np.tan(u * np.arctan(bend)) / bend
-    return _logged(s, p["span"] * logged)
+    # Froehlich: b = (1 + bend) u / (1 + bend u).
+    froehlich = u / (1 + bend * (1 - np.abs(u)))
+    return _sent(s, p["span"] * (froehlich if p["froehlich"] else np.tan(u * np.arctan(bend)) / bend))
 
 
 def _draw_driver(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -308,9 +315,7 @@ def _delay(s: Signals, p: Parameters, _: Scales) -> Record:
     """The command logged d early; the last d of the record is left out."""
     record = s.record
     lost = int(np.ceil(p["d"] / record.sample_time))
-    early = record.with_channels(
-        {"command": np.interp(record.time + p["d"], record.time, record.command)}
-    )
+    early = record.with_channels({"command": np.interp(record.time + p["d"], record.time, record.command)})
     return early.part(record.time[0], record.time[record.n - 1 - lost])
 
 
@@ -327,7 +332,7 @@ def _remanence(s: Signals, p: Parameters, _: Scales) -> Record:
     loop = np.zeros(len(b))
     for k in range(len(step)):
         loop[k + 1] = end[k] + (loop[k] - end[k]) * kept[k]
-    return _logged(s, np.asarray(s.record.command) + p["width"] * loop)
+    return _sent(s, np.asarray(s.record.command) + p["width"] * loop)
 
 
 FORMS: Mapping[str, Form] = {

@@ -46,7 +46,9 @@ class Injection:
     scales: Scales
 
     @classmethod
-    def draw(cls, effect: str, model: Model, records: Sequence[Record], rng: np.random.Generator) -> Injection:
+    def draw(
+        cls, effect: str, model: Model, records: Sequence[Record], rng: np.random.Generator
+    ) -> Injection:
         """Sides and shapes at random, scaled by the records."""
         scales = Scales.of(records, model)
         form = FORMS[effect]
@@ -76,7 +78,9 @@ def refusal(effect: str, model: Model, records: Sequence[Record]) -> str:
     if form.varies and (not span > 0 or not varying):
         return "the command is constant in every record, so that nothing in it can be late or come back another way"
     if form.levels and count_levels(records) < form.levels:
-        return f"the command has {count_levels(records)} levels; a curve or a loop shows from {form.levels} on"
+        return (
+            f"the command has {count_levels(records)} levels; a curve or a loop shows from {form.levels} on"
+        )
     if effect == "sensor_lag" or effect == "channel_shift":
         return ""
     if form.varies:
@@ -112,7 +116,7 @@ def count_levels(records: Sequence[Record]) -> int:
     span = float(np.abs(command).max())
     if not span > 0:
         return 1
-    levels, counts = np.unique(np.round(command / (2 * _SAME_LEVEL * span)), return_counts=True)
+    _, counts = np.unique(np.round(command / (2 * _SAME_LEVEL * span)), return_counts=True)
     return min(int(np.sum(counts >= 0.01 * len(command))), 9)
 
 
