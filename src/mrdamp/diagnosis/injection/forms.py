@@ -151,20 +151,21 @@ def _gas(s: Signals, p: Parameters, c: Scales) -> Record:
 
 
 def since_turn(x: Array, least: float) -> Array:
-    """Path (n,) since the last turn of a motion x (n,) in m; a turn counts once the motion has come back by `least`."""
-    out = np.zeros(len(x))
-    turn = extreme = x[0]
-    direction = 0.0
-    for k, now in enumerate(x):
+    """Path (n,) since the last turn of a motion x (n,) in m, from the turn itself on; one from which the motion does
+    not come back by `least` is none."""
+    turns, extreme, direction = [0], 0, 0.0
+    for k in range(len(x)):
+        back = direction * (x[extreme] - x[k])
         if direction == 0.0:
-            if abs(now - turn) > least:
-                direction, extreme = float(np.sign(now - turn)), now
-        elif direction * (now - extreme) > 0:
-            extreme = now
-        elif direction * (extreme - now) > least:
-            turn, extreme, direction = extreme, now, -direction
-        out[k] = abs(now - turn)
-    return out
+            if abs(x[k] - x[0]) > least:
+                direction, extreme = float(np.sign(x[k] - x[0])), k
+        elif back < 0:
+            extreme = k
+        elif back > least:
+            turns.append(extreme)
+            direction, extreme = -direction, k
+    last = np.repeat(turns, np.diff([*turns, len(x)]))
+    return np.asarray(np.abs(x - x[last]))
 
 
 # --- what the machine reads of the motion ------------------------------------------------------------------------
