@@ -80,7 +80,7 @@ def knowing(case: Path, monkeypatch: pytest.MonkeyPatch) -> Knowing:
     return found
 
 
-ASKED = ("--effects", "sensor_gain", "sensor_offset", "command_delay", "--sizes", "0.02", "0.3")
+ASKED = ("--effects", "sensor_gain", "sensor_offset", "command_delay", "heating", "--sizes", "0.02", "0.3")
 
 
 def test_what_is_found_from_which_size_on(
@@ -98,6 +98,7 @@ def test_what_is_found_from_which_size_on(
     assert told["effects"][0]["parameters"]["g"] != 1
     assert told["effects"][0]["outcomes"] == {"0.02": "unknown", "0.3": "named"}
     assert "constant in every record" in told["never"]["command_delay"]
+    assert list(told["not_tried"]) == ["heating"]
     assert told["confusion"]["counts"] == [[1, 0, 1], [0, 1, 1]]
     assert told["confusion"]["columns"] == ["sensor_gain", "sensor_offset", "unknown"]
     printed = capsys.readouterr().out

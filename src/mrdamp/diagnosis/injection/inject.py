@@ -18,6 +18,8 @@ from mrdamp.records import Record
 NOT_EXACT: Mapping[str, str] = {
     "heating": "heat takes the fluid's viscosity and its yield down by different shares, which a record does not part",
 }
+#: Effects that are refused for want of an exact form, not because the records could not show them.
+OF_FORM = (*NOT_EXACT, "shear_thinning")
 #: Laws whose dashpot stands beside the rest, so that its share of the force is known from the motion.
 _PARALLEL = ("bingham", "bouc_wen")
 #: Share of the largest command by which levels of it must differ to count as two (as in the identification).

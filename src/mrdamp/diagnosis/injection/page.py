@@ -51,10 +51,12 @@ def page(study: Study, answers: Sequence[Answer]) -> Page:
             "Answers over all sizes. Blue: the effect that was put in.",
             "A table of counts of answers by the effect that was put in, on its diagonal where answers are right.",
         )
-    if study.never:
-        out.table(
-            "What these records can never show", ["effect", "why"], [[e, w] for e, w in study.never.items()]
-        )
+    for heading, reasons in (
+        ("What these records can never show", study.never),
+        ("Not tried", study.untried),
+    ):
+        if reasons:
+            out.table(heading, ["effect", "why"], [[e, w] for e, w in reasons.items()])
     own = own_effects(answers)
     if own is not None:
         (as_is,) = (a for a in answers if a.effect == AS_THEY_ARE)

@@ -22,6 +22,7 @@ from mrdamp.diagnosis.fits.store import Store, content_key
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.inject import (
     NOT_EXACT,
+    OF_FORM,
     Injection,
     change_of,
     refusal,
@@ -79,11 +80,13 @@ class Answer:
 
 @dataclass(frozen=True)
 class Study:
-    """What is tried on a case. never: effects that cannot be put in, with the reason."""
+    """What is tried on a case. never: effects that its records can never show, with the reason. untried: effects that
+    they might show and that cannot be put in exactly."""
 
     case: Case
     trials: tuple[Trial, ...]
     never: Mapping[str, str]
+    untried: Mapping[str, str]
     seed: int = 0
 
     @classmethod
@@ -113,7 +116,10 @@ class Study:
         possible = [e for e in asked if not reasons[e]]
         # Large sizes first: what is not found there need not be looked for in small ones by who reads along.
         trials = [Trial(e, s) for s in sorted(set(sizes), reverse=True) for e in possible]
-        return cls(case, (Trial(AS_THEY_ARE, 0.0), *trials), {e: r for e, r in reasons.items() if r}, seed)
+        never, untried = (
+            {e: r for e, r in reasons.items() if r and (e in OF_FORM) is of_form} for of_form in (False, True)
+        )
+        return cls(case, (Trial(AS_THEY_ARE, 0.0), *trials), never, untried, seed)
 
     @property
     def key(self) -> str:

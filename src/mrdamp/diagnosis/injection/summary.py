@@ -133,7 +133,9 @@ def sentence(study: Study, answers: Sequence[Answer]) -> str:
     if missed:
         text += f" Not reliably: {', '.join(missed)}."
     if study.never:
-        text += f" Not tried, as these records cannot have it: {', '.join(study.never)}."
+        text += f" These records can never show {', '.join(study.never)}."
+    if study.untried:
+        text += f" Not tried: {', '.join(study.untried)}."
     return text
 
 
@@ -147,6 +149,7 @@ def table(study: Study, answers: Sequence[Answer]) -> str:
         cells = "".join(f"{f.outcomes.get(s, ''):>13s}" for s in sizes)
         lines.append(f"{f.effect:18s}{cells}   {', '.join(f.taken_for)}".rstrip())
     lines += [f"{effect:18s}   never: {why}" for effect, why in study.never.items()]
+    lines += [f"{effect:18s}   not tried: {why}" for effect, why in study.untried.items()]
     own = own_effects(answers)
     if own:
         lines.append(f"the records as they are: {', '.join(own)}")
@@ -165,6 +168,7 @@ def to_dict(study: Study, answers: Sequence[Answer]) -> dict[str, Any]:
         "as_they_are": list(own_effects(answers) or ()),
         "effects": [f.to_dict() for f in findings(answers)],
         "never": dict(study.never),
+        "not_tried": dict(study.untried),
         "confusion": {"rows": rows, "columns": columns, "counts": counts},
         "trials": [
             {
