@@ -21,6 +21,7 @@ from mrdamp.commands import (
     diagnose,
     gap,
     inverse,
+    sensitivity,
 )
 from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
@@ -78,6 +79,7 @@ def build_parser() -> argparse.ArgumentParser:
     identification.add_to(commands)
     case.add_to(commands)
     diagnose.add_to(commands)
+    sensitivity.add_to(commands)
     gap.add_to(commands)
     inverse.add_to(commands)
     comparing.add_to(commands)

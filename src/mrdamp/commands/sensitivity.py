@@ -1,0 +1,61 @@
+"""The command `mrdamp sensitivity`: which effects a diagnosis would find in a case's records, from which size."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from mrdamp.commands import add_command
+from mrdamp.commands.output import progress_bar
+from mrdamp.errors import InputError
+
+
+def add_to(commands: Any) -> None:
+    """Adds `sensitivity`."""
+    p = add_command(
+        commands,
+        "sensitivity",
+        run_sensitivity,
+        "what a diagnosis would find on your rig: effects put into its own records in several sizes, each diagnosed",
+        "mrdamp sensitivity case/ -o out/sensitivity --jobs 2",
+    )
+    p.add_argument("case", type=Path, help="folder with a case.json and its records (rig damper)")
+    p.add_argument(
+        "-o", "--out", type=Path, required=True, help="folder to write; an interrupted run goes on there"
+    )
+    p.add_argument("--effects", nargs="+", default=[], metavar="NAME", help="of the catalogue (default: all)")
+    p.add_argument(
+        "--sizes",
+        nargs="+",
+        type=float,
+        metavar="SHARE",
+        help="change of the simulator's residual over the RMS force (default: 0.02 0.05 0.15 0.4)",
+    )
+    p.add_argument("--jobs", type=int, default=1, help="diagnoses at a time (default: %(default)s)")
+    p.add_argument(
+        "--seed", type=int, default=0, help="of the effects' sides and shapes (default: %(default)s)"
+    )
+
+
+def run_sensitivity(a: argparse.Namespace) -> int:
+    """Diagnoses every trial that has no answer yet; the page and the JSON are renewed after each."""
+    from mrdamp.diagnosis.case.folder import read_case
+    from mrdamp.diagnosis.injection.page import page
+    from mrdamp.diagnosis.injection.sensitivity import SIZES, Study, run_study
+    from mrdamp.diagnosis.injection.summary import sentence, table, to_dict
+    from mrdamp.files import write_atomic
+
+    if a.jobs < 1 or a.seed < 0:
+        raise InputError("--jobs must be at least 1 and --seed not negative")
+    study = Study.of(read_case(a.case), a.effects, a.sizes or SIZES, a.seed)
+    answers = []
+    with progress_bar() as progress:
+        for answers in run_study(study, a.out, a.jobs, progress):
+            write_atomic(a.out / "sensitivity.json", json.dumps(to_dict(study, answers), indent=1) + "\n")
+            page(study, answers).write(a.out / "index.html")
+    print(sentence(study, answers))
+    print(table(study, answers))
+    print(f"page: {a.out / 'index.html'}")
+    return 1 if any(found.error for found in answers) else 0

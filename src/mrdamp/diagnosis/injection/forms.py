@@ -1,0 +1,360 @@
+"""The effects that can be put into measured records exactly: no law is simulated, so the base stays the rig's own.
+
+Four ways are exact. A force that depends on the motion alone is added. A reading is filtered, scaled or moved. The
+rod's displacement follows from the piston's and the force between them (`x + F / k`). The command that a saturated,
+late or hysteretic circuit would have needed for the current that flowed is logged in place of the one that was sent.
+Forms differ from the simulator's own where they can: a bench in those would be an inverse crime.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import bessel, cont2discrete, lfilter
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.channels.smoothing import smoothed
+from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals
+from mrdamp.model import Model
+from mrdamp.records import Record
+
+Parameters = Mapping[str, float]
+Put = Callable[[Signals, Parameters, Scales], Record]
+#: From a strength of about the effect's share of the force to its parameters.
+Sized = Callable[[float], dict[str, float]]
+Draw = Callable[[np.random.Generator, Scales, Model], Sized]
+
+
+@dataclass(frozen=True)
+class Form:
+    """An effect in one exact form: its stage, its parameters as drawn at a strength, and how it is put in.
+
+    varies: needs a command that varies within a record. levels: how many levels of the command it needs at least.
+    """
+
+    effect: str
+    stage: str
+    draw: Draw
+    put: Put
+    varies: bool = False
+    levels: int = 0
+
+
+def _added(s: Signals, force: Array) -> Record:
+    """A force (n,) in line with the rod: what every sensor of it reads besides."""
+    found = {c: s.record.channel(c) + force for c in FORCES if c in s.record.channels}
+    return s.record.with_channels(found)
+
+
+def _read(s: Signals, change: Callable[[Array], Array]) -> Record:
+    """The damper's own sensor with its reading changed; a load cell beside it reads what it read."""
+    return s.record.with_channels({FORCES[0]: change(np.asarray(s.record.channel(FORCES[0])))})
+
+
+def _side(r: np.random.Generator) -> float:
+    return float(r.choice([-1.0, 1.0]))
+
+
+# --- forces added ------------------------------------------------------------------------------------------------
+
+
+def _draw_spring(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    length, exponent = c.stroke * r.uniform(2.5, 5.0), r.uniform(1.0, 1.4)
+    return lambda s: {"f0": c.force * s * length / c.stroke, "length": length, "exponent": exponent}
+
+
+def _spring(s: Signals, p: Parameters, _: Scales) -> Record:
+    """Polytropic accumulator, without its preload."""
+    squeezed = np.maximum(1 + s.x / p["length"], 0.2)
+    return _added(s, p["f0"] * (1 - squeezed ** -p["exponent"]))
+
+
+def _draw_friction(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    fixed = {
+        "presliding": c.stroke * float(np.exp(r.uniform(np.log(3e-3), np.log(0.02)))),
+        "breakaway": r.uniform(1.0, 1.6),
+        "stribeck": c.velocity * r.uniform(0.05, 0.3),
+    }
+    return lambda s: {"coulomb": c.force * s, **fixed}
+
+
+def _friction(s: Signals, p: Parameters, _: Scales) -> Record:
+    """LuGre's bristle (Canudas de Wit et al. 1995, 10.1109/9.376053): exact over each sample's path at its level."""
+    v = 0.5 * (s.v[1:] + s.v[:-1])
+    level = 1 + (p["breakaway"] - 1) * np.exp(-((v / p["stribeck"]) ** 2))  # of the Coulomb force
+    path = v * s.record.sample_time / p["presliding"]
+    kept = np.exp(-np.abs(path) / level)
+    bristle = np.zeros(len(s.v))
+    for k in range(len(v)):
+        end = level[k] * np.sign(path[k])
+        bristle[k + 1] = end + (bristle[k] - end) * kept[k]
+    return _added(s, p["coulomb"] * bristle)
+
+
+def _draw_mass(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    return lambda s: {"m": s * c.force / c.acceleration}
+
+
+def _mass(s: Signals, p: Parameters, _: Scales) -> Record:
+    return _added(s, p["m"] * s.a)
+
+
+def _draw_thinning(r: np.random.Generator, c: Scales, model: Model) -> Sized:
+    m = r.uniform(0.2, 0.6)
+    fixed = {f"c0{k}": model.parameters.get(f"c0{k}", 0.0) for k in "abc"}
+    return lambda s: {"m": m, "v_s": 0.3 * c.velocity / s, **fixed}
+
+
+def _thinning(s: Signals, p: Parameters, _: Scales) -> Record:
+    """What Cross's fluid lacks of the simulator's dashpot, which stands beside the rest in these laws."""
+    u = np.asarray(s.record.command)
+    dashpot = np.maximum(p["c0a"] + p["c0b"] * u + p["c0c"] * u**2, 0.0) * s.v
+    return _added(s, dashpot * (1 / (1 + np.abs(s.v / p["v_s"]) ** (1 - p["m"])) - 1))
+
+
+# --- factors of the fluid's force --------------------------------------------------------------------------------
+
+
+def _scaled(s: Signals, factor: Array, c: Scales) -> Record:
+    """The fluid's force times a factor (n,); the preload and the seal are not the fluid's."""
+    names = [n for n in FORCES if n in s.record.channels]
+    return s.record.with_channels({n: c.preload + (s.record.channel(n) - c.preload) * factor for n in names})
+
+
+def _draw_asymmetry(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    side, width = _side(r), c.velocity * r.uniform(0.02, 0.2)
+    return lambda s: {"a": side * min(s, 0.8), "width": width}
+
+
+def _asymmetry(s: Signals, p: Parameters, c: Scales) -> Record:
+    return _scaled(s, 1 + p["a"] * s.v / np.hypot(s.v, p["width"]), c)
+
+
+def _draw_gas(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    side, length = _side(r), c.stroke * r.uniform(0.15, 0.5)
+    return lambda s: {
+        "d": min(1.5 * s, 0.95),
+        "length": length,
+        "direction": side,
+        "width": c.velocity * 0.05,
+    }
+
+
+def _gas(s: Signals, p: Parameters, c: Scales) -> Record:
+    """Force lost at the start of a stroke in one direction, over the path since the turn."""
+    path = since_turn(s.x, 0.01 * c.stroke)
+    side = 0.5 * (1 + np.tanh(p["direction"] * s.v / p["width"]))
+    return _scaled(s, 1 - p["d"] * side / (1 + (path / p["length"]) ** 2) ** 2, c)
+
+
+def since_turn(x: Array, least: float) -> Array:
+    """Path (n,) since the last turn of a motion x (n,) in m, from the turn itself on; one from which the motion does
+    not come back by `least` is none."""
+    turns, extreme, direction = [0], 0, 0.0
+    for k in range(len(x)):
+        back = direction * (x[extreme] - x[k])
+        if direction == 0.0:
+            if abs(x[k] - x[0]) > least:
+                direction, extreme = float(np.sign(x[k] - x[0])), k
+        elif back < 0:
+            extreme = k
+        elif back > least:
+            turns.append(extreme)
+            direction, extreme = -direction, k
+    last = np.repeat(turns, np.diff([*turns, len(x)]))
+    return np.asarray(np.abs(x - x[last]))
+
+
+# --- what the machine reads of the motion ------------------------------------------------------------------------
+
+
+def _moved(record: Record, x: Array) -> Record:
+    """Another displacement (n,) in m; measured derivatives of the old one would contradict it and are left out."""
+    old = ("velocity_m_s", "acceleration_m_s2")
+    kept = {n: c for n, c in record.channels.items() if n not in old}
+    return Record(record.name, record.path, record.sample_time, {**kept, "displacement_m": x}, record.ignored)
+
+
+def _draw_mount(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    hard = c.force * r.choice([1e3, 1.0, 2.0])
+    return lambda s: {"k": c.force / (0.3 * s * c.stroke), "hardening": float(hard)}
+
+
+def _mount(s: Signals, p: Parameters, _: Scales) -> Record:
+    """The rod is ahead of the piston by the mount's stretch, whose rate rises with the force."""
+    stretch = p["hardening"] / p["k"] * np.arcsinh(s.force / p["hardening"])
+    return _moved(s.record, np.asarray(s.record.displacement) + stretch)
+
+
+def _draw_backlash(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    contact = c.force * r.uniform(0.02, 0.08)
+    return lambda s: {"gap": 0.4 * s * c.stroke, "contact": contact}
+
+
+def _backlash(s: Signals, p: Parameters, _: Scales) -> Record:
+    """The pin lies on the side that the force presses it to; contact: N, over which it changes sides."""
+    pin = 0.5 * p["gap"] * s.force / np.hypot(s.force, p["contact"])
+    return _moved(s.record, np.asarray(s.record.displacement) + pin)
+
+
+def _draw_shift(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    side = _side(r)
+    return lambda s: {"d": side * s * 0.2 * c.stroke / c.velocity}
+
+
+def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
+    """The displacement read d late; samples that would come from outside the record are left out."""
+    record, lost = s.record, int(np.ceil(abs(p["d"]) / s.record.sample_time))
+    spline = CubicSpline(record.time, record.displacement)
+    moved = _moved(record, spline(record.time - p["d"]))
+    keep = slice(lost, None) if p["d"] > 0 else slice(None, record.n - lost)
+    return moved.part(record.time[keep][0], record.time[keep][-1])
+
+
+# --- the force's sensor ------------------------------------------------------------------------------------------
+
+
+def _draw_gain(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    side = _side(r)
+    return lambda s: {"g": (1 + s) ** side}
+
+
+def _gain(s: Signals, p: Parameters, _: Scales) -> Record:
+    return _read(s, lambda f: p["g"] * f)
+
+
+def _draw_offset(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    side = _side(r)
+    return lambda s: {"f": side * s * c.force}
+
+
+def _offset(s: Signals, p: Parameters, _: Scales) -> Record:
+    return _read(s, lambda f: f + p["f"])
+
+
+def _draw_leakage(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    return lambda s: {"tau": 0.5 * c.stroke / c.velocity / s}
+
+
+def _leakage(s: Signals, p: Parameters, _: Scales) -> Record:
+    """High-pass of the charge, exact for a force that runs straight between samples."""
+
+    def change(f: Array) -> Array:
+        decay = np.exp(-s.record.sample_time / p["tau"])
+        gain = p["tau"] / s.record.sample_time * (1 - decay)
+        return np.asarray(lfilter([gain, -gain], [1.0, -decay], f, zi=np.array([(1 - gain) * f[0]]))[0])
+
+    return _read(s, change)
+
+
+def _draw_lag(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    order = float(r.choice([1, 2, 3]))
+    return lambda s: {"tau": 0.2 * s * c.stroke / c.velocity, "order": order}
+
+
+def _lag(s: Signals, p: Parameters, _: Scales) -> Record:
+    """Bessel low-pass of group delay tau, from rest at the first reading; first-order hold between samples."""
+
+    def change(f: Array) -> Array:
+        b, a = bessel(int(p["order"]), 1 / p["tau"], analog=True, norm="delay")
+        num, den, _dt = cont2discrete((b, a), s.record.sample_time, method="foh")
+        return np.asarray(f[0] + lfilter(np.ravel(num), den, f - f[0]))
+
+    return _read(s, change)
+
+
+# --- what a command means ----------------------------------------------------------------------------------------
+
+
+def _logged(s: Signals, command: Array) -> Record:
+    return s.record.with_channels({"command": command})
+
+
+def _sent(s: Signals, command: Array) -> Record:
+    """The same where the coil's current is the command and the field is not: a measured current goes with it."""
+    names = [n for n in ("command", "current_A") if n in s.record.channels]
+    return s.record.with_channels(dict.fromkeys(names, command))
+
+
+def _draw_saturation(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    froehlich = float(r.random() < 0.5)
+    return lambda s: {"span": c.command, "bend": 4 * s, "froehlich": froehlich}
+
+
+def _saturation(s: Signals, p: Parameters, _: Scales) -> Record:
+    """The field as a share of that at the largest command, by Froehlich or an arctangent; logged: its inverse."""
+    u = np.asarray(s.record.command) / p["span"]
+    bend = p["bend"]
+    # Froehlich: b = (1 + bend) u / (1 + bend u).
+    froehlich = u / (1 + bend * (1 - np.abs(u)))
+    return _sent(s, p["span"] * (froehlich if p["froehlich"] else np.tan(u * np.arctan(bend)) / bend))
+
+
+def _draw_driver(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    return lambda s: {"tau": 0.1 * s}
+
+
+def _driver(s: Signals, p: Parameters, _: Scales) -> Record:
+    """The command whose first-order lag is the current that flowed."""
+    rate = CubicSpline(s.record.time, smoothed_command(s))(s.record.time, 1)
+    return _logged(s, s.record.command + p["tau"] * rate)
+
+
+def smoothed_command(s: Signals) -> Array:
+    """The command without its converter's steps."""
+    return smoothed(np.asarray(s.record.command))
+
+
+def _draw_delay(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    return lambda s: {"d": 0.1 * s}
+
+
+def _delay(s: Signals, p: Parameters, _: Scales) -> Record:
+    """The command logged d early; the last d of the record is left out."""
+    record = s.record
+    lost = int(np.ceil(p["d"] / record.sample_time))
+    early = record.with_channels({"command": np.interp(record.time + p["d"], record.time, record.command)})
+    return early.part(record.time[0], record.time[record.n - 1 - lost])
+
+
+def _draw_remanence(r: np.random.Generator, c: Scales, _: Model) -> Sized:
+    reach = c.command * r.uniform(0.1, 0.3)
+    return lambda s: {"width": 0.5 * s * c.command, "reach": reach}
+
+
+def _remanence(s: Signals, p: Parameters, _: Scales) -> Record:
+    """i = b + width h, h' = (b' / reach)(1 - sign(b') h): the field on the way down is above that on the way up."""
+    b = smoothed_command(s)
+    step = np.diff(b) / p["reach"]
+    kept, end = np.exp(-np.abs(step)), np.sign(step)
+    loop = np.zeros(len(b))
+    for k in range(len(step)):
+        loop[k + 1] = end[k] + (loop[k] - end[k]) * kept[k]
+    return _sent(s, np.asarray(s.record.command) + p["width"] * loop)
+
+
+FORMS: Mapping[str, Form] = {
+    f.effect: f
+    for f in (
+        Form("driver_lag", "driver", _draw_driver, _driver, varies=True, levels=4),
+        Form("command_delay", "driver", _draw_delay, _delay, varies=True),
+        Form("saturation", "magnetics", _draw_saturation, _saturation, levels=3),
+        Form("remanence", "magnetics", _draw_remanence, _remanence, varies=True, levels=4),
+        Form("asymmetry", "fluid", _draw_asymmetry, _asymmetry),
+        Form("shear_thinning", "fluid", _draw_thinning, _thinning),
+        Form("trapped_gas", "fluid", _draw_gas, _gas),
+        Form("gas_spring", "mechanics", _draw_spring, _spring),
+        Form("seal_friction", "mechanics", _draw_friction, _friction),
+        Form("moving_mass", "mechanics", _draw_mass, _mass),
+        Form("mount_compliance", "mount", _draw_mount, _mount),
+        Form("backlash", "mount", _draw_backlash, _backlash),
+        Form("sensor_gain", "sensor", _draw_gain, _gain),
+        Form("sensor_offset", "sensor", _draw_offset, _offset),
+        Form("sensor_leakage", "sensor", _draw_leakage, _leakage),
+        Form("sensor_lag", "sensor", _draw_lag, _lag),
+        Form("channel_shift", "sensor", _draw_shift, _shift),
+    )
+}

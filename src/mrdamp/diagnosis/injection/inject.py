@@ -1,0 +1,196 @@
+"""An effect of a given size in the records of a rig, or why these records cannot have it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.injection.forms import FORMS, Form, Sized
+from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals, rms
+from mrdamp.model import Model
+from mrdamp.predict import free_run
+from mrdamp.records import Record
+
+#: Effects of a damper that cannot be put into a record exactly, and why.
+NOT_EXACT: Mapping[str, str] = {
+    "heating": "heat takes the fluid's viscosity and its yield down by different shares, which a record does not part",
+}
+#: Effects that are refused for want of an exact form, not because the records could not show them.
+OF_FORM = (*NOT_EXACT, "shear_thinning")
+#: Laws whose dashpot stands beside the rest, so that its share of the force is known from the motion.
+_PARALLEL = ("bingham", "bouc_wen")
+#: Share of the largest command by which levels of it must differ to count as two (as in the identification).
+_SAME_LEVEL = 0.02
+#: A logged command may leave the rig's range by this share of the range: beyond, no driver would have been sent it.
+_OVERSHOOT = 0.25
+#: Share of what an injected command differs by that a curve through the levels must leave; less is a static curve.
+_STATIC = 0.1
+#: s, the start of a record that does not count, as in the diagnosis.
+SKIP = 0.1
+#: Strengths between which a size is looked for, and trial points between them.
+_WEAKEST, _STRONGEST, _TRIALS = 2e-3, 4.0, 12
+#: Iterations of the regula falsi within the bracket: a size is met within 1 %.
+_ITERATIONS, _MET = 12, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Injection:
+    """An effect drawn for a rig: records with it at any strength.
+
+    form: what is put in. sized: parameters at a strength. scales: of the records that the sizes were drawn for.
+    """
+
+    form: Form
+    sized: Sized
+    scales: Scales
+
+    @classmethod
+    def draw(
+        cls, effect: str, model: Model, records: Sequence[Record], rng: np.random.Generator
+    ) -> Injection:
+        """Sides and shapes at random, scaled by the records."""
+        scales = Scales.of(records, model)
+        form = FORMS[effect]
+        return cls(form, form.draw(rng, scales, model), scales)
+
+    def parameters(self, strength: float) -> dict[str, float]:
+        """As put in at a strength, SI units."""
+        return self.sized(strength)
+
+    def put(self, record: Record, strength: float) -> Record:
+        """The record as the rig with the effect would have given it."""
+        return self.form.put(Signals(record), self.parameters(strength), self.scales)
+
+
+def refusal(effect: str, model: Model, records: Sequence[Record]) -> str:
+    """Why an effect cannot be put into these records, or could not be told in them by anyone; empty where it can."""
+    if effect in NOT_EXACT:
+        return NOT_EXACT[effect]
+    form = FORMS[effect]
+    if effect == "shear_thinning" and model.law not in _PARALLEL:
+        return (
+            f"the dashpot of {model.law} stands in series with a spring, so that its share of the measured force is"
+            f" not known from the motion; possible with {' and '.join(_PARALLEL)}"
+        )
+    span = max(float(np.abs(r.command).max()) for r in records)
+    varying = [r for r in records if np.ptp(r.command) > _SAME_LEVEL * span]
+    if form.varies and (not span > 0 or not varying):
+        return "the command is constant in every record, so that nothing in it can be late or come back another way"
+    if form.levels and count_levels(records) < form.levels:
+        return (
+            f"the command has {count_levels(records)} levels; a curve or a loop shows from {form.levels} on"
+        )
+    if form.varies:
+        injection = Injection.draw(effect, model, varying, np.random.default_rng(0))
+        return _of_command(injection, varying)
+    return ""
+
+
+def _of_command(injection: Injection, records: Sequence[Record]) -> str:
+    """Of an effect between command and current, at a middle strength."""
+    low, high = (f(f(r.command) for r in records) for f in (min, max))
+    beyond, left, all_of_it = 0.0, 0.0, 0.0
+    for record in records:
+        logged = injection.put(record, 0.2)
+        u = np.asarray(record.command)[: logged.n]
+        change = np.asarray(logged.command) - u
+        beyond = max(beyond, low - float(logged.command.min()), float(logged.command.max()) - high)
+        powers = np.vander(u, 4)  # two levels have fewer numbers than that: least squares of least norm
+        left += float(np.sum((change - powers @ np.linalg.lstsq(powers, change)[0]) ** 2))
+        all_of_it += float(np.sum((change - change.mean()) ** 2))
+    if beyond > _OVERSHOOT * (high - low):
+        return (
+            f"the command steps: it would have to leave its range by {beyond / (high - low):.0%} for the current that"
+            " flowed"
+        )
+    if left < _STATIC**2 * all_of_it:
+        return "with the levels of this command it is a curve over the command, which the law's own numbers follow"
+    return ""
+
+
+def count_levels(records: Sequence[Record]) -> int:
+    """How many different commands the records hold, counted up to 9: levels that take up 1 % of the samples."""
+    command = np.concatenate([r.command for r in records])
+    span = float(np.abs(command).max())
+    if not span > 0:
+        return 1
+    _, counts = np.unique(np.round(command / (2 * _SAME_LEVEL * span)), return_counts=True)
+    return min(int(np.sum(counts >= 0.01 * len(command))), 9)
+
+
+def residual(model: Model, record: Record) -> Array:
+    """What a simulator leaves of a record's own force sensor, (n,) N."""
+    return np.asarray(record.channel(FORCES[0])) - free_run(model, record)[FORCES[0]]
+
+
+def gap(model: Model, records: Sequence[Record]) -> float:
+    """RMS error over the RMS of the force, records pooled."""
+    parts = []
+    for r in records:
+        skip = round(SKIP / r.sample_time)
+        parts.append(rms(residual(model, r)[skip:]) ** 2 / rms(r.channel(FORCES[0])[skip:]) ** 2)
+    return float(np.sqrt(np.mean(parts)))
+
+
+def change_of(model: Model, records: Sequence[Record]) -> Callable[[Injection, float], float]:
+    """By injection and strength: RMS change of the simulator's residual over the RMS of the force, records pooled.
+
+    For a force that is added that is its share of the force; for a motion or a command that is read otherwise, what
+    it makes of the simulated force.
+    """
+    before = [residual(model, r) for r in records]
+
+    def change(injection: Injection, strength: float) -> float:
+        total = 0.0
+        for r, own in zip(records, before, strict=True):
+            put = injection.put(r, strength)
+            first = round((put.time[0] - r.time[0]) / r.sample_time)
+            skip = round(SKIP / r.sample_time)
+            moved = residual(model, put) - own[first : first + put.n]
+            total += rms(moved[skip:]) ** 2 / rms(r.channel(FORCES[0])[skip:]) ** 2
+        return float(np.sqrt(total / len(records)))
+
+    return change
+
+
+def strength_of(size: Callable[[float], float], target: float) -> float | None:
+    """The least strength at which a size is `target`; None where no strength reaches it."""
+    grid = np.geomspace(_WEAKEST, _STRONGEST, _TRIALS)
+    before, size_before = 0.0, 0.0
+    for trial in grid:
+        found = size(float(trial))
+        if not np.isfinite(found):
+            return None
+        if found >= target:
+            return _between(size, target, (before, size_before), (float(trial), found))
+        before, size_before = float(trial), found
+    return None
+
+
+def _between(
+    size: Callable[[float], float], target: float, low: tuple[float, float], high: tuple[float, float]
+) -> float:
+    best = high
+    for count in range(_ITERATIONS):
+        if abs(best[1] / target - 1) < _MET:
+            break
+        if count % 3 == 2 or high[1] <= low[1] or low[0] <= 0:
+            middle = 0.5 * (low[0] + high[0])
+        else:
+            middle = low[0] + (high[0] - low[0]) * (target - low[1]) / (high[1] - low[1])
+        best = (middle, size(middle))
+        low, high = (best, high) if best[1] < target else (low, best)
+    return best[0]
+
+
+def widened(model: Model, records: Sequence[Record]) -> Model:
+    """The model with a command range that holds the logged commands: the range is that of the records it was
+    identified on, not a property of the rig."""
+    if "command_max" not in model.parameters:
+        return model
+    low = min(model.parameters["command_min"], *(float(r.command.min()) for r in records))
+    high = max(model.parameters["command_max"], *(float(r.command.max()) for r in records))
+    return replace(model, parameters={**model.parameters, "command_min": low, "command_max": high})

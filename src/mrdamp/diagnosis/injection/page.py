@@ -1,0 +1,80 @@
+"""The page of a sensitivity study."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study
+from mrdamp.diagnosis.injection.summary import confusion, findings, own_effects, percent, sentence
+from mrdamp.pictures.blindtest import confusion as confusion_picture
+from mrdamp.pictures.sensitivity import detection
+from mrdamp.report import Cell, Page
+
+
+def page(study: Study, answers: Sequence[Answer]) -> Page:
+    """Detection by effect and size, confusions, what cannot be shown, and every trial."""
+    state = (
+        ""
+        if len(answers) == len(study.trials)
+        else f"{len(answers)} of {len(study.trials)} trials done so far."
+    )
+    out = Page(f"What a diagnosis finds on {study.case.name}", sentence(study, answers), state)
+    found = findings(answers)
+    if found:
+        sizes = sorted({s for f in found for s in f.outcomes})
+        out.figure(
+            "Found, by effect and size",
+            detection([f.effect for f in found], sizes, [f.outcomes for f in found]),
+            "Each effect put exactly into the case's own records, and diagnosed. An empty cell: no strength of the"
+            " effect changes the residual by so much.",
+            "A table of outcomes: effects in rows, sizes as shares of the RMS force in columns.",
+        )
+        rows: list[list[Cell]] = [
+            [
+                f.effect,
+                percent(f.named_from) if f.named_from is not None else None,
+                ", ".join(f"{k} {v:.3g}" for k, v in f.parameters.items()) or None,
+                ", ".join(f.taken_for) or None,
+            ]
+            for f in found
+        ]
+        out.table(
+            "From which size on",
+            ["effect", "named from", "which is", "else taken for"],
+            rows,
+            "Named from: the least size tried from which on every larger one is named. Parameters as put in, SI units.",
+        )
+        names, columns, counts = confusion(answers)
+        out.figure(
+            "What is taken for what",
+            confusion_picture(counts, names, columns),
+            "Answers over all sizes. Blue: the effect that was put in.",
+            "A table of counts of answers by the effect that was put in, on its diagonal where answers are right.",
+        )
+    for heading, reasons in (
+        ("What these records can never show", study.never),
+        ("Not tried", study.untried),
+    ):
+        if reasons:
+            out.table(heading, ["effect", "why"], [[e, w] for e, w in reasons.items()])
+    own = own_effects(answers)
+    if own is not None:
+        (as_is,) = (a for a in answers if a.effect == AS_THEY_ARE)
+        out.text("The records as they are", as_is.sentence or f"verdict {as_is.verdict}")
+    out.table(
+        "Every trial",
+        ["effect", "size", "answer", "named", "gap before", "after", "s"],
+        [
+            [
+                a.effect,
+                percent(a.size),
+                a.error or (a.verdict if a.reached else "out of reach"),
+                ", ".join(a.named) or None,
+                a.nominal_gap,
+                a.corrected_gap,
+                round(a.seconds),
+            ]
+            for a in answers
+        ],
+    )
+    return out

@@ -1,0 +1,229 @@
+"""What a diagnosis of a rig's own records would find: every effect put into them in several sizes, each diagnosed.
+
+The records keep the rig's own law, noise and tests, so that the answer is about this rig and these tests. Results are
+kept one by one; a run that was interrupted goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp import __version__
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.fits.store import Store, content_key
+from mrdamp.diagnosis.injection.forms import FORMS
+from mrdamp.diagnosis.injection.inject import (
+    NOT_EXACT,
+    OF_FORM,
+    Injection,
+    change_of,
+    refusal,
+    strength_of,
+    widened,
+)
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.parallel import mapped
+
+#: Effects of a damper that can be asked for.
+EFFECTS = (*FORMS, *NOT_EXACT)
+#: RMS change of the simulator's residual over the RMS of the force: from what a good rig repeats to what anyone sees.
+SIZES = (0.02, 0.05, 0.15, 0.4)
+#: What the records say as they are.
+AS_THEY_ARE = "as they are"
+Tell = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One effect in one size (see `SIZES`); `AS_THEY_ARE` with size 0 for the records without any."""
+
+    effect: str
+    size: float
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.effect.replace(' ', '_')}_{self.size:g}"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a diagnosis said of a trial.
+
+    parameters: of the effect as put in; empty where no strength of it reaches the size (`reached`). named: effects.
+    error: one line, where the diagnosis failed.
+    """
+
+    effect: str
+    size: float
+    reached: bool = True
+    parameters: Mapping[str, float] | None = None
+    verdict: str = ""
+    named: tuple[str, ...] = ()
+    tied: tuple[tuple[str, ...], ...] = ()
+    probabilities: Mapping[str, float] | None = None
+    sentence: str = ""
+    nominal_gap: float | None = None
+    corrected_gap: float | None = None
+    seconds: float = 0.0
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is tried on a case. never: effects that its records can never show, with the reason. untried: effects that
+    they might show and that cannot be put in exactly."""
+
+    case: Case
+    trials: tuple[Trial, ...]
+    never: Mapping[str, str]
+    untried: Mapping[str, str]
+    seed: int = 0
+
+    @classmethod
+    def of(
+        cls, case: Case, effects: Sequence[str] = (), sizes: Sequence[float] = SIZES, seed: int = 0
+    ) -> Study:
+        """effects: names, empty for all. Raises InputError: a frame, an unknown effect, a size that is none."""
+        where = case.folder / "case.json"
+        if case.model.rig != "damper":
+            raise InputError(
+                f"{where}: rig {case.model.rig}: effects are put into a damper's records only (rig damper)"
+            )
+        if not all("force_N" in r.channels for r in case.records):
+            raise InputError(f"{where}: channels: force_N is needed, the force that the effects are put into")
+        for effect in effects:
+            if effect not in EFFECTS:
+                raise InputError(f"--effects: '{effect}' is unknown; allowed: {', '.join(EFFECTS)}")
+        for size in sizes:
+            if not 0 < size <= 1:
+                raise InputError(
+                    f"--sizes: {size:g}; allowed: more than 0 and at most 1 (a share of the RMS force)"
+                )
+        if not sizes:
+            raise InputError("--sizes: at least one is needed")
+        asked = [e for e in EFFECTS if not effects or e in effects]
+        reasons = {e: refusal(e, case.model, case.records) for e in asked}
+        possible = [e for e in asked if not reasons[e]]
+        # Large sizes first: what is not found there need not be looked for in small ones by who reads along.
+        trials = [Trial(e, s) for s in sorted(set(sizes), reverse=True) for e in possible]
+        never, untried = (
+            {e: r for e, r in reasons.items() if r and (e in OF_FORM) is of_form} for of_form in (False, True)
+        )
+        return cls(case, (Trial(AS_THEY_ARE, 0.0), *trials), never, untried, seed)
+
+    @property
+    def key(self) -> str:
+        """Of the case, the seed and the version: results of another one are void."""
+        text = f"{content_key(self.case)} {self.seed} {__version__}"
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def injected(study: Study, trial: Trial) -> tuple[Case, dict[str, float]] | None:
+    """The case with an effect of that size in all of its records, and its parameters; None where none has the size."""
+    case = study.case
+    if trial.effect == AS_THEY_ARE:
+        return case, {}
+    # The same side and shape in every size.
+    rng = np.random.default_rng([study.seed, zlib.crc32(trial.effect.encode())])
+    injection = Injection.draw(trial.effect, case.model, case.records, rng)
+    change = change_of(case.model, case.records)
+    strength = strength_of(lambda s: change(injection, s), trial.size)
+    if strength is None:
+        return None
+    records = tuple(injection.put(r, strength) for r in case.records)
+    repeats = tuple((injection.put(r, strength), of) for r, of in case.repeats)
+    model = widened(case.model, (*records, *(r for r, _ in repeats)))
+    return replace(case, model=model, records=records, repeats=repeats), injection.parameters(strength)
+
+
+def answer(study: Study, trial: Trial, folder: Path) -> Answer:
+    """Puts the effect in, diagnoses, and keeps what comes of it in the folder."""
+    from mrdamp.diagnosis import run
+
+    begun = time.monotonic()
+    found = Answer(trial.effect, trial.size)
+    made = injected(study, trial)
+    if made is None:
+        found = replace(found, reached=False)
+    else:
+        case, parameters = made
+        store = Store.of(folder / f".{trial.name}.fits.json", case)
+        try:
+            d = run.diagnose(case, jobs=1, store=store)
+            found = replace(
+                found,
+                parameters=parameters,
+                verdict=d.verdict,
+                named=tuple(e.effect for e in d.effects),
+                tied=d.indistinguishable,
+                probabilities=dict(d.probabilities),
+                sentence=d.sentence,
+                nominal_gap=d.gap.nominal,
+                corrected_gap=d.gap.corrected,
+            )
+        except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            found = replace(
+                found, parameters=parameters, error=" ".join(str(error).split())[:300] or type(error).__name__
+            )
+        store.remove()
+    found = replace(found, seconds=time.monotonic() - begun)
+    if not found.error:  # a failed one is tried again
+        text = json.dumps({"key": study.key, **asdict(found)}, indent=1)
+        write_atomic(folder / f"{trial.name}.json", text + "\n")
+    return found
+
+
+def kept(study: Study, trial: Trial, folder: Path) -> Answer | None:
+    """What an earlier run found of a trial; None where there is nothing, or of another case."""
+    path = folder / f"{trial.name}.json"
+    try:
+        data = json.loads(decode(str(path), read_bytes(path)))
+        if data.pop("key") != study.key:
+            return None
+        data["named"] = tuple(data["named"])
+        data["tied"] = tuple(tuple(t) for t in data["tied"])
+        return Answer(**data)
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
+        return None  # none yet, or one that a stopped machine left damaged
+
+
+def run_study(
+    study: Study, out: Path, jobs: int = 1, tell: Tell = lambda what, share: None
+) -> Iterator[list[Answer]]:
+    """Yields all answers so far, after each new one and at least once. out: folder; `runs` in it keeps them."""
+    folder = out / "runs"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be made: {error.strerror}") from None
+    before = {t: kept(study, t, folder) for t in study.trials}
+    answers = {t: a for t, a in before.items() if a is not None}
+    left = [t for t in study.trials if t not in answers]
+    begun, total = time.monotonic(), len(study.trials)
+    tell(f"{len(answers)} of {total} diagnosed", len(answers) / total)
+    yield list(answers.values())
+    for count, (trial, found) in enumerate(
+        zip(left, mapped(answer, [(study, t, folder) for t in left], jobs), strict=True), 1
+    ):
+        answers[trial] = found
+        rest = (time.monotonic() - begun) / count * (len(left) - count)
+        tell(f"{len(answers)} of {total} diagnosed, {lasting(rest)} left", len(answers) / total)
+        yield [answers[t] for t in study.trials if t in answers]
+
+
+def lasting(seconds: float) -> str:
+    """A time in words: `40 s`, `12 min`, `2 h 5 min`."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

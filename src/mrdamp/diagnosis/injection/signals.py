@@ -1,0 +1,91 @@
+"""A record's motion and force without their noise, as an injected effect needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.channels.smoothing import smoothed
+from mrdamp.model import Model
+from mrdamp.records import Record
+from mrdamp.sampling import lowpass
+
+#: Share of the half rate at which derivatives are cut off, zero-phase: what is faster is the interpolation's.
+_CUT = 0.35
+FORCES = ("force_N", "reference_force_N")
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Of one record: smooth motion and force, (n,) each, SI units. Derivatives are those of the smoothed motion, so
+    that no noise is differentiated."""
+
+    record: Record
+
+    @cached_property
+    def x(self) -> Array:
+        """Displacement, m."""
+        return smoothed(np.asarray(self.record.displacement))
+
+    @cached_property
+    def v(self) -> Array:
+        """Velocity, m/s."""
+        return self._derivative(1)
+
+    @cached_property
+    def a(self) -> Array:
+        """Acceleration, m/s2."""
+        return self._derivative(2)
+
+    @cached_property
+    def force(self) -> Array:
+        """The load cell's force, where there is one, else the damper's own, N."""
+        return smoothed(np.asarray(self.record.channel(force_channel(self.record))))
+
+    def _derivative(self, order: int) -> Array:
+        dt = self.record.sample_time
+        spline = CubicSpline(self.record.time, lowpass(self.x, dt, _CUT * 0.5 / dt))
+        return np.asarray(spline(self.record.time, order))
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What the records span: RMS force without the preload (N), stroke amplitude (m), RMS velocity (m/s) and
+    acceleration (m/s2), largest command (A or V), longest sample time (s), and the simulator's preload (N)."""
+
+    force: float
+    stroke: float
+    velocity: float
+    acceleration: float
+    command: float
+    sample_time: float
+    preload: float
+
+    @classmethod
+    def of(cls, records: Sequence[Record], model: Model) -> Scales:
+        preload = model.attributes.get("gas_spring_f0", 0.0) + model.attributes.get("sensor_offset_f", 0.0)
+        found = [Signals(r) for r in records]
+        return cls(
+            rms(np.concatenate([s.force - preload for s in found])),
+            max(float(np.ptp(r.displacement)) for r in records) / 2,
+            rms(np.concatenate([s.v for s in found])),
+            rms(np.concatenate([s.a for s in found])),
+            max(float(np.abs(r.command).max()) for r in records),
+            max(r.sample_time for r in records),
+            preload,
+        )
+
+
+def force_channel(record: Record) -> str:
+    """The load cell's channel where there is one, else the damper's own."""
+    return FORCES[1] if FORCES[1] in record.channels else FORCES[0]
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,65 @@
+"""The picture of a sensitivity study: which effect is found in which size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+
+from mrdamp.pictures.style import COLOURS, INK, REFERENCE, SIMULATED, figure, legend, styled
+
+#: Outcome -> colour, opacity, sign in the cell.
+_LOOK: Mapping[str, tuple[str, float, str]] = {
+    "named": (COLOURS[0], 1.0, "+"),
+    "unsure": (COLOURS[0], 0.45, "±"),
+    "already": (COLOURS[2], 0.6, "="),
+    "unknown": (REFERENCE, 0.55, "?"),
+    "parameters": (REFERENCE, 0.3, "p"),
+    "none": (REFERENCE, 0.12, "–"),
+    "wrong": (SIMULATED, 1.0, "×"),
+    "failed": (COLOURS[3], 0.8, "!"),
+}
+_WORDS = {
+    "named": "named",
+    "unsure": "in a tie",
+    "already": "there already",
+    "unknown": "unknown",
+    "parameters": "parameters",
+    "none": "nothing new",
+    "wrong": "another named",
+    "failed": "failed",
+}
+
+
+@styled
+def detection(
+    effects: Sequence[str], sizes: Sequence[float], outcomes: Sequence[Mapping[float, str]]
+) -> Figure:
+    """Outcome of every effect (rows) by size (columns, shares of the RMS force); an empty cell was not tried or has
+    no strength that reaches the size."""
+    fig = figure(0.2 * len(effects) + 1.1)
+    ax = fig.add_subplot()
+    ax.grid(visible=False)
+    for j, found in enumerate(outcomes):
+        for k, size in enumerate(sizes):
+            look = _LOOK.get(found.get(size, ""))
+            if look is None:
+                continue
+            colour, alpha, sign = look
+            ax.add_patch(
+                Rectangle((k - 0.48, j - 0.46), 0.96, 0.92, facecolor=colour, alpha=alpha, linewidth=0)
+            )
+            ax.text(k, j, sign, ha="center", va="center", fontsize=8, color="white" if alpha >= 0.8 else INK)
+    ax.set_xticks(range(len(sizes)), [f"{100 * s:.3g} %" for s in sizes])
+    ax.set_yticks(range(len(effects)), list(effects), fontsize=8.5)
+    ax.set_xlim(-0.55, len(sizes) - 0.45)
+    ax.set_ylim(len(effects) - 0.45, -0.55)
+    ax.set_xlabel("size: change of the residual over the RMS force")
+    there = [o for o in _LOOK if any(o in found.values() for found in outcomes)]
+    legend(
+        fig,
+        [Patch(facecolor=_LOOK[o][0], alpha=_LOOK[o][1], linewidth=0) for o in there],
+        [f"{_LOOK[o][2]} {_WORDS[o]}" for o in there],
+    )
+    return fig

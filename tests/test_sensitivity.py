@@ -1,0 +1,272 @@
+"""`mrdamp sensitivity`: what is tried, kept and gone on with, and what the answers add up to."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp.cli import main
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.injection import summary
+from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, Trial, injected, lasting
+from mrdamp.model import Model
+from mrdamp.records import Record, embedded
+
+BINGHAM = Model("bingham", {"c0a": 700.0, "c0b": 300.0, "fya": 60.0, "fyb": 500.0, "v_ref": 0.01})
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    """Three records of the embedded set at constant commands, without its load cell."""
+    folder = tmp_path / "case"
+    folder.mkdir()
+    records = [r for r in embedded().train if np.ptp(r.command) < 1e-3][:3]
+    for r in records:
+        kept = {n: r.channel(n) for n in ("displacement_m", "command", "force_N")}
+        Record(r.name, None, r.sample_time, kept).part(0, 2).save(folder / f"{r.name}.csv")
+    data = {
+        "name": "rig",
+        "format": 1,
+        "rig": "damper",
+        "nominal": BINGHAM.to_dict()["model"],
+        "channels": ["time_s", "displacement_m", "command", "force_N"],
+        "records": [f"{r.name}.csv" for r in records],
+    }
+    (folder / "case.json").write_text(json.dumps(data))
+    return folder
+
+
+class Knowing:
+    """Stands in for the diagnosis: it knows the records as they were, and names what scaled or moved their force."""
+
+    def __init__(self, folder: Path, least: float) -> None:
+        self.before = {r.name: r for r in read_case(folder).records}
+        self.least, self.calls = least, 0
+        self.stop_at: int | None = None
+
+    def __call__(self, case: Case, **_: Any) -> SimpleNamespace:
+        self.calls += 1
+        if self.calls == self.stop_at:
+            raise KeyboardInterrupt
+        added, gains = [], []
+        for r in case.records:
+            force = self.before[r.name].channel("force_N")
+            added.append(r.channel("force_N") - force)
+            gains.append(float(r.channel("force_N") @ force / (force @ force)))
+        change = np.concatenate(added)
+        size = float(np.sqrt(np.mean(change**2))) / 500
+        names: tuple[str, ...] = ()
+        if size > self.least:
+            names = ("sensor_offset",) if float(np.std(change)) < 1e-6 else ("sensor_gain",)
+        return SimpleNamespace(
+            verdict="effect" if names else "unknown",
+            effects=[SimpleNamespace(effect=n) for n in names],
+            indistinguishable=(),
+            probabilities=dict.fromkeys(names, 0.9),
+            sentence="It is so.",
+            gap=SimpleNamespace(nominal=0.3, corrected=0.1),
+        )
+
+
+@pytest.fixture
+def knowing(case: Path, monkeypatch: pytest.MonkeyPatch) -> Knowing:
+    found = Knowing(case, least=0.1)
+    monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", found)
+    return found
+
+
+ASKED = ("--effects", "sensor_gain", "sensor_offset", "command_delay", "heating", "--sizes", "0.02", "0.3")
+
+
+def test_what_is_found_from_which_size_on(
+    case: Path, knowing: Knowing, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = case.parent / "out"
+    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
+    assert knowing.calls == 5
+    told = json.loads((out / "sensitivity.json").read_text())
+    assert told["complete"]
+    assert {e["effect"]: e["named_from"] for e in told["effects"]} == {
+        "sensor_gain": 0.3,
+        "sensor_offset": 0.3,
+    }
+    assert told["effects"][0]["parameters"]["g"] != 1
+    assert told["effects"][0]["outcomes"] == {"0.02": "unknown", "0.3": "named"}
+    assert "constant in every record" in told["never"]["command_delay"]
+    assert list(told["not_tried"]) == ["heating"]
+    assert told["confusion"]["counts"] == [[1, 0, 1], [0, 1, 1]]
+    assert told["confusion"]["columns"] == ["sensor_gain", "sensor_offset", "unknown"]
+    printed = capsys.readouterr().out
+    assert "Named on these records: sensor_gain from 30 %, sensor_offset from 30 % of the force." in printed
+    html = (out / "index.html").read_text()
+    assert "What these records can never show" in html
+    assert html.count("<svg") == 2
+
+
+def test_an_interrupted_run_goes_on(case: Path, knowing: Knowing, capsys: pytest.CaptureFixture[str]) -> None:
+    out = case.parent / "out"
+    knowing.stop_at = 4
+    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 130
+    told = json.loads((out / "sensitivity.json").read_text())
+    assert not told["complete"]
+    assert len(told["trials"]) == 3
+    assert "3 of 5 trials done so far" in (out / "index.html").read_text()
+    knowing.calls, knowing.stop_at = 0, None
+    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
+    assert knowing.calls == 2
+    assert json.loads((out / "sensitivity.json").read_text())["complete"]
+    assert not list((out / "runs").glob(".*"))  # no diagnosis left its own store behind
+
+
+def test_results_of_other_records_are_void(case: Path, knowing: Knowing) -> None:
+    out = case.parent / "out"
+    words = ["sensitivity", str(case), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]
+    assert main(words) == 0
+    assert main(words) == 0
+    assert knowing.calls == 2
+    assert main([*words, "--seed", "1"]) == 0
+    assert knowing.calls == 4
+    (out / "runs" / "sensor_gain_0.3.json").write_text("{")  # of a stopped machine
+    assert main([*words, "--seed", "1"]) == 0
+    assert knowing.calls == 5
+
+
+def test_a_failed_diagnosis_is_told_and_tried_again(
+    case: Path, knowing: Knowing, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(found: Case, **_: Any) -> SimpleNamespace:
+        raise ValueError("no end\nof it")
+
+    out = case.parent / "out"
+    words = ["sensitivity", str(case), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]
+    monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", fails)
+    assert main(words) == 1
+    assert "failed" in capsys.readouterr().out
+    assert "no end of it" in (out / "index.html").read_text()
+    monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", knowing)
+    assert main(words) == 0
+
+
+def test_the_effect_has_the_size_that_was_asked_for(case: Path) -> None:
+    study = Study.of(read_case(case), ["sensor_offset", "moving_mass"], [0.1])
+    assert study.trials[0] == Trial(AS_THEY_ARE, 0.0)
+    for trial in study.trials[1:]:
+        made = injected(study, trial)
+        assert made is not None
+        total = [
+            np.mean((new.channel("force_N") - old.channel("force_N"))[50:] ** 2)
+            / np.mean(old.channel("force_N")[50:] ** 2)
+            for new, old in zip(made[0].records, study.case.records, strict=True)
+        ]
+        assert np.sqrt(np.mean(total)) == pytest.approx(0.1, rel=0.03)
+        again = injected(study, trial)
+        assert again is not None
+        assert again[1] == made[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--effects", "rust"], "--effects: 'rust' is unknown; allowed: driver_lag"),
+        (["--sizes", "0"], "--sizes: 0; allowed: more than 0"),
+        (["--sizes", "3"], "--sizes: 3; allowed: more than 0"),
+        (["--jobs", "0"], "--jobs must be at least 1"),
+    ],
+)
+def test_bad_input_is_one_line(
+    case: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = case.parent / "out"
+    assert main(["sensitivity", str(case), "-o", str(out), *words]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_case_that_is_none_or_a_frame(case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(case.parent / "out")
+    assert main(["sensitivity", str(case.parent / "no"), "-o", out]) == 2
+    assert "no such folder" in capsys.readouterr().err
+    frame = SimpleNamespace(model=SimpleNamespace(rig="frame"), folder=Path("frame"), records=())
+    with pytest.raises(Exception, match="rig frame"):
+        Study.of(frame)  # type: ignore[arg-type]
+
+
+def answers(*rows: tuple[str, float, str, tuple[str, ...]]) -> list[Answer]:
+    return [Answer(effect, size, True, {"p": size}, verdict, named) for effect, size, verdict, named in rows]
+
+
+def test_only_what_larger_sizes_confirm_counts_as_named() -> None:
+    found = summary.findings(
+        answers(
+            (AS_THEY_ARE, 0.0, "effect", ("channel_shift",)),
+            ("sensor_gain", 0.02, "effect", ("sensor_gain", "channel_shift")),
+            ("sensor_gain", 0.1, "effect", ("asymmetry", "channel_shift")),
+            ("sensor_gain", 0.4, "effect", ("sensor_gain",)),
+            ("backlash", 0.1, "effect", ("channel_shift",)),
+            ("channel_shift", 0.1, "effect", ("channel_shift",)),
+        )
+    )
+    by_name = {f.effect: f for f in found}
+    assert by_name["sensor_gain"].named_from == 0.4
+    assert by_name["sensor_gain"].taken_for == ("asymmetry",)
+    assert by_name["backlash"].outcomes == {0.1: "none"}  # what the rig has anyway is no answer
+    assert by_name["channel_shift"].outcomes == {0.1: "already"}
+    assert by_name["channel_shift"].named_from is None
+
+
+def test_a_tie_of_two_is_unsure_and_of_many_is_wrong() -> None:
+    two = Answer("gas_spring", 0.1, True, {}, "effect", ("asymmetry",), (("asymmetry", "gas_spring"),))
+    many = Answer(
+        "gas_spring",
+        0.1,
+        True,
+        {},
+        "effect",
+        ("asymmetry",),
+        (("asymmetry", "gas_spring", "backlash", "heating"),),
+    )
+    assert summary.outcome(two, ()) == "unsure"
+    assert summary.outcome(many, ()) == "wrong"
+    assert summary.outcome(Answer("gas_spring", 0.9, reached=False), ()) == "out of reach"
+
+
+def test_times_in_words() -> None:
+    assert [lasting(s) for s in (40, 700, 7500)] == ["40 s", "12 min", "2 h 5 min"]
+
+
+@pytest.mark.slow
+def test_a_gain_is_found_beside_the_load_cell(tmp_path: Path) -> None:
+    """The real diagnosis, on records that another program made: the corrected simulator has the gain."""
+    folder = tmp_path / "case"
+    folder.mkdir()
+    records = [r for r in embedded().train if np.ptp(r.command) < 1e-3][:3]
+    for r in records:
+        r.save(folder / f"{r.name}.csv")
+    from mrdamp.identify import identify
+
+    nominal = identify("hyperbolic_tangent", records, starts=2).model
+    data = {
+        "name": "rig",
+        "format": 1,
+        "rig": "damper",
+        "nominal": nominal.to_dict()["model"],
+        "channels": list(records[0].channels),
+        "records": [f"{r.name}.csv" for r in records],
+    }
+    (folder / "case.json").write_text(json.dumps(data))
+    out = tmp_path / "out"
+    assert (
+        main(["sensitivity", str(folder), "-o", str(out), "--effects", "sensor_gain", "--sizes", "0.3"]) == 0
+    )
+    told = json.loads((out / "sensitivity.json").read_text())
+    (trial,) = (t for t in told["trials"] if t["effect"] == "sensor_gain")
+    # Two readings of one force, a factor apart.
+    assert trial["gap"]["nominal"] > 1.5 * told["trials"][0]["gap"]["nominal"]
+    assert trial["gap"]["corrected"] < 0.6 * trial["gap"]["nominal"]
