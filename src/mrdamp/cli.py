@@ -7,8 +7,8 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from mrdamp import __version__
 from mrdamp.commands import (
     Run,
     add_command,
@@ -27,7 +27,7 @@ from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
 from mrdamp.commands.models import named_model
 from mrdamp.commands.output import progress_bar
-from mrdamp.errors import InputError
+from mrdamp.errors import EngineError, InputError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = run(arguments)
         sys.stdout.flush()
         return code
-    except InputError as error:
+    except (InputError, EngineError) as error:
         print(f"mrdamp: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -49,13 +49,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 141
 
 
+class _Version(argparse.Action):
+    """`--version`, which reads the package's metadata only when it is asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, default=argparse.SUPPRESS, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from mrdamp import __version__
+
+        print(f"mrdamp {__version__}")
+        parser.exit()
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The whole command line, as completion and the reference see it too."""
     parser = argparse.ArgumentParser(
         prog="mrdamp",
         description="Magnetorheological dampers for MuJoCo, from measured record to controlled structure.",
     )
-    parser.add_argument("--version", action="version", version=f"mrdamp {__version__}")
+    parser.add_argument("--version", action=_Version, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
@@ -114,7 +127,7 @@ def build_parser() -> argparse.ArgumentParser:
     datasets.add_to(commands)
     citation.add_to(commands)
     add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
-    completion.add_to(commands)
+    completion.add_to(commands, parser)
     return parser
 
 

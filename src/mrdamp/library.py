@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
+from mrdamp.errors import EngineError
+
 MUJOCO_VERSION = "4.0.0"
 
 _lock = threading.Lock()
@@ -26,7 +28,7 @@ def library_path() -> Path:
 def load_plugin() -> None:
     """Registers `mrdamp.damper` and `mrdamp.force_sensor` with MuJoCo, once a process; safe to call again.
 
-    Raises ImportError where another MuJoCo than the one that the plugin was built for is installed.
+    Raises EngineError, an ImportError, where another MuJoCo than the one that the plugin was built for is installed.
     """
     global _loaded
     import mujoco
@@ -35,7 +37,7 @@ def load_plugin() -> None:
         if _loaded:
             return
         if mujoco.__version__ != MUJOCO_VERSION:
-            raise ImportError(
+            raise EngineError(
                 f"mrdamp needs MuJoCo {MUJOCO_VERSION}, but {mujoco.__version__} is installed: "
                 f"pip install mujoco=={MUJOCO_VERSION}"
             )
