@@ -24,6 +24,7 @@ from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, embedded_motion, read_motion
 from mrdamp.pictures import LoopData
+from mrdamp.record_checks import check_explained
 from mrdamp.records import Record, RecordSet, embedded, read_records
 from mrdamp.report import Page
 from mrdamp.stepping import FrameRun, run_frame
@@ -75,6 +76,7 @@ def demo(
             progress(what, share)
 
     fit = _fit(out, records, law, seed, lambda what, share: tell(f"identify: {what}", 0.65 * share))
+    check_explained(records.train, fit.train_nrmse)
     fit.model.write(out / "model.json")
     frame_model = replace(
         fit.model, rig="frame", structure=dyke1996(), name=f"{records.name} damper in the frame"

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp import record_csv, sampling
+from mrdamp import record_csv, record_motion, sampling
 from mrdamp.channels import check_header, is_channel
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
@@ -255,8 +255,8 @@ def read_records(
 
     A folder with ``train/`` and ``validation/`` says which is which. Otherwise records are held out whole:
     every third one (the last of two) is for validation, and a test that repeats another (``repeat`` in its
-    name, same input) stays on the side of the other. A record that is alone is cut in time: its last third
-    is held out.
+    name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
+    covered two thirds of its path: the rest is held out, and both parts move.
 
     Args:
         source: a folder, one file or several.
@@ -336,9 +336,10 @@ def _read_all(where: str, files: Sequence[Path], required: Sequence[str] | None)
 def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
     if len(records) == 1:
         only = records[0]
-        cut = float(only.time[0] + 2.0 / 3.0 * only.duration)
-        after = cut + only.sample_time
-        return RecordSet(name, (only.part(only.time[0], cut),), (only.part(after, only.time[-1]),))
+        x = only.channels.get("displacement_m", only.time)
+        at = min(max(record_motion.cut(x), 2), only.n - 4)
+        parts = only.part(only.time[0], only.time[at]), only.part(only.time[at + 1], only.time[-1])
+        return RecordSet(name, parts[:1], parts[1:])
     first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
     if len(first) < 2:
         first = list(range(len(records)))

@@ -152,6 +152,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     from mrdamp.comparison import loops_of
     from mrdamp.identify import compare_dependences, identify
     from mrdamp.intervals import channel_findings
+    from mrdamp.record_checks import check_explained, unexplained
 
     if a.law == "narx":
         for flag, value in (
@@ -181,11 +182,16 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         fit = fits[chosen]
     else:
         fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
+    check_explained(records.train, fit.train_nrmse)
     fit.model.write(a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
-    print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
-    _errors(fit.train, "fitted")
-    _errors(fit.held_out, "held out")
+    if said := unexplained(records.validation, fit.held_out_nrmse):
+        print(f"  fitted records {fit.train_nrmse:.3f}; the held-out records do not judge it:")
+        print(f"  {said}")
+    else:
+        print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
+        _errors(fit.train, "fitted")
+        _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
     _found(fit, left, records.train)
     rows = _intervals(a, fit, records) if a.intervals else ()
