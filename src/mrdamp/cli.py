@@ -132,6 +132,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _demo(a: argparse.Namespace) -> int:
+    if "MUJOCO_GL" not in os.environ and not _has_display():
+        os.environ["MUJOCO_GL"] = "egl"  # before MuJoCo is imported; without EGL the page has no moving picture
     from mrdamp.demo import UNCONTROLLED, demo
 
     with progress_bar() as progress:
@@ -188,10 +190,14 @@ def _view(a: argparse.Namespace) -> int:
         raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
 
 
+def _has_display() -> bool:
+    return not sys.platform.startswith("linux") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+
+
 def _launch(model: object) -> int:
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    if not _has_display():
         raise InputError(
             "the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one"
         )
