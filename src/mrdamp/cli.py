@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -171,23 +172,18 @@ def _mjcf(a: argparse.Namespace) -> int:
 
 
 def _view(a: argparse.Namespace) -> int:
-    import mujoco.viewer
-
     from mrdamp import models_xml
-    from mrdamp.mjcf import mjcf
+    from mrdamp.mjcf import write_mjcf
 
     if a.model in models_xml.names():
-        path = models_xml.path(a.model, "scene.xml")
-    elif a.model.endswith(".xml"):
+        return _launch(models_xml.path(a.model, "scene.xml"))
+    if a.model.endswith(".xml"):
         path = Path(a.model)
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-    else:
-        return _launch(mujoco.MjModel.from_xml_string(mjcf(named_model(a.model))))
-    try:
-        return _launch(mujoco.MjModel.from_xml_path(str(path)))
-    except ValueError as error:
-        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
+        return _launch(path)
+    with tempfile.TemporaryDirectory() as folder:
+        return _launch(write_mjcf(named_model(a.model), Path(folder) / "model"))
 
 
 def _has_display() -> bool:
@@ -196,16 +192,22 @@ def _has_display() -> bool:
     )
 
 
-def _launch(model: object) -> int:
+def _launch(path: Path) -> int:
+    """Opens MuJoCo's viewer on a file: only then does it aim its camera at the model."""
+    import mujoco
+
+    try:
+        mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
     if not _has_display():
         raise InputError(
             "the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one"
         )
-    import mujoco
     import mujoco.viewer
 
     try:
-        mujoco.viewer.launch(model)
+        mujoco.viewer.launch_from_path(str(path))
     except (mujoco.FatalError, RuntimeError) as error:
         raise InputError(f"the viewer needs a display: {str(error).splitlines()[0]}") from None
     return 0

@@ -313,7 +313,7 @@ def accelerated(criteria: Mapping[str, Criteria]) -> list[str]:
         if name == UNCONTROLLED or peak <= free:
             continue
         text = (
-            f"{name} has a peak acceleration of {peak:.3g} m/s2 at floor {floor}, above the {free:.3g} m/s2 of the "
+            f"{name} has a peak acceleration of {peak:#.3g} m/s2 at floor {floor}, above the {free:#.3g} m/s2 of the "
             "frame without a damper."
         )
         if c.switching_rate > SWITCHING:

@@ -103,8 +103,7 @@ class Page:
 
         Raises InputError where alt is empty.
         """
-        if not alt.strip():
-            raise InputError(f"page: the picture '{caption}' has no alt text")
+        self._check_alt(caption, alt)
         self._pictures += 1
         width, height = (round(72 * inch) for inch in fig.get_size_inches())
         with matplotlib.rc_context(STYLE):
@@ -115,6 +114,7 @@ class Page:
 
     def animation(self, heading: str, drawn: Animation, caption: str, alt: str) -> None:
         """An animated picture; readers who turned motion off get its first one. alt: as in `figure`."""
+        self._check_alt(caption, alt)
         moving, still = (
             f"data:image/webp;base64,{base64.b64encode(data).decode('ascii')}" for data in (drawn.moving, drawn.still)
         )
@@ -143,6 +143,11 @@ class Page:
         Raises InputError where the folder is missing or cannot be written.
         """
         write_atomic(Path(path), self.html())
+
+    @staticmethod
+    def _check_alt(caption: str, alt: str) -> None:
+        if not alt.strip():
+            raise InputError(f"page: the picture '{caption}' has no alt text")
 
     def _add(self, heading: str, kind: str, block: object) -> None:
         if heading or not self._sections:
