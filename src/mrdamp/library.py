@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
 
@@ -15,10 +16,8 @@ _loaded = False
 
 def library_path() -> Path:
     """Path of the shared library with the plugin and the C entries; ImportError says how to get it."""
-    import mrdamp
-
     # An editable install keeps the compiled library in site-packages and the Python files where they stand.
-    for folder in mrdamp.__path__:
+    for folder in sys.modules[__name__.partition(".")[0]].__path__:
         path = Path(folder) / "plugin" / "libmrdamp.so"
         if path.is_file():
             return path

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.record_motion import faults
 from mrdamp.records import Record
+from mrdamp.sampling import Array
 
 #: Samples that a fit needs for each free number.
 SAMPLES_PER_COORDINATE = 20

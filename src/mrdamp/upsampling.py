@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mrdamp.core import Array
 from mrdamp.logged import unfolded
+from mrdamp.sampling import Array
 
 
 @dataclass(frozen=True, eq=False)
