@@ -142,8 +142,8 @@ def _against(effort: Effort) -> Section:
     text = (
         "Above: SciPy's least_squares fits five parameters of a Bouc-Wen law, the law once in plain Python, by the"
         " explicit midpoint rule, and once through the C entry with its whole chain. Below: one local fit through the"
-        " C entry, by SciPy with as many threads of BLAS as it takes, and by `mrdamp.least_squares` with one. In 7"
-        " rounds at most."
+        " C entry, by SciPy with as many threads of BLAS as it takes, and by `mrdamp.identify.least_squares` with one."
+        " In 7 rounds at most."
     )
     return Section("Identification against SciPy", text, (law, plain))
 

@@ -10,8 +10,8 @@ import pytest
 
 from mrdamp.cli import main
 from mrdamp.core import Array
-from mrdamp.record_motion import cut, faults, path, turns
 from mrdamp.records import read_records
+from mrdamp.records.motion import cut, faults, path, turns
 
 DT = 0.002
 

@@ -30,13 +30,12 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "diagnosis": ("diagnosis", "gap", "blindtest"),
     "learning, comparison": ("envs", "train", "compare"),
     "control": ("control", "inverse", "cables"),
-    "identification": ("identify", "laws", "narx", "intervals", "by_command", "comparison", "calibration", "norms",
-                       "least_squares"),
+    "identification": ("identify", "laws", "narx", "intervals", "calibration", "norms"),
     "reporting": ("report", "pictures", "templates"),
-    "simulation": ("stepping", "mjcf", "models_xml", "predict", "motions", "motion_files", "criteria"),
+    "simulation": ("stepping", "mjcf", "models_xml", "predict", "motions", "criteria"),
     "model": ("model", "core", "attributes", "native", "library", "sets", "structures"),
-    "records": ("records", "channels", "record_csv", "record_checks", "record_motion", "conversion", "sampling",
-                "logged", "upsampling", "between", "datasets"),
+    "records": ("records", "channels", "record_checks", "record_csv", "sampling", "logged", "upsampling", "between",
+                "datasets"),
     "shared": ("errors", "files", "parallel", "on_import", "registration"),
 }  # fmt: skip
 #: Centre and size of each box, in units of the drawing.

@@ -23,8 +23,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mrdamp.cli import main as mrdamp
-from mrdamp.comparison import row_of
 from mrdamp.identify import error, identify, pooled, simulate
+from mrdamp.identify.comparison import row_of
 from mrdamp.model import Model
 from mrdamp.narx.data import series
 from mrdamp.narx.judge import one_step_error

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp import identify as identification
 from mrdamp import laws, pictures
 from mrdamp.animation import Animation, Clip, animate
 from mrdamp.control import clipped_optimal, force_tracking, passive_off, passive_on
@@ -20,6 +19,7 @@ from mrdamp.criteria import Criteria, evaluate
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.identify import Fit, RecordError, identify, simulate
+from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
 from mrdamp.mjcf import write_mjcf
@@ -142,7 +142,7 @@ def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress)
     """The fit, or the one that an earlier run of the same job left in `out`."""
     digest = hashlib.sha256(f"{law} {seed} {EXTRAS}".encode())
     # Another version of the fit or of the chain is another job.
-    for source in (identification.__file__, laws.__file__, library_path()):
+    for source in (fit_module.__file__, laws.__file__, library_path()):
         digest.update(Path(source).read_bytes())
     for record in records.records:
         for name, values in record.channels.items():

@@ -23,8 +23,8 @@ from mrdamp.logged import (
     without_waves,
 )
 from mrdamp.model import Model
-from mrdamp.record_csv import render
 from mrdamp.records import Record, read_record
+from mrdamp.records.csv_file import render
 from mrdamp.upsampling import repaired_ends, upsampled
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.record_motion import faults
 from mrdamp.records import Record
+from mrdamp.records.motion import faults
 from mrdamp.sampling import Array
 
 #: Samples that a fit needs for each free number.

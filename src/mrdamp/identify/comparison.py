@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.identify import Fit, identify, simulate
+from mrdamp.identify.fit import Fit, identify, simulate
 from mrdamp.model import Model
 from mrdamp.narx import FitNarx, lagged, train_narx
 from mrdamp.narx.splits import of_records

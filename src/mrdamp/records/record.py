@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp import record_csv, record_motion, sampling
+from mrdamp import sampling
 from mrdamp.channels import check_header, is_channel
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.records import csv_file, motion
 
 Array = NDArray[np.float64]
 
@@ -175,7 +176,7 @@ class Record:
         path = Path(path)
         if not path.name.endswith(SUFFIXES):
             raise InputError(f"{path}: a record is written as .csv or .csv.gz")
-        write_atomic(path, record_csv.render(self.channels, digits))
+        write_atomic(path, csv_file.render(self.channels, digits))
 
     def _smooth(self, name: str, cutoff_hz: float | None) -> Array:
         x = self.channel(name)
@@ -301,7 +302,7 @@ def embedded() -> RecordSet:
 
 
 def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
-    channels, ignored, sample_time = record_csv.parse(file, decode(file, data), required)
+    channels, ignored, sample_time = csv_file.parse(file, decode(file, data), required)
     time = channels["time_s"]
     channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
     return Record(name, path, sample_time, channels, ignored)
@@ -337,7 +338,7 @@ def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
     if len(records) == 1:
         only = records[0]
         x = only.channels.get("displacement_m", only.time)
-        at = min(max(record_motion.cut(x), 2), only.n - 4)
+        at = min(max(motion.cut(x), 2), only.n - 4)
         parts = only.part(only.time[0], only.time[at]), only.part(only.time[at + 1], only.time[-1])
         return RecordSet(name, parts[:1], parts[1:])
     first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
