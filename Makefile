@@ -1,4 +1,5 @@
-# Needs Python 3.11, g++ and make; everything else comes into .venv by pip.
+# Needs Python 3.11, g++ and make; everything else comes into .venv by pip. `make demo` installs the package and what
+# it needs; the targets that check install the test tools, torch and stable-baselines3 besides.
 VENV ?= .venv
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 bin := $(VENV)/bin
@@ -14,7 +15,7 @@ endif
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help venv build demo test check-all bench docs lint cpp-test sanitize tsan fuzz wheel-test clean
+.PHONY: help venv build tools demo test check-all bench docs lint cpp-test sanitize tsan fuzz wheel-test clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
@@ -33,26 +34,34 @@ $(VENV)/.set-up: pyproject.toml constraints.txt
 	@$(pip) scikit-build-core mujoco-core cmake ninja
 	@touch $@
 
-build: build/.installed  ## install the package into .venv; compile the plugin when C++ has changed
+build: build/.installed  ## install the package and what it needs into .venv; compile the plugin when C++ has changed
 
 # Editable: Python code runs where it stands. The build folder is kept, so only changed files compile.
 build/.installed: $(VENV)/.set-up $(cpp)
 	@mkdir -p build
 	@echo "build: the package and its plugin"
-	@$(pip) --no-build-isolation -Cbuild-dir=build/plugin -Ccmake.define.MRDAMP_WERROR=ON -e '.[dev,train]'
+	@$(pip) --no-build-isolation -Cbuild-dir=build/plugin -Ccmake.define.MRDAMP_WERROR=ON -e .
+	@touch $@
+
+tools: $(VENV)/.tools  ## add the test tools, torch and stable-baselines3 to .venv (torch_index=URL: torch's CPU build)
+
+# The package is there already, so that this installs the requirements of its extras alone.
+$(VENV)/.tools: $(VENV)/.set-up | build/.installed
+	@echo "set-up: test tools, torch, stable-baselines3"
+	@$(pip) $(if $(torch_index),--extra-index-url $(torch_index)) 'mrdamp[dev,train]'
 	@touch $@
 
 demo: build  ## the main job on the project's own records; page: out/demo/index.html
 	@$(bin)/mrdamp demo -o out/demo
 
 # --- checks -----------------------------------------------------------------------------
-test: lint cpp-test sanitize  ## C++ tests (plain, sanitized), ruff, mypy, pytest without the slow ones
+test: tools lint cpp-test sanitize  ## C++ tests (plain, sanitized), ruff, mypy, pytest without the slow ones
 	@$(bin)/python -m pytest -n 2 -m "not slow"
 
-check-all: lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, slow tests, thread sanitizer, fuzzing, wheel, docs
+check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, slow tests, thread sanitizer, fuzzing, wheel, docs
 	@$(bin)/python -m pytest -n 2
 
-lint: build  ## ruff and mypy
+lint: build tools  ## ruff and mypy
 	@$(bin)/ruff check .
 	@$(bin)/mypy
 
@@ -68,7 +77,7 @@ tsan: build  ## C++ tests under the thread sanitizer
 fuzz: build  ## fuzz every target for 60 s in all (fuzz_seconds=...)
 	@BIN=$(bin) tools/fuzz.sh $(fuzz_seconds)
 
-wheel-test: build  ## sdist, wheel from it, installed and tried in a fresh environment elsewhere
+wheel-test: build tools  ## sdist, wheel from it, installed and tried in a fresh environment elsewhere
 	@BIN=$(bin) tools/wheel_test.sh
 
 docs: build  ## the documentation site: out/site/index.html
@@ -77,7 +86,7 @@ docs: build  ## the documentation site: out/site/index.html
 	@$(bin)/mkdocs build --quiet
 
 # OpenSees' wheel does not find its own libraries without the path.
-bench: build  ## speed, as ratios, beside OpenSeesPy where it can be had
+bench: build tools  ## speed, as ratios, beside OpenSeesPy where it can be had
 	@$(pip) openseespy || echo "bench: OpenSeesPy cannot be installed; its rows are left out"
 	@LD_LIBRARY_PATH="$$(echo $(abspath $(VENV))/lib/python3.*/site-packages/openseespylinux/lib)" \
 	  $(bin)/python -m benchmarks

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks import c_entry, callback, environments, errors, fits, frame_step, narx, opensees
+from benchmarks import c_entry, callback, environments, errors, fits, frame_step, narx, opensees, start
 from benchmarks.result import Section, machine, markdown, text
 from benchmarks.timing import Effort
 
@@ -17,6 +17,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
 def benchmarks(effort: Effort, python: str, end: float = 3.0) -> dict[str, Callable[[], list[Section]]]:
     """Every benchmark by its name. end: length of the accuracy runs, s; python: has openseespy."""
     return {
+        "start": lambda: start.measure(effort),
         "frame": lambda: frame_step.measure(effort),
         "python": lambda: callback.measure(effort, end),
         "environments": lambda: environments.measure(effort),

@@ -17,7 +17,7 @@ from mrdamp.core import Array
 from mrdamp.identify import Problem, descend, identify, shorten
 from mrdamp.laws import PARAMETRIC, Scales, space
 from mrdamp.narx import lagged, train_narx
-from mrdamp.narx.stretches import varying_command
+from mrdamp.narx.splits import varying_command
 from mrdamp.records import Record, embedded
 
 RECORD = "sine_5.0Hz_2.5mm_random_current"
@@ -96,8 +96,8 @@ def _over_records(effort: Effort) -> Section:
         name = law.replace("_", " ")
         detail = f"{cost:.1f} s for {seconds:.0f} s of records, {fit.evaluations} runs of the law"
         figures.append(Figure(f"{name}, from {fit.starts} starts", cost / seconds, "x", "<= 0.2", detail))
-    stretches = varying_command(embedded(), RECORD)
-    (part,) = stretches.train if whole else [stretches.train[0].part(0, 800)]
+    splits = varying_command(embedded(), RECORD)
+    (part,) = splits.train if whole else [splits.train[0].part(0, 800)]
     begin = clock()
     train_narx([part], inputs=lagged("viF", 4), hidden=(20,), initialisations=1, horizons=(),
                one_step_iterations=150 if whole else 5)  # fmt: skip
@@ -142,8 +142,8 @@ def _against(effort: Effort) -> Section:
     text = (
         "Above: SciPy's least_squares fits five parameters of a Bouc-Wen law, the law once in plain Python, by the"
         " explicit midpoint rule, and once through the C entry with its whole chain. Below: one local fit through the"
-        " C entry, by SciPy with as many threads of BLAS as it takes, and by `mrdamp.least_squares` with one. In 7"
-        " rounds at most."
+        " C entry, by SciPy with as many threads of BLAS as it takes, and by `mrdamp.identify.least_squares` with one."
+        " In 7 rounds at most."
     )
     return Section("Identification against SciPy", text, (law, plain))
 

@@ -26,7 +26,7 @@ from mrdamp.identify import simulate
 from mrdamp.narx import lagged, train_narx
 from mrdamp.narx.data import Series
 from mrdamp.narx.judge import free_run_force, one_step_force
-from mrdamp.narx.stretches import Stretches, cut_varying, varying_command
+from mrdamp.narx.splits import DataSplit, cut_varying, varying_command
 from mrdamp.records import embedded
 
 RECORD = "sine_5.0Hz_2.5mm_random_current"
@@ -58,7 +58,7 @@ class Effort:
     epochs: int = 100
 
 
-def ours(s: Stretches, effort: Effort) -> Rival:
+def ours(s: DataSplit, effort: Effort) -> Rival:
     """The 15-20-1 network, every initialisation and the free-run training counted."""
     start = time.process_time()
     fit = train_narx(
@@ -75,7 +75,7 @@ def ours(s: Stretches, effort: Effort) -> Rival:
     )
 
 
-def one_start(s: Stretches, effort: Effort) -> float:
+def one_start(s: DataSplit, effort: Effort) -> float:
     """CPU seconds of one initialisation, one step ahead."""
     start = time.process_time()
     train_narx(
@@ -107,7 +107,7 @@ def engine(extras: Sequence[str], name: str) -> Rival:
     return Rival(name, lambda s: simulate(model, records[s.name]), None, spent)
 
 
-def perceptron(s: Stretches, effort: Effort) -> Rival:
+def perceptron(s: DataSplit, effort: Effort) -> Rival:
     """scikit-learn's MLPRegressor over the same regressors, scaled, run free in a loop of ours."""
     from sklearn.neural_network import MLPRegressor
 
@@ -129,7 +129,7 @@ def perceptron(s: Stretches, effort: Effort) -> Rival:
     )
 
 
-def polynomial(s: Stretches, effort: Effort) -> Rival:
+def polynomial(s: DataSplit, effort: Effort) -> Rival:
     """sysidentpy's polynomial NARX: FROLS over all terms of degree 2, their number by AIC."""
     from sysidentpy.basis_function import Polynomial
     from sysidentpy.model_structure_selection import FROLS
@@ -141,7 +141,7 @@ def polynomial(s: Stretches, effort: Effort) -> Rival:
     return _sysidentpy("sysidentpy, polynomial NARX", model, s, 1)
 
 
-def neural(s: Stretches, effort: Effort) -> Rival:
+def neural(s: DataSplit, effort: Effort) -> Rival:
     """sysidentpy's neural NARX: a torch network of 20 tanh units, Adam."""
     import torch
     from sysidentpy.basis_function import Polynomial
@@ -158,7 +158,7 @@ def neural(s: Stretches, effort: Effort) -> Rival:
     return _sysidentpy("sysidentpy, neural NARX 12-20-1", model, s, 1)
 
 
-def _sysidentpy(name: str, model: Any, s: Stretches, ahead: int) -> Rival:
+def _sysidentpy(name: str, model: Any, s: DataSplit, ahead: int) -> Rival:
     """Fits to scaled v, i and F. Its regressors start at lag 1, so its inputs are shifted to lag 0 first."""
     scale = _Scale.of(s.train)
     (train,) = s.train
@@ -261,7 +261,7 @@ _PLAIN = ("offset",)
 _EFFECTS = ("offset", "driver_lag", "saturation")
 
 #: Each with what it needs besides the package; bench-narx goes into an environment of its own, or over bench.
-COMPARED: dict[str, tuple[str, Callable[[Stretches, Effort], Rival]]] = {
+COMPARED: dict[str, tuple[str, Callable[[DataSplit, Effort], Rival]]] = {
     "scikit-learn, MLP": ("the extra bench", perceptron),
     "sysidentpy, polynomial NARX": ("the extra bench-narx", polynomial),
     "sysidentpy, neural NARX": ("the extra bench-narx", neural),
@@ -284,19 +284,19 @@ COMPARED: dict[str, tuple[str, Callable[[Stretches, Effort], Rival]]] = {
 def measure(effort: Effort | None = None) -> list[Section]:
     """Free run and time by model; a library that is not installed is left out with its reason."""
     effort = effort or Effort()
-    stretches = varying_command(embedded(), RECORD)
-    parts = {"test part": stretches.test[:1], "sets 1 and 2": tuple(
-        s for s in stretches.test if s.name.startswith(("sine_1.0Hz", "triangle_2.5Hz")))}  # fmt: skip
+    splits = varying_command(embedded(), RECORD)
+    parts = {"test part": splits.test[:1], "sets 1 and 2": tuple(
+        s for s in splits.test if s.name.startswith(("sine_1.0Hz", "triangle_2.5Hz")))}  # fmt: skip
     figures: list[Figure] = []
     with threadpool_limits(limits=1):
-        mine = ours(stretches, effort)
+        mine = ours(splits, effort)
         rivals = [mine]
         for name, (needs, make) in COMPARED.items():
             try:
-                rivals.append(make(stretches, effort))
+                rivals.append(make(splits, effort))
             except ImportError as error:
                 figures.append(Figure(name, skipped=f"needs {needs} ({error})"))
-        start = one_start(stretches, effort)
+        start = one_start(splits, effort)
     for rival in rivals:
         for what, tests in parts.items():
             one = f"; one step ahead {100 * _one(rival.one, tests):.2f} %" if rival.one else ""

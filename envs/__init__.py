@@ -5,14 +5,12 @@
 | `mrdamp/Frame-v0` | a shear frame under ground motions (`FrameEnv`) |
 | `mrdamp/Cable-v0` | a stay cable under wind (`CableEnv`) |
 
-`gymnasium.make("mrdamp.envs:mrdamp/Frame-v0")` imports this module by itself. The same structures for a controller,
-without rewards and episodes: `FramePlant`, `CablePlant`. Vector environments: `mrdamp.envs.vector`, and for
-stable-baselines3 `mrdamp.envs.sb3`.
+`import mrdamp` registers both ids; `gymnasium.make("mrdamp:mrdamp/Frame-v0")` needs no import. The same structures for
+a controller, without rewards and episodes: `FramePlant`, `CablePlant`. Vector environments: `mrdamp.envs.vector`, and
+for stable-baselines3 `mrdamp.envs.sb3`.
 """
 
 from __future__ import annotations
-
-import gymnasium
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.cable import CableEnv
@@ -24,8 +22,10 @@ from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
 from mrdamp.envs.plant import FramePlant, Plant, default_damper
 from mrdamp.envs.reward import FrameReward
+from mrdamp.registration import ENVIRONMENTS, register
 
 __all__ = [
+    "ENVIRONMENTS",
     "AmbientLoads",
     "CableEnv",
     "CableLoad",
@@ -44,20 +44,7 @@ __all__ = [
     "WindLoads",
     "cable_damper",
     "default_damper",
+    "register",
 ]
-
-#: id -> class of the environment, class of the vector environment.
-ENVIRONMENTS = {
-    "mrdamp/Frame-v0": ("mrdamp.envs.frame:FrameEnv", "mrdamp.envs.vector:FrameVectorEnv"),
-    "mrdamp/Cable-v0": ("mrdamp.envs.cable:CableEnv", "mrdamp.envs.vector:CableVectorEnv"),
-}
-
-
-def register() -> None:
-    """Makes the environments known to `gymnasium.make`; safe to call again."""
-    for name, (single, vector) in ENVIRONMENTS.items():
-        if name not in gymnasium.registry:
-            gymnasium.register(name, entry_point=single, vector_entry_point=vector)
-
 
 register()

@@ -8,7 +8,7 @@ import pytest
 from benchmarks import fits
 from mrdamp.identify import simulate
 from mrdamp.model import Model
-from mrdamp.narx.stretches import cut_varying
+from mrdamp.narx.splits import cut_varying
 from mrdamp.records import Record, embedded
 
 PARAMETERS = {"c0a": 900.0, "c0b": 500.0, "alpha_a": 300.0, "alpha_b": 450.0, "k0": 0.0, "k1": 0.0, "x0": 0.0,

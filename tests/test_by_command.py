@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp.by_command import constant_groups, identify_by_command
 from mrdamp.errors import InputError
+from mrdamp.identify.by_command import constant_groups, identify_by_command
 from mrdamp.pictures.identification import parameter_lines
 from sine_records import bingham_record, grid, straight, viscous
 

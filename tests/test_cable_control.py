@@ -17,7 +17,7 @@ from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
 from mrdamp.control.cable import cable_clipped_optimal, cable_outputs, cable_plant, make
 from mrdamp.control.clipped_optimal import OptimalForce
-from mrdamp.control.following import ForceController
+from mrdamp.control.force_control import ForceController
 from mrdamp.control.lqg import kalman_gain
 from mrdamp.control.lyapunov import BangBang
 from mrdamp.control.taut_cable import TENSION, TautCable, semi_active

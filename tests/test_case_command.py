@@ -9,8 +9,8 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.files import write_atomic
-from mrdamp.record_csv import render
 from mrdamp.records import embedded
+from mrdamp.records.csv_file import render
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp.comparison import paper_network, table_1
 from mrdamp.errors import InputError
+from mrdamp.identify.comparison import paper_network, table_1
 from mrdamp.records import RecordSet
 from sine_records import grid, straight
 

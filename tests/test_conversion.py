@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mrdamp.cli import main
-from mrdamp.conversion import Converted, column, convert
 from mrdamp.errors import InputError
 from mrdamp.records import read_record
+from mrdamp.records.conversion import Converted, column, convert
 
 COLUMNS = ("time_s=t [ms]:ms", "displacement_m=LVDT:mm", "command=I coil:mA", "force_N=-Load:kN")
 WAVE = 2 * np.pi * 2.0

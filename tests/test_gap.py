@@ -17,9 +17,9 @@ from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.errors import InputError
 from mrdamp.gap import real
 from mrdamp.gap.closed_loop import write_case
-from mrdamp.gap.desk import Desk, folded, nominal_frame
 from mrdamp.gap.learned import Learning, straightened
 from mrdamp.gap.page import gap_rows, page, score_rows, ways
+from mrdamp.gap.scenario import Scenario, folded, nominal_frame
 from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
 from mrdamp.model import Effect
 from mrdamp.motions import GroundMotion
@@ -228,14 +228,14 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
 def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
-    def once(desk: object, cause: str, *rest: object) -> Row:
+    def once(scenario: object, cause: str, *rest: object) -> Row:
         made.append(cause)
         return row(cause, (cause,), retuned=0.5)
 
     monkeypatch.setattr(
         sys.modules["mrdamp.gap.study"], "_row", once
     )  # the package calls its function so too
-    monkeypatch.setattr(Desk, "tune", lambda desk, plants, site, progress=None: Constant(1.0))
+    monkeypatch.setattr(Scenario, "tune", lambda scenario, plants, site, progress=None: Constant(1.0))
     options = Options(effects=("driver_lag", "saturation"), loads=1, draws=1)
     first = study(options, tmp_path)
     assert made == ["driver_lag", "saturation"]

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import welch
 
-from mrdamp import motion_files
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion, embedded_motion, kanai_tajimi, read_motion
+from mrdamp.motions import files as motion_files
 
 QUAKES = Path(__file__).resolve().parents[2] / "shared" / "data" / "earthquakes"
 

@@ -14,8 +14,8 @@ from command_call import caller
 from mrdamp.commands.identify import add_to
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.narx import stretches
-from mrdamp.narx.finished import Finished
+from mrdamp.narx import splits
+from mrdamp.narx.checkpoint import Checkpoint
 from mrdamp.narx.network import Network
 from mrdamp.records import Record, RecordSet, embedded
 from mrdamp.stepping import drive_rig
@@ -126,20 +126,20 @@ def test_protocol_of_varying_command(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_protocols_take_the_records_that_they_say() -> None:
-    half = stretches.constant_command(embedded(), 0.5)
+    half = splits.constant_command(embedded(), 0.5)
     assert {s.name for s in half.train} == {"sine_5.0Hz_5.0mm_0.50A", "triangle_1.0Hz_5.0mm_0.50A"}
     assert {s.name for s in half.validation} == {"sine_2.5Hz_1.0mm_0.50A", "triangle_2.5Hz_5.0mm_0.50A"}
     assert (half.channels, half.lags, half.units) == ("vF", 4, (9,))
-    whole = stretches.of_records(embedded())
+    whole = splits.of_records(embedded())
     assert (whole.channels, whole.lags, whole.units) == ("viF", 4, (20,))
     cases: tuple[tuple[Callable[[], object], str], ...] = (
         (
-            lambda: stretches.constant_command(embedded(), 0.6),
+            lambda: splits.constant_command(embedded(), 0.6),
             "no training record at the constant command 0.6",
         ),
-        (lambda: stretches.varying_command(embedded(), "sine_2.5Hz_5.0mm_0.00A"), "the command never varies"),
+        (lambda: splits.varying_command(embedded(), "sine_2.5Hz_5.0mm_0.00A"), "the command never varies"),
         (
-            lambda: stretches.varying_command(embedded(), counts=(90000, 9, 9)),
+            lambda: splits.varying_command(embedded(), counts=(90000, 9, 9)),
             "are too few for 90018 samples",
         ),
     )
@@ -174,16 +174,16 @@ def test_two_jobs_find_the_same_and_a_broken_search_goes_on(tmp_path: Path) -> N
     run(*call, "-o", one)
     puts: list[str] = []
     most = 5
-    keep = Finished.put
+    keep = Checkpoint.put
 
-    def put(self: Finished, name: str, result: Mapping[str, Any]) -> None:
+    def put(self: Checkpoint, name: str, result: Mapping[str, Any]) -> None:
         if len(puts) == most:
             raise KeyboardInterrupt
         puts.append(name)
         keep(self, name, result)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Finished, "put", put)
+        patch.setattr(Checkpoint, "put", put)
         with pytest.raises(KeyboardInterrupt):
             run(*call, "-o", two)
         assert not two.exists()
@@ -241,7 +241,7 @@ def test_score_at_the_records_own_rate() -> None:
     """A record at half the network's rate counts as the plugin steps it, not as it was resampled."""
     fine = as_record(600, 1, "a")
     slow = fine.resample(4e-3)
-    parts = stretches.of_records(RecordSet("two", (fine,), (slow,)), 2e-3)
+    parts = splits.of_records(RecordSet("two", (fine,), (slow,)), 2e-3)
     assert [s.sample_time for s in parts.validation] == [2e-3]
     assert parts.whole[0].sample_time == 4e-3
     net = small((4,))

@@ -73,10 +73,41 @@ def test_plugin_library_holds_no_path_of_the_build_machine() -> None:
 def test_import_loads_one_engine_and_one_plugin(tmp_path: Path) -> None:
     if not Path("/proc/self/maps").exists():
         pytest.skip("no /proc/self/maps on this system")
-    maps = python("import mrdamp, pathlib; print(pathlib.Path('/proc/self/maps').read_text())", tmp_path)
+    maps = python("import mrdamp, mujoco, pathlib; print(pathlib.Path('/proc/self/maps').read_text())", tmp_path)
     mapped = {Path(line.split()[-1]) for line in maps.splitlines() if ".so" in line}
     assert [path.resolve() for path in mapped if path.name.startswith("libmrdamp")] == [library().resolve()]
     assert len([path for path in mapped if path.name.startswith("libmujoco")]) == 1
+
+
+def test_import_loads_nothing_heavy(tmp_path: Path) -> None:
+    heavy = "{'mujoco', 'numpy', 'scipy', 'gymnasium', 'matplotlib', 'torch', 'rich'}"
+    for name in ("mrdamp", "mrdamp.cli"):
+        assert python(f"import {name}, sys; print(sorted({heavy} & set(sys.modules)))", tmp_path) == "[]"
+
+
+@pytest.mark.parametrize("first", ["mrdamp, gymnasium", "gymnasium, mrdamp", "gymnasium, mrdamp.cli, mujoco"])
+def test_import_of_the_package_registers_the_environments(tmp_path: Path, first: str) -> None:
+    code = (
+        f"import {first}\n"
+        "for name in ('mrdamp/Frame-v0', 'mrdamp/Cable-v0'):\n"
+        "    env = gymnasium.make(name)\n"
+        "    env.reset(seed=1)\n"
+        "    print(env.spec.id)"
+    )
+    assert python(code, tmp_path).split() == ["mrdamp/Frame-v0", "mrdamp/Cable-v0"]
+
+
+def test_environments_need_no_import_with_the_package_in_the_id(tmp_path: Path) -> None:
+    assert python("import gymnasium as g; print(g.make('mrdamp:mrdamp/Frame-v0').spec.id)", tmp_path)
+
+
+def test_modules_that_are_waited_for_keep_their_own_loaders(tmp_path: Path) -> None:
+    code = (
+        "import mrdamp, sys, gymnasium, mujoco\n"
+        "print(*(type(m.__spec__.loader).__name__ + type(m.__loader__).__name__ for m in (gymnasium, mujoco)))\n"
+        "print(any(type(f).__module__ == 'mrdamp.on_import' for f in sys.meta_path))"
+    )
+    assert python(code, tmp_path).split() == ["SourceFileLoaderSourceFileLoader"] * 2 + ["False"]
 
 
 @pytest.mark.parametrize("first", ["mrdamp", "mujoco, mrdamp", "mrdamp, mujoco", "mrdamp.cli"])
@@ -92,18 +123,49 @@ def test_import_of_mujoco_alone_registers_the_plugins(tmp_path: Path) -> None:
     assert python(code, tmp_path) == "1"
 
 
-def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path) -> None:
+OTHER_ENGINE = """
+import sys
+sys.path.insert(0, {folder!r})
+{then}
+"""
+
+
+@pytest.mark.parametrize(
+    "then",
+    [
+        "import mujoco, mrdamp",
+        "import mrdamp, mujoco",
+        "import mrdamp.native; mrdamp.native.library()",
+        "import mrdamp; mrdamp.load_plugin()",
+    ],
+)
+def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path, then: str) -> None:
     (tmp_path / "mujoco").mkdir()
     (tmp_path / "mujoco" / "__init__.py").write_text("__version__ = '3.3.0'\n")
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import mrdamp"],
+        [sys.executable, "-c", OTHER_ENGINE.format(folder=str(tmp_path), then=then)],
         cwd=tmp_path, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode != 0
     last = done.stderr.splitlines()[-1]
-    assert last.startswith("ImportError: ")
+    assert last.startswith("mrdamp.errors.EngineError: ")
     assert "3.3.0" in last
     assert "pip install mujoco==4.0.0" in last
+
+
+def test_a_command_says_in_one_line_that_the_mujoco_is_another(tmp_path: Path) -> None:
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text("__version__ = '3.3.0'\n")
+    then = "from mrdamp.cli import main; sys.exit(main(['mjcf', 'dyke1996_3kN', '-o', 'rig']))"
+    done = subprocess.run(
+        [sys.executable, "-c", OTHER_ENGINE.format(folder=str(tmp_path), then=then)],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr == (
+        "mrdamp: mrdamp needs MuJoCo 4.0.0, but 3.3.0 is installed: pip install mujoco==4.0.0\n"
+    )
 
 
 def test_spawned_worker_imports(tmp_path: Path) -> None:

@@ -16,10 +16,10 @@ from mrdamp import stepping
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, ideal_active, registry, skyhook
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
-from mrdamp.control.following import Direct, Modulated, OnOff, Tracking
-from mrdamp.control.held import Held
+from mrdamp.control.force_control import Direct, Modulated, OnOff, Tracking
 from mrdamp.control.lyapunov import BangBang, lyapunov, lyapunov_matrix, max_dissipation
 from mrdamp.control.plant import outputs, plant
+from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame, dyke1996
@@ -181,14 +181,14 @@ def test_tracking_hands_the_wanted_force_to_the_inverse() -> None:
 
 def test_a_held_controller_is_asked_at_its_own_period() -> None:
     inner = Script(2.0, period=5e-3)
-    held = Held(inner, 5)
+    held = ZeroOrderHold(inner, 5)
     assert held.period == pytest.approx(1e-3)
     held.reset()
     commands = [held.command(k * 1e-3, {"force": float(k)}) for k in range(11)]
     assert [y["force"] for y in inner.seen] == [0.0, 5.0, 10.0]
     assert commands[5:10] == [pytest.approx(2.0 * math.sin(60 * 5e-3))] * 5
     with pytest.raises(InputError, match="held over 0"):
-        Held(inner, 0)
+        ZeroOrderHold(inner, 0)
 
 
 @pytest.mark.parametrize("floors", [(0, 1), (1, 2), (3, 1)])

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mrdamp.cli import main
-from mrdamp.control.following import ForceController
+from mrdamp.control.force_control import ForceController
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.policy import Policy

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from mrdamp import sets
-from mrdamp.control.following import ForceController
+from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import Observer
 from mrdamp.control.plant import Plant
 from mrdamp.envs.cable_loads import AmbientLoads

@@ -97,13 +97,13 @@ def _constant(command: float, text: str, *smaller: Row) -> Table:
 
 _EMBEDDED = Page(
     "Embedded records",
-    "Seventeen tests of a made-up damper whose physics is not the package's"
-    " (`src/mrdamp/data/embedded/README.md`). No folder is needed.",
+    "Seventeen tests of a simulated damper that shares no physics with the package "
+    "(`src/mrdamp/data/embedded/README.md`). The records come with the package.",
     (
         Table(
             "Whole records",
-            "Fitted to the nine records of `train/`, judged on the eight of `validation/`: other amplitudes,"
-            " frequencies, currents and forms.",
+            "Fitted to the nine records of `train/`, judged on the eight of `validation/`, which have "
+            "other amplitudes, frequencies, currents and waveforms.",
             (
                 *_laws(_NONE),
                 Row("modified Bouc-Wen with effects", "effects", ("--law", "modified_bouc_wen", *_EFFECTS)),
@@ -112,9 +112,10 @@ _EMBEDDED = Page(
         ),
         Table(
             "Varying current, 4000:2000:1500 samples at 500 Hz",
-            "The self-sensing paper's protocol: 5 Hz, 2.5 mm, random current; training, validation and test cut from"
-            " one record. Held out are the test part and the other records of random current, among them the paper's"
-            " testing sets 1 (1 Hz sine) and 2 (2.5 Hz triangle).",
+            "Protocol of the self-sensing paper: 5 Hz, 2.5 mm, random current. Training, validation and "
+            "test part are cut from one record. The held-out records are the test part and the other "
+            "records of random current, among them the paper's testing sets 1 (1 Hz sine) and 2 (2.5 Hz "
+            "triangle).",
             (
                 Row("modified Bouc-Wen", "cut_plain", ("--law", "modified_bouc_wen", *_CUT)),
                 Row(
@@ -134,13 +135,14 @@ _EMBEDDED = Page(
         ),
         _constant(
             0.0,
-            "2.5 and 5 Hz sines to fit to; held out is one of twice their speed, where every network leaves its"
-            " training range. The paper's with four lags has weights that these sines do not fix, and is behind the"
-            " laws there; one with a single lag has none to spare, and is ahead of them.",
+            "2.5 and 5 Hz sines to fit to. The held-out sine has twice their speed, where every network "
+            "leaves its training range. The paper's network with four lags has weights that these sines do"
+            " not determine, and its error is larger than the laws'. A network with a single lag has no "
+            "such weights, and its error is the smallest.",
             Row("network 4-3-1", "constant_0_small", ("--law", "narx", "--lags", "1", "--hidden", "3")),
         ),
-        _constant(0.5, "A sine and a triangle to fit to, another frequency of each held out."),
-        _constant(1.0, "1 and 2.5 Hz sines to fit to, another frequency and amplitude held out."),
+        _constant(0.5, "Fitted to a sine and a triangle, judged on another frequency of each."),
+        _constant(1.0, "Fitted to 1 and 2.5 Hz sines, judged on another frequency and amplitude."),
     ),
     ("cut_narx", "cut_chosen"),
     (
@@ -152,23 +154,24 @@ _EMBEDDED = Page(
 
 _UTFSM = Page(
     "UTFSM press",
-    "MR damper of about 1.6 kN at 1 A on a servo-hydraulic press, 2022, MIT licence, in"
-    " github.com/DanielMaurelE/vRTHS_AMBC_MRdamper. Trained on sines (25 mm 0.5 Hz, 10 mm 2 Hz, 5 mm 3 Hz; 0, .25, .5,"
-    " 1 A), judged on 25 mm 0.25 Hz and on a 2 mm sweep from 0 to 15 Hz of another day.",
+    "MR damper of about 1.6 kN at 1 A on a servo-hydraulic press, 2022, MIT licence, in "
+    "github.com/DanielMaurelE/vRTHS_AMBC_MRdamper. Training: sines (25 mm 0.5 Hz, 10 mm 2 Hz, 5 mm 3 Hz; "
+    "0, .25, .5, 1 A). Held out: 25 mm 0.25 Hz, and a 2 mm sweep from 0 to 15 Hz of another day.",
     (
         Table(
             "Laws and network",
-            "Marks: a quick independent fit, quadratic in the current, judged on other tests of the rig (other"
-            " amplitudes and frequencies) than these, which are not at hand; so no figure here is the mark's own"
-            " protocol, and the nearest to it is one motion left out, below. What stands between is the damper's state"
-            " on the day, not the shape of a law. The sweep of another day is stronger at .5 A than the training day's"
-            " laws by 1.16 to 1.21 in each of its eight inner tenths, slow or fast, up or down, with a force as "
-            "large in one direction as in the other (990 N both; the training day's tests differ by 96 to 122 N)."
-            " The slow sines, at half the least training speed, want 1.28, .89, .91 and 1.03 of the modified "
-            "Bouc-Wen law's force at 0, .25, .5 and 1 A. With a gain for each record that law's error would be "
-            ".110; with a fit for each current it is .136 (hyperbolic tangent .137). The dependence on the "
-            "current is an S, which `quadratic_saturating` follows: a gain on both halves, far smaller than what "
-            "the day takes.",
+            "All laws miss their marks on these held-out records. The marks come from a quick independent "
+            "fit, quadratic in the current, that was judged on other tests of the rig, which are not "
+            "available. The nearest protocol here leaves one motion out (next table). The gap to the marks"
+            " comes from the state of the damper on the day and not from the form of a law. The sweep of "
+            "another day is stronger at .5 A than the laws of the training day by 1.16 to 1.21, in each of"
+            " its eight inner tenths, at any speed. Its force is as large in one direction as in the other"
+            " (990 N); the training day's tests differ by 96 to 122 N. The slow sines, at half the least "
+            "training speed, need 1.28, .89, .91 and 1.03 of the modified Bouc-Wen law's force at 0, .25, "
+            ".5 and 1 A. With a gain for each record that law's error would be .110. With a fit for each "
+            "current it is .136 (hyperbolic tangent .137). The force follows the current in an S, which "
+            "`quadratic_saturating` can follow. It lowers the error on both halves, by far less than the "
+            "state of the day raises it.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -200,17 +203,18 @@ _UTFSM = Page(
 
 _UTFPR = Page(
     "UTFPR sine rig",
-    "MR damper RD-8041 on a motor-driven sine rig, 2020, MIT licence, doi 10.5281/zenodo.4445334 (A. N. Vargas). Sines"
-    " of 3.6 to 20 mm at .46 to 1.5 Hz and four coil voltages; the current is inferred.",
+    "MR damper RD-8041 on a motor-driven sine rig, 2020, MIT licence, doi 10.5281/zenodo.4445334 (A. N. "
+    "Vargas). Sines of 3.6 to 20 mm at .46 to 1.5 Hz and four coil voltages. The current is inferred.",
     (
         Table(
             "As recorded",
-            "The tests at 0 V named 50Hz carry 50 to 100 um of noise in the displacement, ten times the others', as"
-            " from a clock that jitters. A law answers that with its damping and stiffness, and the hyperbolic"
-            " tangent most. So the errors stand here with and without them. The plain Bouc-Wen law's error is the"
-            " law's own: its loop is rounded over a displacement, this damper's over a velocity. One fit per voltage"
-            " has .157 without 50Hz. At 3.21 V, in bounds ten times wider, each of the eight best of 150 starts ends in"
-            " the same optimum, .149 on the training records (the hyperbolic tangent's held-out ones: .054 to .070).",
+            "The errors stand here with and without the tests at 0 V named 50Hz. Their displacement "
+            "carries 50 to 100 um of noise, ten times that of the others, as a clock with jitter gives it."
+            " A law turns this noise into force through its damping and stiffness, the hyperbolic tangent "
+            "most. The plain Bouc-Wen law's error is the limit of the law: its loop is rounded over a "
+            "displacement, this damper's over a velocity. One fit per voltage has .157 without 50Hz. At "
+            "3.21 V, in bounds ten times wider, each of the eight best of 150 starts ends in the same "
+            "optimum, .149 on the training records (the hyperbolic tangent's held-out ones: .054 to .070).",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -234,7 +238,7 @@ _UTFPR = Page(
         ),
         Table(
             "Displacement low-passed at 8 Hz",
-            "The motions end at 1.5 Hz. The same marks.",
+            "The motions end at 1.5 Hz. The marks are the same.",
             _laws((0.24, 0.12, 0.13, 0.09), "--starts", "2", suffix="_8Hz"),
             cutoff=8.0,
             without="50Hz",
@@ -246,16 +250,16 @@ _UTFPR = Page(
 
 _NEES = Page(
     "NEES prototype",
-    "Lord's 3 kN prototype, S. Dyke, 1994-96, doi 10.4231/D3V11VM6X (NEES-2012-1158; its licence is not verified, so"
-    " the records are not redistributed). Random displacement to 50 Hz, random two-level voltage, 3004.8 Hz. Three"
-    " records to train on, one held out.",
+    "Lord's 3 kN prototype, S. Dyke, 1994-96, doi 10.4231/D3V11VM6X (NEES-2012-1158). Its licence is not "
+    "verified, so the records are not redistributed. Random displacement to 50 Hz, random two-level "
+    "voltage, 3004.8 Hz. Three training records, one held out.",
     (
         Table(
             "Plain laws",
-            "Without any effect. The modified Bouc-Wen law has a preload of its own, k1 x0, which is not searched, as"
-            " it is the same as the force's offset; the last row has it, and is quadratic in the command as the marks"
-            " are."
-            " Without it that dependence and more starts change nothing (.353): k0 and k1 end at zero.",
+            "Laws without effects. The modified Bouc-Wen law has a preload k1 x0. It is not searched, as "
+            "the offset of the force is the same parameter. The last row has it and is quadratic in the "
+            "command, as the marks are. Without the preload that dependence and more starts change nothing"
+            " (.353): k0 and k1 end at zero.",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -268,11 +272,12 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "Offset, stiffness of the accumulator and lag of the command are fitted along, and in one row the"
-            " displacement's delay against the force. The network, at 300 Hz,"
-            " reads velocities that are low-passed with its rate; at 3 kHz the measured displacement's noise, mains"
-            " lines among it, stands in them in full. So all are judged at 300 Hz too, on the same low-passed channels."
-            " Mark of the network: an independent quick one at 300 Hz.",
+            "Offset, stiffness of the accumulator and lag of the command are fitted with the law; in one "
+            "row the delay of the displacement against the force as well. The network runs at 300 Hz and "
+            "reads velocities that are low-passed for that rate. At 3 kHz the velocities hold all the "
+            "noise of the measured displacement, mains lines among it. So all models are judged at 300 Hz "
+            "too, on the same low-passed channels. Mark of the network: an independent quick one at 300 "
+            "Hz.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),

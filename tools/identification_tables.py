@@ -23,13 +23,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from mrdamp.cli import main as mrdamp
-from mrdamp.comparison import row_of
 from mrdamp.identify import error, identify, pooled, simulate
+from mrdamp.identify.comparison import row_of
 from mrdamp.model import Model
 from mrdamp.narx.data import series
 from mrdamp.narx.judge import one_step_error
 from mrdamp.narx.network import Network
-from mrdamp.narx.stretches import at_constant_command, cut_varying
+from mrdamp.narx.splits import at_constant_command, cut_varying
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet, embedded, read_records
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.files import write_atomic
-from mrdamp.record_csv import render
+from mrdamp.records.csv_file import render
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from mrdamp.cli import main as mrdamp
 from mrdamp.files import write_atomic
 from mrdamp.identify import identify
 from mrdamp.model import Model
-from mrdamp.record_csv import render
 from mrdamp.records import Record, RecordSet, embedded, read_records
+from mrdamp.records.csv_file import render
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "diagnosis" / "measured.json"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.clipped_optimal import OptimalForce
-from mrdamp.control.following import ForceController
+from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import LinearFilter, Observer
 from mrdamp.errors import InputError
 from mrdamp.train.worlds import Stage, World

@@ -19,8 +19,8 @@ from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 from mrdamp.norms import delta_1, delta_2
 from mrdamp.record_checks import clipped
-from mrdamp.record_csv import numbers
 from mrdamp.records import Record
+from mrdamp.records.csv_file import numbers
 
 COLUMNS = ("time_s", "reference_force_N", "charge_pC")
 CUTOFF = 20.0  # Hz, the paper's elliptic low-pass

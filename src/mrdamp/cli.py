@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from mrdamp import __version__
 from mrdamp.commands import (
     Run,
     add_command,
@@ -28,7 +29,7 @@ from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
 from mrdamp.commands.models import named_model
 from mrdamp.commands.output import progress_bar
-from mrdamp.errors import InputError
+from mrdamp.errors import EngineError, InputError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -39,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = run(arguments)
         sys.stdout.flush()
         return code
-    except InputError as error:
+    except (InputError, EngineError) as error:
         print(f"mrdamp: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -50,13 +51,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 141
 
 
+class _Version(argparse.Action):
+    """`--version`, which reads the package's metadata only when it is asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, default=argparse.SUPPRESS, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from mrdamp import __version__
+
+        print(f"mrdamp {__version__}")
+        parser.exit()
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The whole command line, as completion and the reference see it too."""
     parser = argparse.ArgumentParser(
         prog="mrdamp",
         description="Magnetorheological dampers for MuJoCo, from measured record to controlled structure.",
     )
-    parser.add_argument("--version", action="version", version=f"mrdamp {__version__}")
+    parser.add_argument("--version", action=_Version, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
@@ -116,11 +130,13 @@ def build_parser() -> argparse.ArgumentParser:
     datasets.add_to(commands)
     citation.add_to(commands)
     add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
-    completion.add_to(commands)
+    completion.add_to(commands, parser)
     return parser
 
 
 def _demo(a: argparse.Namespace) -> int:
+    if "MUJOCO_GL" not in os.environ and not _has_display():
+        os.environ["MUJOCO_GL"] = "egl"  # before MuJoCo is imported; without EGL the page has no moving picture
     from mrdamp.demo import UNCONTROLLED, demo
 
     with progress_bar() as progress:
@@ -158,37 +174,42 @@ def _mjcf(a: argparse.Namespace) -> int:
 
 
 def _view(a: argparse.Namespace) -> int:
-    import mujoco.viewer
-
     from mrdamp import models_xml
-    from mrdamp.mjcf import mjcf
+    from mrdamp.mjcf import write_mjcf
 
     if a.model in models_xml.names():
-        path = models_xml.path(a.model, "scene.xml")
-    elif a.model.endswith(".xml"):
+        return _launch(models_xml.path(a.model, "scene.xml"))
+    if a.model.endswith(".xml"):
         path = Path(a.model)
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-    else:
-        return _launch(mujoco.MjModel.from_xml_string(mjcf(named_model(a.model))))
+        return _launch(path)
+    with tempfile.TemporaryDirectory() as folder:
+        return _launch(write_mjcf(named_model(a.model), Path(folder) / "model"))
+
+
+def _has_display() -> bool:
+    return not sys.platform.startswith("linux") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+
+
+def _launch(path: Path) -> int:
+    """Opens MuJoCo's viewer on a file: only then does it aim its camera at the model."""
+    import mujoco
+
     try:
-        return _launch(mujoco.MjModel.from_xml_path(str(path)))
+        mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
-
-
-def _launch(model: object) -> int:
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    if not _has_display():
         raise InputError(
             "the viewer needs a display, and DISPLAY is not set; mujoco.Renderer draws without one"
         )
-    import mujoco
     import mujoco.viewer
 
     try:
-        mujoco.viewer.launch(model)
+        mujoco.viewer.launch_from_path(str(path))
     except (mujoco.FatalError, RuntimeError) as error:
         raise InputError(f"the viewer needs a display: {str(error).splitlines()[0]}") from None
     return 0

@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from mrdamp import identify as identification
 from mrdamp import laws, pictures
+from mrdamp.animation import Animation, Clip, animate
 from mrdamp.control import clipped_optimal, force_tracking, passive_off, passive_on
 from mrdamp.control.base import Controller
 from mrdamp.control.registry import balanced
 from mrdamp.criteria import Criteria, evaluate
+from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.identify import Fit, RecordError, identify, simulate
+from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
 from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, embedded_motion, read_motion
 from mrdamp.pictures import LoopData
+from mrdamp.record_checks import check_explained
 from mrdamp.records import Record, RecordSet, embedded, read_records
 from mrdamp.report import Page
 from mrdamp.stepping import FrameRun, run_frame
@@ -36,6 +39,10 @@ TIME_COMPRESSION = 5.0
 UNCONTROLLED = "no damper"
 #: Drifts against accelerations in what force tracking regulates, and the price of its force (N^-2).
 BALANCE, FORCE_PRICE = 100.0, 1e-6
+#: Fewer and smaller pictures than the README's: drawing them takes 3 s without a graphics card.
+CLIP = Clip(size=(240, 380), count=40, slower=8.0, rate=16.0)
+#: 1/s; a command with more full swings than twice the frame's highest natural frequency (23 Hz) is a switching one.
+SWITCHING = 46.0
 
 Progress = Callable[[str, float], None]
 
@@ -75,6 +82,7 @@ def demo(
             progress(what, share)
 
     fit = _fit(out, records, law, seed, lambda what, share: tell(f"identify: {what}", 0.65 * share))
+    check_explained(records.train, fit.train_nrmse)
     fit.model.write(out / "model.json")
     frame_model = replace(
         fit.model, rig="frame", structure=dyke1996(), name=f"{records.name} damper in the frame"
@@ -87,10 +95,22 @@ def demo(
         name: evaluate(structure, r.time, r.drift, r.acceleration, r.force, None, r.command, None)
         for name, r in runs.items()
     }
+    best = min((c for c in criteria if c != UNCONTROLLED), key=lambda c: criteria[c].peak_drift.max())
+    tell("drawing the frame", 0.9)
+    drawn = _drawn(frame_model, runs, best)
     tell("page", 0.95)
-    page = _page(out, records, fit, ground, runs, criteria)
+    page = _page(out, records, fit, ground, runs, criteria, best, drawn)
     tell("done", 1.0)
     return DemoResult(records, fit, runs, criteria, page)
+
+
+def _drawn(model: Model, runs: dict[str, FrameRun], best: str) -> Animation | None:
+    """The frame in motion; None on a machine that has no renderer."""
+    try:
+        names, command_max = (UNCONTROLLED, best), model.parameters.get("command_max", 1.0)
+        return animate(model, [runs[name] for name in names], names, command_max, CLIP)
+    except InputError:
+        return None
 
 
 def command_unit(records: RecordSet) -> str:
@@ -113,7 +133,7 @@ def _runs(damper: Model, model: Model, ground: GroundMotion, tell: Progress) -> 
     }
     runs = {}
     for count, (name, controller) in enumerate(controllers.items()):
-        tell(f"frame: {name}", 0.65 + 0.3 * count / len(controllers))
+        tell(f"frame: {name}", 0.65 + 0.25 * count / len(controllers))
         runs[name] = run_frame(model, ground, controller)
     return runs
 
@@ -122,7 +142,7 @@ def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress)
     """The fit, or the one that an earlier run of the same job left in `out`."""
     digest = hashlib.sha256(f"{law} {seed} {EXTRAS}".encode())
     # Another version of the fit or of the chain is another job.
-    for source in (identification.__file__, laws.__file__, library_path()):
+    for source in (fit_module.__file__, laws.__file__, library_path()):
         digest.update(Path(source).read_bytes())
     for record in records.records:
         for name, values in record.channels.items():
@@ -184,10 +204,11 @@ def _page(
     ground: GroundMotion,
     runs: dict[str, FrameRun],
     criteria: dict[str, Criteria],
+    best: str,
+    drawn: Animation | None,
 ) -> Path:
     unit = command_unit(records)
     base = criteria[UNCONTROLLED]
-    best = min((c for c in criteria if c != UNCONTROLLED), key=lambda c: criteria[c].peak_drift.max())
     summary = (
         f"A {fit.model.law} damper fitted to {len(records.train)} records of `{records.name}` runs freely over "
         f"{len(records.validation)} others with an error of {fit.held_out_nrmse:.1%} of the force's standard "
@@ -196,41 +217,6 @@ def _page(
         f"{criteria[best].peak_drift.max() / base.peak_drift.max():.0%} of the frame without a damper."
     )
     page = Page(f"mrdamp: {records.name}", summary, footer="Made by `mrdamp demo`.")
-    of = {e.record: e.nrmse for e in fit.held_out}
-    loops = [
-        _loop(fit.model, record, f"held out, error {of[record.name]:.3f}", unit)
-        for record in _shown(fit, records)
-    ]
-    page.figure(
-        "The damper, measured and simulated",
-        pictures.loops(loops),
-        "Records that nothing was fitted to: the worst, the best and some between.",
-        "Hysteresis loops of force over displacement and over velocity, measured and simulated.",
-    )
-    page.figure(
-        "", pictures.histories(loops), "The same over time, with what is left below.", "Force over time."
-    )
-    rows = [
-        (e.record, half, e.rmse, 100 * e.nrmse)
-        for half, errors in (("fitted", fit.train), ("held out", fit.held_out))
-        for e in errors
-    ]
-    page.figure(
-        "Errors by record",
-        pictures.error_bars(
-            [r[0] for r in rows], [r[3] / 100 for r in rows], [r[1] == "held out" for r in rows]
-        ),
-        f"Free-run error. Pooled: {fit.train_nrmse:.3f} on the fitted records, {fit.held_out_nrmse:.3f} on the others.",
-        "Bars of the free-run error of each record.",
-    )
-    page.table("", ("record", "", "RMS error (N)", "of the force's standard deviation (%)"), rows)
-    attributes = fit.model.attributes
-    page.table(
-        "Parameters",
-        ("attribute", "value"),
-        [(k, f"{v:.6g}") for k, v in attributes.items()],
-        "As in `model.json` and in the MJCF files beside this page.",
-    )
     compare = [
         (
             name,
@@ -254,18 +240,96 @@ def _page(
         f"mean command ({unit})",
         "energy in the damper (J)",
     )
+    heading = "The frame under an earthquake"
+    if drawn:
+        page.animation(
+            heading,
+            drawn,
+            f"Left without a damper, right with the fitted damper under {best}. Drifts {CLIP.exaggeration:g} times as "
+            f"large as they are, time {CLIP.slower:g} times as slow. The damper's colour is its current, from none "
+            "(blue) to the largest (orange).",
+            f"Two three-storey frames that sway: one without a damper, one under {best}.",
+        )
     page.table(
-        "The frame under an earthquake",
+        "" if drawn else heading,
         columns,
         compare,
         f"Ground motion: {ground.name}, peak {ground.pga:.2f} m/s2, at {TIME_COMPRESSION:g} times its speed. "
         "Frame of Dyke et al. (1996), damper under the first floor, stepped by MuJoCo.",
     )
+    if remarks := accelerated(criteria):
+        page.text("", remarks)
     _frame_pictures(page, ground, runs, criteria, unit)
+    of = {e.record: e.nrmse for e in fit.held_out}
+    loops = [
+        _loop(fit.model, record, f"held out, error {of[record.name]:.3f}", unit)
+        for record in _shown(fit, records)
+    ]
+    page.figure(
+        "The damper, measured and simulated",
+        pictures.loops(loops),
+        "Held-out records: the largest error, the smallest and two between.",
+        "Hysteresis loops of force over displacement and over velocity, measured and simulated.",
+    )
+    page.figure(
+        "", pictures.histories(loops), "The same over time, with the residual below.", "Force over time."
+    )
+    rows = [
+        (e.record, half, e.rmse, 100 * e.nrmse)
+        for half, errors in (("fitted", fit.train), ("held out", fit.held_out))
+        for e in errors
+    ]
+    page.figure(
+        "Errors by record",
+        pictures.error_bars(
+            [r[0] for r in rows], [r[3] / 100 for r in rows], [r[1] == "held out" for r in rows]
+        ),
+        f"Free-run error. Pooled: {fit.train_nrmse:.3f} on the fitted records, {fit.held_out_nrmse:.3f} on the others.",
+        "Bars of the free-run error of each record.",
+    )
+    page.table("", ("record", "", "RMS error (N)", "of the force's standard deviation (%)"), rows)
+    attributes = fit.model.attributes
+    page.table(
+        "Parameters",
+        ("attribute", "value"),
+        [(k, f"{v:.6g}") for k, v in attributes.items()],
+        "As in `model.json` and in the MJCF files beside this page.",
+    )
     _tables(out, rows, columns, compare)
     path = out / "index.html"
     page.write(path)
     return path
+
+
+def accelerated(criteria: Mapping[str, Criteria]) -> list[str]:
+    """A sentence for each controller with a peak acceleration above that of the frame without a damper: what causes it.
+
+    The damper is under the first floor.
+    """
+    base = criteria[UNCONTROLLED]
+    free, out = float(base.peak_acceleration.max()), []
+    for name, c in criteria.items():
+        peak, floor = float(c.peak_acceleration.max()), int(c.peak_acceleration.argmax()) + 1
+        if name == UNCONTROLLED or peak <= free:
+            continue
+        text = (
+            f"{name} has a peak acceleration of {peak:#.3g} m/s2 at floor {floor}, above the {free:#.3g} m/s2 of the "
+            "frame without a damper."
+        )
+        if c.switching_rate > SWITCHING:
+            text += (
+                " It has the published weights and switches the command between zero and its maximum "
+                f"{c.switching_rate:.0f} times a second. Each switch changes the force on floor 1 by up to "
+                f"{c.peak_force:.0f} N within milliseconds."
+            )
+        elif c.peak_drift[0] < base.peak_drift[0] and c.peak_drift[1:].max() > base.peak_drift[1:].max():
+            text += (
+                f" The damper holds storey 1 nearly rigid ({1e3 * c.peak_drift[0]:.2f} mm of drift instead of "
+                f"{1e3 * base.peak_drift[0]:.2f} mm), and the storeys above drift more "
+                f"({1e3 * c.peak_drift[1:].max():.2f} mm instead of {1e3 * base.peak_drift[1:].max():.2f} mm)."
+            )
+        out.append(text)
+    return out
 
 
 def _frame_pictures(

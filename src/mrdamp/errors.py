@@ -12,3 +12,7 @@ class InputError(MrdampError, ValueError):
 
     The text is one line: what is wrong, in which file or attribute, the value found, what is allowed.
     """
+
+
+class EngineError(MrdampError, ImportError):
+    """The installed MuJoCo is not the release that the plugin was built for; the line says how to get that one."""

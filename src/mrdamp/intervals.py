@@ -19,7 +19,7 @@ from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, Problem, shorten, simulate
-from mrdamp.least_squares import bounded_least_squares
+from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.records import Record
 
 _SAMPLES = 24_000

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
+
+from mrdamp.errors import EngineError
 
 MUJOCO_VERSION = "4.0.0"
 
@@ -13,10 +16,8 @@ _loaded = False
 
 def library_path() -> Path:
     """Path of the shared library with the plugin and the C entries; ImportError says how to get it."""
-    import mrdamp
-
     # An editable install keeps the compiled library in site-packages and the Python files where they stand.
-    for folder in mrdamp.__path__:
+    for folder in sys.modules[__name__.partition(".")[0]].__path__:
         path = Path(folder) / "plugin" / "libmrdamp.so"
         if path.is_file():
             return path
@@ -26,7 +27,7 @@ def library_path() -> Path:
 def load_plugin() -> None:
     """Registers `mrdamp.damper` and `mrdamp.force_sensor` with MuJoCo, once a process; safe to call again.
 
-    Raises ImportError where another MuJoCo than the one that the plugin was built for is installed.
+    Raises EngineError, an ImportError, where another MuJoCo than the one that the plugin was built for is installed.
     """
     global _loaded
     import mujoco
@@ -35,7 +36,7 @@ def load_plugin() -> None:
         if _loaded:
             return
         if mujoco.__version__ != MUJOCO_VERSION:
-            raise ImportError(
+            raise EngineError(
                 f"mrdamp needs MuJoCo {MUJOCO_VERSION}, but {mujoco.__version__} is installed: "
                 f"pip install mujoco=={MUJOCO_VERSION}"
             )

@@ -8,7 +8,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from mrdamp.library import library_path
+from mrdamp.library import library_path, load_plugin
 
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
@@ -50,8 +50,8 @@ class Frame(ctypes.Structure):
 
 @functools.cache
 def library() -> ctypes.CDLL:
-    """The shared library of plugin and C entries, loaded once (it needs MuJoCo in the process)."""
-    import mujoco  # noqa: F401  (loads the engine that the library is linked to)
+    """The shared library of plugin and C entries, loaded once. Raises EngineError for another MuJoCo."""
+    load_plugin()  # brings the engine that the library is linked to
 
     lib = ctypes.CDLL(str(library_path()))
     if lib.mrdamp_abi() != _ABI:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.between import between, mended_ends
 from mrdamp.core import Array
 from mrdamp.files import write_atomic
 from mrdamp.logged import (
@@ -24,8 +23,9 @@ from mrdamp.logged import (
     without_waves,
 )
 from mrdamp.model import Model
-from mrdamp.record_csv import render
 from mrdamp.records import Record, read_record
+from mrdamp.records.csv_file import render
+from mrdamp.upsampling import repaired_ends, upsampled
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4
@@ -82,9 +82,9 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     factor = max(1, math.ceil(record.sample_time / _STEP - 1e-9))
     if model.rig == "frame" or model.law == "narx" or factor == 1:
         return 1, record.sample_time, inputs
-    x = mended_ends(inputs["displacement_m"])
+    x = repaired_ends(inputs["displacement_m"])
     command = inputs["command"]
-    fine = between(x, command, record.sample_time, factor, filtered=_filtered(model, command))
+    fine = upsampled(x, command, record.sample_time, factor, filtered=_filtered(model, command))
     moved = {"displacement_m": fine.x, "velocity_m_s": fine.v, "acceleration_m_s2": fine.a, "command": fine.u}
     return factor, fine.sample_time, moved
 

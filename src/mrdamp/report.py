@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jinja2
 import matplotlib
@@ -20,6 +21,9 @@ from PIL import Image
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.pictures.style import DARK, STYLE
+
+if TYPE_CHECKING:
+    from mrdamp.animation import Animation
 
 #: A picture above this many bytes as SVG goes into the page as PNG, with as many dots as stay below it.
 PICTURE_LIMIT = 220_000
@@ -38,6 +42,8 @@ class _Picture:
     height: int
     caption: str
     alt: str
+    still: str = ""  # data URI of a picture for readers who turned motion off
+    photo: bool = False  # keeps its colours on a dark page
 
 
 @dataclass(frozen=True)
@@ -97,14 +103,22 @@ class Page:
 
         Raises InputError where alt is empty.
         """
-        if not alt.strip():
-            raise InputError(f"page: the picture '{caption}' has no alt text")
+        self._check_alt(caption, alt)
         self._pictures += 1
         width, height = (round(72 * inch) for inch in fig.get_size_inches())
         with matplotlib.rc_context(STYLE):
             svg = _svg(fig, f"p{self._pictures}")
             png = _png(fig) if len(svg) > PICTURE_LIMIT else ""
         picture = _Picture(Markup() if png else svg, png, width, height, caption, " ".join(alt.split()))
+        self._add(heading, "figure", picture)
+
+    def animation(self, heading: str, drawn: Animation, caption: str, alt: str) -> None:
+        """An animated picture; readers who turned motion off get its first one. alt: as in `figure`."""
+        self._check_alt(caption, alt)
+        moving, still = (
+            f"data:image/webp;base64,{base64.b64encode(data).decode('ascii')}" for data in (drawn.moving, drawn.still)
+        )
+        picture = _Picture(Markup(), moving, drawn.width, drawn.height, caption, " ".join(alt.split()), still, True)
         self._add(heading, "figure", picture)
 
     def html(self) -> str:
@@ -129,6 +143,11 @@ class Page:
         Raises InputError where the folder is missing or cannot be written.
         """
         write_atomic(Path(path), self.html())
+
+    @staticmethod
+    def _check_alt(caption: str, alt: str) -> None:
+        if not alt.strip():
+            raise InputError(f"page: the picture '{caption}' has no alt text")
 
     def _add(self, heading: str, kind: str, block: object) -> None:
         if heading or not self._sections:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
-from mrdamp.control.base import Controller
 from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.mjcf import FRAME_STEP, RIG_STEP, mjcf
 from mrdamp.model import Model, floor_channels
 from mrdamp.motions import GroundMotion
+
+if TYPE_CHECKING:
+    from mrdamp.control.base import Controller
 
 Progress = Callable[[int], None]
 

@@ -11,8 +11,13 @@ from mrdamp.commands import add_command
 SHELLS = ("bash", "zsh")
 
 
-def add_to(commands: Any) -> None:
-    """Adds completion to the subparsers of an argparse parser."""
+def add_to(commands: Any, parser: argparse.ArgumentParser) -> None:
+    """Adds completion to the subparsers of `parser`, which is the one that the script is made from."""
+
+    def run_completion(a: argparse.Namespace) -> int:
+        print("\n".join(script(parser, a.shell)))
+        return 0
+
     p = add_command(
         commands,
         "completion",
@@ -21,14 +26,6 @@ def add_to(commands: Any) -> None:
         "mrdamp completion bash > ~/.local/share/bash-completion/completions/mrdamp",
     )
     p.add_argument("shell", choices=SHELLS)
-
-
-def run_completion(a: argparse.Namespace) -> int:
-    """Prints the script."""
-    from mrdamp.cli import build_parser
-
-    print("\n".join(script(build_parser(), a.shell)))
-    return 0
 
 
 def script(parser: argparse.ArgumentParser, shell: str) -> Iterator[str]:

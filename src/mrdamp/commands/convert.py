@@ -10,7 +10,7 @@ from mrdamp.commands import add_command
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from mrdamp.conversion import Converted
+    from mrdamp.records.conversion import Converted
 
 
 def add_to(commands: Any) -> None:
@@ -41,7 +41,7 @@ def add_to(commands: Any) -> None:
 
 def run_convert(a: argparse.Namespace) -> int:
     """Converts all files, then writes them, and prints the range of each channel."""
-    from mrdamp.conversion import column, convert
+    from mrdamp.records.conversion import column, convert
 
     columns = [column(text) for text in a.columns]
     found = [convert(path, columns, a.rate) for path in a.files]

@@ -41,7 +41,7 @@ def run_diagnose(a: argparse.Namespace) -> int:
     from mrdamp.diagnosis.report.sentence import table
     from mrdamp.diagnosis.run import diagnose
     from mrdamp.files import write_atomic
-    from mrdamp.record_csv import render
+    from mrdamp.records.csv_file import render
 
     if a.jobs is not None and a.jobs < 1:
         raise InputError(f"--jobs is {a.jobs}; at least 1")

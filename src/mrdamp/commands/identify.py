@@ -20,8 +20,8 @@ from mrdamp.commands.output import check_file, check_picture, progress_bar, save
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from mrdamp.comparison import RecordNorms
     from mrdamp.identify import Fit, RecordError
+    from mrdamp.identify.comparison import RecordNorms
     from mrdamp.intervals import ChannelFinding, Interval
     from mrdamp.records import Record, RecordSet
 
@@ -149,9 +149,10 @@ def run_identify(a: argparse.Namespace) -> int:
 
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
-    from mrdamp.comparison import loops_of
     from mrdamp.identify import compare_dependences, identify
+    from mrdamp.identify.comparison import loops_of
     from mrdamp.intervals import channel_findings
+    from mrdamp.record_checks import check_explained, unexplained
 
     if a.law == "narx":
         for flag, value in (
@@ -181,11 +182,16 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         fit = fits[chosen]
     else:
         fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
+    check_explained(records.train, fit.train_nrmse)
     fit.model.write(a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
-    print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
-    _errors(fit.train, "fitted")
-    _errors(fit.held_out, "held out")
+    if said := unexplained(records.validation, fit.held_out_nrmse):
+        print(f"  fitted records {fit.train_nrmse:.3f}; the held-out records do not judge it:")
+        print(f"  {said}")
+    else:
+        print(f"  fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
+        _errors(fit.train, "fitted")
+        _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
     _found(fit, left, records.train)
     rows = _intervals(a, fit, records) if a.intervals else ()
@@ -206,8 +212,8 @@ def run_table1(a: argparse.Namespace) -> int:
 
 def _table1(a: argparse.Namespace) -> dict[str, Any]:
     """What `--json` prints."""
-    from mrdamp.comparison import paper_network, table_1
     from mrdamp.identify import simulate
+    from mrdamp.identify.comparison import paper_network, table_1
     from mrdamp.model import Model
 
     if a.starts < 1 or a.workers < 1:
@@ -249,8 +255,8 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
 def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     import numpy as np
 
-    from mrdamp.by_command import identify_by_command
     from mrdamp.core import attributes
+    from mrdamp.identify.by_command import identify_by_command
     from mrdamp.pictures.identification import parameter_lines
 
     found = identify_by_command(
@@ -314,7 +320,7 @@ def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Recor
 
 
 def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
-    from mrdamp.comparison import record_errors
+    from mrdamp.identify.comparison import record_errors
     from mrdamp.model import Model
 
     rows = record_errors(Model.read(a.out), records.validation)

@@ -14,9 +14,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mrdamp.by_command import ByCommand
-    from mrdamp.comparison import RecordNorms, Table1
     from mrdamp.identify import Fit, RecordError
+    from mrdamp.identify.by_command import ByCommand
+    from mrdamp.identify.comparison import RecordNorms, Table1
     from mrdamp.intervals import ChannelFinding, Interval
     from mrdamp.narx import Choice, FitNarx, Pruned
     from mrdamp.narx.doubt import Sufficiency

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mrdamp.model import Model
     from mrdamp.narx import Choice, FitNarx, Judged, Network, Pruned
     from mrdamp.narx.doubt import Sufficiency
-    from mrdamp.narx.stretches import Stretches
+    from mrdamp.narx.splits import DataSplit
     from mrdamp.records import RecordSet
 
 Progress = Callable[[str, float], None]
@@ -82,7 +82,7 @@ def add_protocol_options(p: argparse.ArgumentParser) -> None:
 def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
     """The records that a law is fitted to and judged by under the protocol that was asked for."""
     from mrdamp.narx.data import PROTOCOL_TIME
-    from mrdamp.narx.stretches import at_constant_command, cut_varying
+    from mrdamp.narx.splits import at_constant_command, cut_varying
 
     if a.protocol == "records":
         return records
@@ -96,33 +96,33 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
     from mrdamp.narx import lagged, train_narx
     from mrdamp.narx.train import HORIZONS
 
-    stretches = _stretches(a, records)
+    splits = _splits(a, records)
     # What is finished lies beside the model until the model is written: the same command goes on from there.
     cache = Path(f"{a.out}.unfinished")
-    channels, lags, hidden = a.inputs or stretches.channels, a.lags, _hidden(a.hidden) or stretches.units
-    lags = stretches.lags if lags is None else lags
+    channels, lags, hidden = a.inputs or splits.channels, a.lags, _hidden(a.hidden) or splits.units
+    lags = splits.lags if lags is None else lags
     choice = None
     if a.select:
-        choice = _select(a, stretches, cache, progress)
+        choice = _select(a, splits, cache, progress)
         channels, lags, hidden = choice.candidate.channels, choice.candidate.lags, choice.candidate.hidden
     fit = train_narx(
-        stretches.train,
-        stretches.validation,
-        stretches.test,
+        splits.train,
+        splits.validation,
+        splits.test,
         inputs=lagged(channels, lags),
         hidden=hidden,
         initialisations=a.initialisations,
         refined=a.refined,
         horizons=() if a.one_step_only else HORIZONS,
         seed=a.seed,
-        score=stretches.score if stretches.whole else None,
+        score=splits.score if splits.whole else None,
         workers=a.workers,
         cache=cache,
         progress=progress,
     )
     model = _described(fit.model, fit.network, fit)
-    found = _print_fit(fit, stretches, a.protocol)
-    pruned = _prune(a, fit, stretches, progress) if a.prune else None
+    found = _print_fit(fit, splits, a.protocol)
+    pruned = _prune(a, fit, splits, progress) if a.prune else None
     if pruned:
         text = pruned.smallest.to_text()
         model = _described(
@@ -130,14 +130,14 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
         )
     model.write(a.out)
     cache.unlink(missing_ok=True)
-    _pictures(a, records.name, fit, stretches, found, choice, pruned, model)
+    _pictures(a, records.name, fit, splits, found, choice, pruned, model)
     print(f"model: {a.out}")
     return of_network(fit, found, choice, pruned)
 
 
-def _stretches(a: argparse.Namespace, records: RecordSet) -> Stretches:
+def _splits(a: argparse.Namespace, records: RecordSet) -> DataSplit:
     from mrdamp.narx.data import PROTOCOL_TIME
-    from mrdamp.narx.stretches import constant_command, of_records, varying_command
+    from mrdamp.narx.splits import constant_command, of_records, varying_command
 
     if a.protocol == "records":
         return of_records(records, a.sample_time)
@@ -147,7 +147,7 @@ def _stretches(a: argparse.Namespace, records: RecordSet) -> Stretches:
     return varying_command(records, a.record, _counts(a.counts), step)
 
 
-def _select(a: argparse.Namespace, stretches: Stretches, cache: Path, progress: Progress) -> Choice:
+def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Progress) -> Choice:
     from mrdamp.narx import Candidate, select
 
     if a.max_lags < 1 or a.max_units < 1:
@@ -155,8 +155,8 @@ def _select(a: argparse.Namespace, stretches: Stretches, cache: Path, progress: 
     start = Candidate("", 4 if a.lags is None else a.lags, _hidden(a.hidden) or (10,))
     units = sorted({*range(1, min(a.max_units, 10) + 1), *range(10, a.max_units + 1, 5), a.max_units})
     choice = select(
-        stretches.train,
-        stretches.validation,
+        splits.train,
+        splits.validation,
         sets=a.inputs.split(",") if a.inputs else None,
         lags=range(1, a.max_lags + 1),
         units=units,
@@ -179,13 +179,13 @@ def _select(a: argparse.Namespace, stretches: Stretches, cache: Path, progress: 
     return choice
 
 
-def _prune(a: argparse.Namespace, fit: FitNarx, stretches: Stretches, progress: Progress) -> Pruned:
+def _prune(a: argparse.Namespace, fit: FitNarx, splits: DataSplit, progress: Progress) -> Pruned:
     from mrdamp.narx import judge, prune
 
     pruned = prune(
         fit.network,
-        stretches.train,
-        stretches.validation,
+        splits.train,
+        splits.validation,
         method=a.prune,
         progress=lambda what, share: progress(f"pruning: {what}", share),
     )
@@ -200,12 +200,12 @@ def _prune(a: argparse.Namespace, fit: FitNarx, stretches: Stretches, progress: 
     print(
         f"smallest within {100 * pruned.tolerance:.0f} % of the best: {small.topology}, {small.nonzero} weights"
     )
-    one, free = judge(small, stretches.train, stretches.validation, stretches.test)
-    _print_errors(small, one, free, stretches)
+    one, free = judge(small, splits.train, splits.validation, splits.test)
+    _print_errors(small, one, free, splits)
     return pruned
 
 
-def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> Sufficiency:
+def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
     from mrdamp.narx.doubt import sufficiency
 
     net, p = fit.network, fit.posterior
@@ -216,7 +216,7 @@ def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> Sufficiency
     for stage in fit.stages:
         print(f"  trained {stage.name:24s} validation: free run {_number(stage.free_run)}, one step"
               f" {_number(stage.one_step)}")  # fmt: skip
-    _print_errors(net, fit.one_step, fit.free_run, stretches)
+    _print_errors(net, fit.one_step, fit.free_run, splits)
     if protocol == "varying":
         one, free = fit.one_step.test[0], fit.free_run.test[0]
         share = 100 * fit.free_run.share(free), 100 * fit.one_step.share(one)
@@ -224,14 +224,14 @@ def _print_fit(fit: FitNarx, stretches: Stretches, protocol: str) -> Sufficiency
             f"test part over its RMS force: free run {free.rmse:.1f} N, {share[0]:.2f} %;"
             f" one step {one.rmse:.1f} N, {share[1]:.2f} % (the paper, one step: 38 N, 3.5 %)"
         )
-    others = (*stretches.validation, *stretches.test)
+    others = (*splits.validation, *splits.test)
     new = (*fit.free_run.validation, *fit.free_run.test)
-    found = sufficiency(net, p, stretches.train, others, fit.free_run.train, new)
+    found = sufficiency(net, p, splits.train, others, fit.free_run.train, new)
     print(f"the training records {'suffice' if found.suffice else 'do not suffice'}: {found.why}")
     return found
 
 
-def _print_errors(net: Network, one: Judged, free: Judged, stretches: Stretches) -> None:
+def _print_errors(net: Network, one: Judged, free: Judged, splits: DataSplit) -> None:
     """Free run first, one step ahead beside it, and the noise that no one-step prediction goes below."""
     import numpy as np
 
@@ -239,7 +239,7 @@ def _print_errors(net: Network, one: Judged, free: Judged, stretches: Stretches)
 
     noise = {
         s.name: noise_floor(s) / float(np.std(s.force))
-        for s in (*stretches.train, *stretches.validation, *stretches.test)
+        for s in (*splits.train, *splits.validation, *splits.test)
     }
     print("RMS error in N and over the force's standard deviation; noise: of the force's samples, likewise")
     print(f"  {'':44s} {'':10s} {'free run':>19s} {'one step ahead':>19s} {'noise':>7s}")
@@ -253,8 +253,8 @@ def _print_errors(net: Network, one: Judged, free: Judged, stretches: Stretches)
         if frees:
             print(f"  {'all':44s} {half:10s} {'':11s} {_number(free.pooled[k], 7)} {'':11s}"
                   f" {_number(one.pooled[k], 7)}")  # fmt: skip
-    if any(record.sample_time > 1.001 * stretches.sample_time for record in stretches.whole):
-        print(f"validation in free run, slower records at their own rate: {_number(stretches.score(net), 1)}")
+    if any(record.sample_time > 1.001 * splits.sample_time for record in splits.whole):
+        print(f"validation in free run, slower records at their own rate: {_number(splits.score(net), 1)}")
 
 
 def _described(model: Model, net: Network, fit: FitNarx) -> Model:
@@ -275,7 +275,7 @@ def _described(model: Model, net: Network, fit: FitNarx) -> Model:
 
 
 def _pictures(
-    a: argparse.Namespace, name: str, fit: FitNarx, stretches: Stretches, found: Sufficiency, choice: Choice | None,
+    a: argparse.Namespace, name: str, fit: FitNarx, splits: DataSplit, found: Sufficiency, choice: Choice | None,
     pruned: Pruned | None, model: Model,
 ) -> None:  # fmt: skip
     """The page, and the pictures as files: the courses, or the network's loops where there is no course."""
@@ -283,9 +283,9 @@ def _pictures(
         return
     from mrdamp.commands.narx_page import figures, write_page
 
-    drawn = figures(choice, pruned, model, stretches)
+    drawn = figures(choice, pruned, model, splits)
     if a.page:
-        write_page(a.page, name, fit, stretches, found, model, drawn)
+        write_page(a.page, name, fit, splits, found, model, drawn)
         print(f"page: {a.page}")
     shown = {key: fig for key, fig in drawn.items() if len(drawn) == 1 or key != "loops"}
     for key, fig in shown.items() if a.picture else ():

@@ -12,7 +12,7 @@ from mrdamp.model import Model
 from mrdamp.narx import Choice, FitNarx, Network, Pruned, draw_choice, draw_course, judge
 from mrdamp.narx.doubt import Sufficiency
 from mrdamp.narx.judge import free_run_force
-from mrdamp.narx.stretches import Stretches
+from mrdamp.narx.splits import DataSplit
 from mrdamp.pictures.identification import model_loops
 from mrdamp.report import Page
 
@@ -30,7 +30,7 @@ CAPTIONS: Mapping[str, tuple[str, str]] = {
 
 
 def figures(
-    choice: Choice | None, pruned: Pruned | None, model: Model, stretches: Stretches
+    choice: Choice | None, pruned: Pruned | None, model: Model, splits: DataSplit
 ) -> dict[str, Figure]:
     """The courses of the choice and of the pruning where there are any, and the network's loops."""
     out = {}
@@ -39,7 +39,7 @@ def figures(
     if pruned:
         out["pruning"] = draw_course(pruned)
     assert model.weights is not None
-    s = max(stretches.test or stretches.validation or stretches.train, key=lambda s: float(np.std(s.force)))
+    s = max(splits.test or splits.validation or splits.train, key=lambda s: float(np.std(s.force)))
     time = np.arange(s.n, dtype=float) * s.sample_time
     force = free_run_force(Network.from_text(model.weights), s)
     out["loops"] = model_loops(time, s.x, s.v, s.force, {f"{s.name}, free run": force})
@@ -47,13 +47,13 @@ def figures(
 
 
 def write_page(
-    path: Path, name: str, fit: FitNarx, stretches: Stretches, found: Sufficiency, model: Model,
+    path: Path, name: str, fit: FitNarx, splits: DataSplit, found: Sufficiency, model: Model,
     pictures: Mapping[str, Figure],
 ) -> None:  # fmt: skip
     """Writes one self-contained HTML file. Raises InputError."""
     assert model.weights is not None
     network = Network.from_text(model.weights)
-    one, free = judge(network, stretches.train, stretches.validation, stretches.test)
+    one, free = judge(network, splits.train, splits.validation, splits.test)
     page = Page(
         f"Network {network.topology} of {name}",
         f"{network.nonzero} weights, sample time {1e3 * network.sample_time:g} ms; free run first, as a simulator"

@@ -19,7 +19,7 @@ from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.control import cable as controllers
 from mrdamp.control import registry
-from mrdamp.control.held import Held
+from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
@@ -109,7 +109,7 @@ class CableBench:
         if abs(every * self.period - controller.period) > 1e-9 * self.period or every < 1:
             plant = CablePlant(self.cable, self.model, period=controller.period, timestep=self.timestep)
             every = 1
-        held = Held(controller, every)
+        held = ZeroOrderHold(controller, every)
         held.reset()
         y = plant.reset(scaled)
         rows = []

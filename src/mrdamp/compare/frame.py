@@ -19,7 +19,7 @@ from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
 from mrdamp.compare.motions import TUNING_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
-from mrdamp.control.held import Held
+from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.criteria import Criteria, evaluate
 from mrdamp.errors import InputError
 from mrdamp.files import read_bytes
@@ -103,7 +103,7 @@ class FrameBench:
         controller = registry.make(spec, self.site)
         ideal = registry.is_ideal(spec)
         every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
-        finer: Controller = Held(controller, every) if every > 1 else controller
+        finer: Controller = ZeroOrderHold(controller, every) if every > 1 else controller
         return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:

@@ -2,7 +2,7 @@
 
 from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import clipped_optimal, force_tracking, ideal_active, modulated_optimal
-from mrdamp.control.following import ForceController
+from mrdamp.control.force_control import ForceController
 from mrdamp.control.lyapunov import lyapunov, max_dissipation
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.skyhook import skyhook

@@ -24,7 +24,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import plant_force
 from mrdamp.control.estimator import Estimator
-from mrdamp.control.following import Follower, ForceController, Modulated, OnOff, Tracking
+from mrdamp.control.force_control import Follower, ForceController, Modulated, OnOff, Tracking
 from mrdamp.control.lyapunov import BangBang, plant_lyapunov_matrix
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.plant import Plant

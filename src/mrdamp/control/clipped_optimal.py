@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrdamp.control.estimator import Estimator
-from mrdamp.control.following import Direct, ForceController, Modulated, OnOff, Tracking, clip
+from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, clip
 from mrdamp.control.lqg import regulator_gain
 from mrdamp.control.plant import Plant, outputs, plant
 from mrdamp.errors import InputError

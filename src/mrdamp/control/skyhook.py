@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mrdamp.control.following import Follower, ForceController, OnOff
+from mrdamp.control.force_control import Follower, ForceController, OnOff
 from mrdamp.errors import InputError
 from mrdamp.structures import ShearFrame
 

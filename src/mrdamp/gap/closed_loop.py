@@ -14,7 +14,7 @@ from mrdamp.files import write_atomic
 from mrdamp.gap.real import LOG_HZ, RealFrame, record
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
-from mrdamp.record_csv import render
+from mrdamp.records.csv_file import render
 
 
 def write_case(

@@ -19,9 +19,9 @@ from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.gap.closed_loop import write_case
-from mrdamp.gap.desk import Desk, is_tuned, nominal_frame
 from mrdamp.gap.learned import Learning
 from mrdamp.gap.real import EFFECTS, NONE, RealFrame
+from mrdamp.gap.scenario import Scenario, is_tuned, nominal_frame
 from mrdamp.model import Model
 
 Progress = Callable[[str, float], None]
@@ -111,7 +111,7 @@ def study(
 ) -> Study:
     """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options go on there."""
     out.mkdir(parents=True, exist_ok=True)
-    desk = Desk(
+    scenario = Scenario(
         nominal_frame(),
         options.controller,
         options.loads,
@@ -121,15 +121,15 @@ def study(
         trainings=out / "trainings",
     )
     progress("tuning on the nominal simulator", 0.0)
-    first = desk.tune([desk.nominal], desk.site(desk.nominal), _within(progress, 0.0, 0.05))
-    simulated = [desk.criteria(desk.nominal, first, load) for load in desk.loads]
-    same = RealFrame(desk.nominal, NONE)
-    matched = [desk.criteria(same, first, load) for load in desk.loads]
+    first = scenario.tune([scenario.nominal], scenario.site(scenario.nominal), _within(progress, 0.0, 0.05))
+    simulated = [scenario.criteria(scenario.nominal, first, load) for load in scenario.loads]
+    same = RealFrame(scenario.nominal, NONE)
+    matched = [scenario.criteria(same, first, load) for load in scenario.loads]
     alike = float(np.mean([_error(simulated, matched, name) for name in CRITERIA]))
     blind = None
     if options.tuned:
         progress("tuning on a blindly randomised simulator", 0.05)
-        blind = desk.tune(desk.blind(), desk.site(desk.nominal))
+        blind = scenario.tune(scenario.blind(), scenario.site(scenario.nominal))
     rows = []
     for k, cause in enumerate(options.effects):
         at = 0.1 + 0.9 * k / len(options.effects)
@@ -137,12 +137,12 @@ def study(
         key = {"version": _VERSION, **asdict(replace(options, effects=(cause,)))}
         kept = _kept(out / f"{cause}.json", key)
         if kept is None:
-            kept = _row(desk, cause, first, blind, out, _within(progress, at, step))
+            kept = _row(scenario, cause, first, blind, out, _within(progress, at, step))
             write_atomic(
                 out / f"{cause}.json", json.dumps({"key": key, "row": asdict(kept)}, indent=1) + "\n"
             )
         rows.append(kept)
-    return Study(options.controller, desk.score(simulated), alike, tuple(rows))
+    return Study(options.controller, scenario.score(simulated), alike, tuple(rows))
 
 
 def _within(progress: Progress, at: float, width: float) -> Progress:
@@ -150,20 +150,20 @@ def _within(progress: Progress, at: float, width: float) -> Progress:
 
 
 def _row(
-    desk: Desk, cause: str, first: Controller, blind: Controller | None, out: Path, progress: Progress
+    scenario: Scenario, cause: str, first: Controller, blind: Controller | None, out: Path, progress: Progress
 ) -> Row:
-    real = RealFrame(desk.nominal, cause)
+    real = RealFrame(scenario.nominal, cause)
     progress(f"{cause}: the real frame", 0.0)
-    measured = [desk.criteria(real, first, load) for load in desk.loads]
-    write_case(real, first, desk.training, out / cause / "case", desk.seed)
+    measured = [scenario.criteria(real, first, load) for load in scenario.loads]
+    write_case(real, first, scenario.training, out / cause / "case", scenario.seed)
     progress(f"{cause}: diagnosis", 0.15)
-    found = diagnose(read_case(out / cause / "case"), jobs=desk.jobs)
+    found = diagnose(read_case(out / cause / "case"), jobs=scenario.jobs)
     write_atomic(out / cause / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
-    corrected = _with_range(found.corrected, desk.nominal)
+    corrected = _with_range(found.corrected, scenario.nominal)
     corrected.write(out / cause / "corrected.json")
     progress(f"{cause}: the corrected simulator", 0.5)
-    before = [desk.criteria(desk.nominal, first, load) for load in desk.loads]
-    after = [desk.criteria(corrected, first, load) for load in desk.loads]
+    before = [scenario.criteria(scenario.nominal, first, load) for load in scenario.loads]
+    after = [scenario.criteria(corrected, first, load) for load in scenario.loads]
     errors = {name: (_error(before, measured, name), _error(after, measured, name)) for name in CRITERIA}
     row = Row(
         cause,
@@ -171,26 +171,26 @@ def _row(
         tuple(e.effect if e.place is None else f"{e.effect}@{e.place}" for e in found.effects),
         float(np.mean([e[0] for e in errors.values()])),
         float(np.mean([e[1] for e in errors.values()])),
-        desk.score(measured),
+        scenario.score(measured),
         errors,
         _interval(before, after, measured),
     )
-    if blind is None and desk.learning is None:
+    if blind is None and scenario.learning is None:
         return row
     progress(f"{cause}: tuning again", 0.6)
-    site = desk.site(corrected)
-    retuned = desk.tune([corrected], site, _within(progress, 0.6, 0.4))
+    site = scenario.site(corrected)
+    retuned = scenario.tune([corrected], site, _within(progress, 0.6, 0.4))
 
     def on_real(controller: Controller) -> float:
-        return desk.score([desk.criteria(real, controller, load) for load in desk.loads])
+        return scenario.score([scenario.criteria(real, controller, load) for load in scenario.loads])
 
     if blind is None:
         return replace(row, retuned=on_real(retuned))
     # Drawn together, as they go in the diagnosis' bootstrap: parameters that may trade off do so in every draw.
-    drawn = [_with_range(m, desk.nominal) for m in found.drawn[: desk.draws]]
-    randomised = desk.tune(drawn or [corrected], site)
+    drawn = [_with_range(m, scenario.nominal) for m in found.drawn[: scenario.draws]]
+    randomised = scenario.tune(drawn or [corrected], site)
 
-    direct = desk.tune([real], site)
+    direct = scenario.tune([real], site)
     return replace(
         row,
         retuned=on_real(retuned),

@@ -2,6 +2,6 @@
 
 from mrdamp.inverse.base import Inverse, command_range
 from mrdamp.inverse.law import LawInverse
-from mrdamp.inverse.shadow import Shadow
+from mrdamp.inverse.predictor import ForcePredictor
 
-__all__ = ["Inverse", "LawInverse", "Shadow", "command_range"]
+__all__ = ["ForcePredictor", "Inverse", "LawInverse", "command_range"]

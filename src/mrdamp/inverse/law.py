@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 
 from mrdamp.errors import InputError
 from mrdamp.inverse.base import Foretold, check_period, command_range
-from mrdamp.inverse.shadow import Motion, Shadow
+from mrdamp.inverse.predictor import ForcePredictor, Motion
 from mrdamp.model import Model
 
 _TOLERANCE = 2e-3  # of the force between the smallest and the largest command
@@ -58,11 +58,11 @@ class LawInverse:
         steps = self.horizon / period
         self._preview = Foretold(steps, period) if preview else None
         self._feedback = Foretold(steps, period) if feedback else None
-        self._shadow = Shadow(model, period)
+        self._predictor = ForcePredictor(model, period)
         self.reset()
 
     def reset(self) -> None:
-        self._shadow.reset()
+        self._predictor.reset()
         for foretold in (self._preview, self._feedback):
             if foretold:
                 foretold.reset()
@@ -75,7 +75,7 @@ class LawInverse:
         x, v = y["stroke"], y["stroke_velocity"]
         before, self._velocity = self._velocity, v
         a = 0.0 if before is None else (v - before) / self.period
-        self.force, read = self._shadow.follow((x, v, a))
+        self.force, read = self._predictor.follow((x, v, a))
         if self._feedback:
             error = y["force"] - read
             self.bias = self._feedback(error, -error)
@@ -87,10 +87,10 @@ class LawInverse:
             aim = self._preview(wanted_force, (wanted_force - last) * s / self.period)
         self._wanted = wanted_force
         self._last = search(
-            lambda u: self._shadow.ahead(ahead, s, u) + self.bias,
+            lambda u: self._predictor.ahead(ahead, s, u) + self.bias,
             aim, self.low, self.high, self._last,
         )  # fmt: skip
-        self._shadow.hold(self._last)
+        self._predictor.hold(self._last)
         return self._last
 
 

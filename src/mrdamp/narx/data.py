@@ -1,4 +1,4 @@
-"""From records to what a network is trained on: channels at its sample time, stretches, regressors."""
+"""From records to what a network is trained on: channels at its sample time, parts, regressors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PROTOCOL_TIME = 2e-3  # s
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One stretch of one record at the network's sample time (s): x (m), v (m/s), i (command), F (N), (n,) each."""
+    """One part of one record at the network's sample time (s): x (m), v (m/s), i (command), F (N), (n,) each."""
 
     name: str
     sample_time: float
@@ -98,7 +98,7 @@ def series(
 
 def protocol(record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_time: float = PROTOCOL_TIME,
              *, cutoff_hz: float | None = None) -> tuple[Series, Series, Series]:  # fmt: skip
-    """Training, validation and test stretch of one record, in time order, without a common sample.
+    """Training, validation and test part of one record, in time order, without a common sample.
 
     Raises:
         InputError: the record has fewer samples than the three together, or its command never varies.
@@ -115,7 +115,7 @@ def protocol(record: Record, counts: tuple[int, int, int] = PROTOCOL, sample_tim
 
 
 def check(train: Sequence[Series], inputs: Sequence[Input], weights: int) -> None:
-    """Raises InputError where these stretches cannot train such a network: too few samples, a constant input."""
+    """Raises InputError where these parts cannot train such a network: too few samples, a constant input."""
     if not train:
         raise InputError("no record to train on")
     samples = sum(s.n for s in train)

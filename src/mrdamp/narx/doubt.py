@@ -28,7 +28,7 @@ _DOUBTFUL, _OUTSIDE = 3.0, 0.2
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """Of a free run over one stretch.
+    """Of a free run over one part.
 
     Attributes:
         record: its name.
@@ -46,7 +46,7 @@ class Doubt:
 
 
 def doubt(network: Network, posterior: Posterior, s: Series, most: int = 3000) -> Doubt:
-    """Error bars of the free run from rest over the first `most` samples of a stretch.
+    """Error bars of the free run from rest over the first `most` samples of a part.
 
     Args:
         network: with the weights of the posterior, none of them pruned.
@@ -90,7 +90,7 @@ def sufficiency(
 
     Args:
         network, posterior: as for `doubt`.
-        train: what it was trained on. others: stretches that it was not trained on.
+        train: what it was trained on. others: parts that it was not trained on.
         seen, new: free-run errors on the two.
     """
     before, after = (float(np.median([e.nrmse for e in errors])) for errors in (seen, new))

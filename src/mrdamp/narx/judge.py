@@ -1,4 +1,4 @@
-"""Errors of a network on stretches: one step ahead, the papers' way, and in free run, a simulator's.
+"""Errors of a network on parts: one step ahead, the papers' way, and in free run, a simulator's.
 
 Both are always reported together.
 """
@@ -21,11 +21,11 @@ START = 0.02  # s of a free run that do not count, where the unknown start fades
 
 @dataclass(frozen=True)
 class Judged:
-    """Errors of one network, by stretch: one step ahead and in free run.
+    """Errors of one network, by part: one step ahead and in free run.
 
     Attributes:
-        train, validation, test: RMS error (N) and over the standard deviation of the force, per stretch.
-        rms: RMS force (N) per stretch name, the papers' yardstick.
+        train, validation, test: RMS error (N) and over the standard deviation of the force, per part.
+        rms: RMS force (N) per part name, the papers' yardstick.
     """
 
     train: tuple[RecordError, ...]
@@ -39,7 +39,7 @@ class Judged:
         return pooled(self.train), pooled(self.validation), pooled(self.test)
 
     def share(self, error: RecordError) -> float:
-        """RMS error over the RMS force of that stretch."""
+        """RMS error over the RMS force of that part."""
         return error.rmse / dict(self.rms)[error.record]
 
 

@@ -38,7 +38,7 @@ class OneStep:
 
     @classmethod
     def of(cls, network: Network, train: Sequence[Series], most: int | None = None) -> OneStep:
-        """All rows whose lags lie within one stretch, or `most` of them, evenly spread."""
+        """All rows whose lags lie within one part, or `most` of them, evenly spread."""
         lag = network.max_lag
         a = np.concatenate([network.scaled(s.regressors(network.inputs)[lag:]) for s in train])
         force = np.concatenate([s.force[lag:] for s in train])
@@ -96,9 +96,9 @@ class FreeRun:
         cls, network: Network, train: Sequence[Series], horizon: int | None, most: int | None = None,
         *, skip: int = 0, disturb: float = 0.0,
     ) -> FreeRun:  # fmt: skip
-        """Segments of `horizon` samples end to end from measured lags, or with None whole stretches from rest.
+        """Segments of `horizon` samples end to end from measured lags, or with None whole parts from rest.
 
-        most: samples at most; segments are left out evenly, and of whole stretches the beginnings are kept.
+        most: samples at most; segments are left out evenly, and of whole parts the beginnings are kept.
         skip: samples at a start from rest, or from disturbed forces, that do not count.
         disturb: every other segment starts from forces that are off by up to so many half ranges of the training
             force, all alike: the network must find back from there, or a free run may stay on a wrong branch.

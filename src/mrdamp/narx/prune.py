@@ -77,17 +77,17 @@ def prune(
 
     Args:
         network: trained for free run.
-        train: stretches to retrain on. validation: stretches that judge.
+        train: parts to retrain on. validation: parts that judge.
         share: part of the remaining weights that goes at a time.
         tolerance: how much worse than the best the smallest network may be, relative.
         least: weights at which it stops.
-        horizon: samples of the free runs that it is retrained on; None: whole stretches.
+        horizon: samples of the free runs that it is retrained on; None: whole splits.
         most: samples at most. iterations: retraining steps each time.
         method: "surgeon"; "magnitude" (the smallest weights go); "structure" (whole neurons and lags, one by one).
         progress: called with what is done and a share from 0 to 1.
 
     Raises:
-        InputError: an unknown method, a share or tolerance out of range, or no validation stretches.
+        InputError: an unknown method, a share or tolerance out of range, or no validation splits.
     """
     if method not in METHODS:
         raise InputError(f"pruning by '{method}'; allowed: {', '.join(METHODS)}")

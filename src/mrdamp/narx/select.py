@@ -17,8 +17,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
 from mrdamp.narx.bayes import minimise
+from mrdamp.narx.checkpoint import Checkpoint, fingerprint
 from mrdamp.narx.data import Series, lagged
-from mrdamp.narx.finished import Finished, fingerprint
 from mrdamp.narx.judge import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
@@ -138,7 +138,7 @@ def select(
     """Chooses inputs, then lags, then hidden units, each by the validation error with the others held.
 
     Args:
-        train, validation: stretches at one sample time.
+        train, validation: parts at one sample time.
         sets: channels to try; None: with the current where the command varies.
         lags, units: to try. start: lags and units while the inputs are chosen; None: 4 and 10, as in the paper.
         by: "free_run", or "one_step" as in the paper.
@@ -149,7 +149,7 @@ def select(
         progress: called with what is done and a share from 0 to 1.
 
     Raises:
-        InputError: no validation stretches, `by` unknown, or a cache that cannot be read.
+        InputError: no validation parts, `by` unknown, or a cache that cannot be read.
     """
     if by not in ("free_run", "one_step"):
         raise InputError(f"choice by '{by}'; allowed: free_run, one_step")
@@ -159,7 +159,7 @@ def select(
     if sets is None:
         varies = np.ptp(np.concatenate([s.i for s in train])) > 0.0
         sets = SETS_CURRENT if varies else SETS
-    store = Finished(cache, fingerprint((train, validation), "select", asdict(effort), seed))
+    store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort), seed))
     total = len(sets) + len(lags) + len(units)
     done = 0
 
@@ -230,13 +230,13 @@ def _id(c: Candidate) -> str:
     return f"{c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
 
 
-def _put(store: Finished, trial: Trial) -> None:
+def _put(store: Checkpoint, trial: Trial) -> None:
     store.put(
         _id(trial.candidate), {key: value for key, value in asdict(trial).items() if key != "candidate"}
     )
 
 
-def _get(store: Finished, c: Candidate) -> Trial | None:
+def _get(store: Checkpoint, c: Candidate) -> Trial | None:
     numbers = store.get(_id(c))
     if numbers is None:
         return None

@@ -17,8 +17,8 @@ from mrdamp.identify import pooled
 from mrdamp.model import Model
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
+from mrdamp.narx.checkpoint import Checkpoint, fingerprint
 from mrdamp.narx.data import Series, check, scaling
-from mrdamp.narx.finished import Finished, fingerprint
 from mrdamp.narx.judge import START, Judged, free_run_error, judge, one_step_error
 from mrdamp.narx.network import Input, Network, check_hidden, check_inputs
 from mrdamp.narx.problems import FreeRun, OneStep
@@ -64,7 +64,7 @@ class FitNarx:
 def blank(
     train: Sequence[Series], inputs: Sequence[Input], hidden: Sequence[int], sample_time: float | None = None
 ) -> Network:
-    """A network of zeros with the scaling of these stretches."""
+    """A network of zeros with the scaling of these splits."""
     offset, scale, force_offset, force_scale = scaling(train, inputs)
     theta = np.zeros(nn.count(len(inputs), hidden))
     return Network(
@@ -119,7 +119,7 @@ def train_narx(
         seed: the same seed gives the same network.
         most: samples per iteration at most.
         one_step_iterations, iterations: Levenberg-Marquardt steps one step ahead, and per horizon.
-        score: error that the stages are chosen by; None: free run on the validation stretches.
+        score: error that the stages are chosen by; None: free run on the validation splits.
         workers: processes; the same network for any number.
         cache: JSON file of what is finished; training that was broken off goes on from it.
         progress: called with what is done and a share from 0 to 1.
@@ -143,7 +143,7 @@ def train_narx(
     chosen = list(validation) or list(train)
     rate = score or (lambda net: pooled([free_run_error(net, s) for s in chosen]))
     shape = [list(map(list, inputs)), list(hidden), seed, most, one_step_iterations, iterations]
-    run = _Run(network, train, most, Finished(cache, fingerprint((train,), "train", *shape)), workers,
+    run = _Run(network, train, most, Checkpoint(cache, fingerprint((train,), "train", *shape)), workers,
                progress or (lambda what, share: None))  # fmt: skip
     starts = run.starts(initialisations, seed, one_step_iterations, 0.5 if horizons else 1.0)
     order = sorted(range(len(starts)), key=lambda k: -starts[k].log_evidence)[:refined]
@@ -183,7 +183,7 @@ class _Run:
     network: Network
     train: Sequence[Series]
     most: int | None
-    store: Finished
+    store: Checkpoint
     workers: int
     progress: Progress
 

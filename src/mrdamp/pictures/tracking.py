@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mrdamp.errors import InputError
-from mrdamp.inverse.tracking import Track
 from mrdamp.pictures.series import force_unit, held, padded, thinned
 from mrdamp.pictures.style import COLOURS, INK, MUTED, axes_grid, figure, legend, row_title, styled, ticks
+
+if TYPE_CHECKING:
+    from mrdamp.inverse.tracking import Track
 
 _SECONDS = 1.5
 

@@ -14,7 +14,7 @@ Motion = tuple[float, float, float]  # displacement (m), velocity (m/s), acceler
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
-class Shadow:
+class ForcePredictor:
     """The model's damper in the test rig, moved as the real one is measured to move.
 
     The whole chain is stepped by the plugin, any law and any effect, so its state (hysteresis, current, delayed

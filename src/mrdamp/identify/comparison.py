@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.identify import Fit, identify, simulate
+from mrdamp.identify.fit import Fit, identify, simulate
 from mrdamp.model import Model
 from mrdamp.narx import FitNarx, lagged, train_narx
-from mrdamp.narx.stretches import of_records
+from mrdamp.narx.splits import of_records
 from mrdamp.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet
@@ -107,11 +107,11 @@ def paper_network(
     Its stages are chosen on the training records, so that the held-out ones judge it as they judge the laws.
     Raises InputError.
     """
-    stretches = of_records(records)
-    channels = "xviF" if stretches.varies else "xvF"
+    splits = of_records(records)
+    channels = "xviF" if splits.varies else "xvF"
     tell = progress or (lambda what, share: None)
     return train_narx(
-        stretches.train, test=stretches.validation, inputs=lagged(channels, 3), hidden=(10, 4),
+        splits.train, test=splits.validation, inputs=lagged(channels, 3), hidden=(10, 4),
         initialisations=initialisations, refined=min(2, initialisations), seed=seed, workers=workers,
         progress=lambda what, share: tell(f"network: {what}", share),
     )  # fmt: skip

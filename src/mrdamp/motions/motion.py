@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp import motion_files, sampling
+from mrdamp import sampling
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.motions import files
 
 Array = NDArray[np.float64]
 
@@ -218,9 +219,9 @@ def _parse(file: str, name: str, text: str, sample_time: float | None) -> Ground
     base = re.sub(r"\.gz$", "", name, flags=re.IGNORECASE)
     stem = re.sub(r"\.(csv|txt|dat|at2)$", "", base, flags=re.IGNORECASE)
     if base.lower().endswith(".at2"):
-        step, values, source = motion_files.parse_at2(file, text)
+        step, values, source = files.parse_at2(file, text)
     else:
-        step, values, source = motion_files.parse_csv(file, text, sample_time)
+        step, values, source = files.parse_csv(file, text, sample_time)
     _check(file, step, values)
     return GroundMotion(stem, step, values, source or stem)
 

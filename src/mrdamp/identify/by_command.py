@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.identify import Fit, RecordError, error, identify, pooled
+from mrdamp.identify.fit import Fit, RecordError, error, identify, pooled
 from mrdamp.model import Model, effects_from
 from mrdamp.records import Record
 

@@ -34,7 +34,7 @@ def nominal_frame() -> Model:
     return Model(found.law, dict(found.parameters), rig="frame", structure=dyke1996(), name="frame")
 
 
-class Desk:
+class Scenario:
     """A controller's workplace. controller: a kind or a spec; count: unseen motions; draws: simulators of a randomised
     tuning; trainings: folder where what is learned is kept."""
 
@@ -135,9 +135,9 @@ def is_tuned(controller: str) -> bool:
     return ":" not in controller
 
 
-def _tuning_score(desk: Desk, plant: Plant, spec: str, site: registry.Site) -> float:
+def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Site) -> float:
     controller = registry.make(spec, site)
-    return desk.score([desk.criteria(plant, controller, load) for load in desk.training], desk.training)
+    return scenario.score([scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training)
 
 
 def folded(model: Model) -> Model:

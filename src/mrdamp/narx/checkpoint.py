@@ -17,7 +17,7 @@ from mrdamp.narx.data import Series
 _FORMAT = 1
 
 
-class Finished:
+class Checkpoint:
     """Results by name, in memory and, where there is a path, in a file that is rewritten whole after each.
 
     key: fingerprint of everything besides the name that a result depends on; results of other keys in the file are
@@ -48,7 +48,7 @@ class Finished:
 
 
 def fingerprint(parts: Sequence[Sequence[Series]], *more: object) -> str:
-    """Of stretches, with what they are used as, and of any JSON values."""
+    """Of parts, with what they are used as, and of any JSON values."""
     digest = hashlib.sha256(json.dumps([_FORMAT, *more]).encode())
     for part in parts:
         for s in part:

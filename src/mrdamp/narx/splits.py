@@ -22,10 +22,10 @@ _SAME = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
-    """Stretches at the network's sample time (s), and the whole records that the validation ones stand for.
+class DataSplit:
+    """DataSplit at the network's sample time (s), and the whole records that the validation ones stand for.
 
-    whole: empty where the validation stretches are cut from records.
+    whole: empty where the validation parts are cut from records.
     """
 
     train: tuple[Series, ...]
@@ -78,16 +78,16 @@ class Stretches:
 
 def of_records(
     records: RecordSet, sample_time: float | None = None, test: Sequence[Record] = ()
-) -> Stretches:
+) -> DataSplit:
     """Whole records. sample_time (s): None is the slowest training record's, 2 ms at least. Raises InputError."""
     step = sample_time or max(PROTOCOL_TIME, *(record.sample_time for record in records.train))
     parts = [tuple(series(r, step) for r in part) for part in (records.train, records.validation, test)]
-    return Stretches(parts[0], parts[1], parts[2], step, records.validation)
+    return DataSplit(parts[0], parts[1], parts[2], step, records.validation)
 
 
 def constant_command(
     records: RecordSet, command: float | None = None, sample_time: float = PROTOCOL_TIME
-) -> Stretches:
+) -> DataSplit:
     """The constant-current protocol: only the records at one constant command, those held out for validation.
 
     Chen, Ni and Or (2015), Section 3. command: None is the one with the most training records. Raises InputError.
@@ -96,7 +96,7 @@ def constant_command(
     train, validation = (
         tuple(series(r, sample_time) for r in half) for half in (found.train, found.validation)
     )
-    return Stretches(train, validation, (), sample_time, found.validation)
+    return DataSplit(train, validation, (), sample_time, found.validation)
 
 
 def varying_command(
@@ -104,7 +104,7 @@ def varying_command(
     name: str | None = None,
     counts: tuple[int, int, int] = PROTOCOL,
     sample_time: float = PROTOCOL_TIME,
-) -> Stretches:
+) -> DataSplit:
     """The time-varying protocol: one record cut into training, validation and test, 4000:2000:1500 at 500 Hz.
 
     Every other record whose command varies is a test of its own, never trained on (the paper's testing sets 1
@@ -113,7 +113,7 @@ def varying_command(
     chosen, others = _varying(records, name, sum(counts), sample_time)
     train, validation, test = protocol(chosen, counts, sample_time)
     rest = tuple(series(r, sample_time) for r in others)
-    return Stretches((train,), (validation,), (test, *rest), sample_time)
+    return DataSplit((train,), (validation,), (test, *rest), sample_time)
 
 
 def at_constant_command(records: RecordSet, command: float | None = None) -> RecordSet:

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp import record_csv, sampling
+from mrdamp import sampling
 from mrdamp.channels import check_header, is_channel
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.records import csv_file, motion
 
 Array = NDArray[np.float64]
 
@@ -175,7 +176,7 @@ class Record:
         path = Path(path)
         if not path.name.endswith(SUFFIXES):
             raise InputError(f"{path}: a record is written as .csv or .csv.gz")
-        write_atomic(path, record_csv.render(self.channels, digits))
+        write_atomic(path, csv_file.render(self.channels, digits))
 
     def _smooth(self, name: str, cutoff_hz: float | None) -> Array:
         x = self.channel(name)
@@ -255,8 +256,8 @@ def read_records(
 
     A folder with ``train/`` and ``validation/`` says which is which. Otherwise records are held out whole:
     every third one (the last of two) is for validation, and a test that repeats another (``repeat`` in its
-    name, same input) stays on the side of the other. A record that is alone is cut in time: its last third
-    is held out.
+    name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
+    covered two thirds of its path: the rest is held out, and both parts move.
 
     Args:
         source: a folder, one file or several.
@@ -301,7 +302,7 @@ def embedded() -> RecordSet:
 
 
 def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
-    channels, ignored, sample_time = record_csv.parse(file, decode(file, data), required)
+    channels, ignored, sample_time = csv_file.parse(file, decode(file, data), required)
     time = channels["time_s"]
     channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
     return Record(name, path, sample_time, channels, ignored)
@@ -336,9 +337,10 @@ def _read_all(where: str, files: Sequence[Path], required: Sequence[str] | None)
 def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
     if len(records) == 1:
         only = records[0]
-        cut = float(only.time[0] + 2.0 / 3.0 * only.duration)
-        after = cut + only.sample_time
-        return RecordSet(name, (only.part(only.time[0], cut),), (only.part(after, only.time[-1]),))
+        x = only.channels.get("displacement_m", only.time)
+        at = min(max(motion.cut(x), 2), only.n - 4)
+        parts = only.part(only.time[0], only.time[at]), only.part(only.time[at + 1], only.time[-1])
+        return RecordSet(name, parts[:1], parts[1:])
     first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
     if len(first) < 2:
         first = list(range(len(records)))

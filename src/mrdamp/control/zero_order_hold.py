@@ -8,7 +8,7 @@ from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
 
 
-class Held:
+class ZeroOrderHold:
     """The controller at its own period, called `every` times as often, so that a run is sampled more finely.
 
     Attributes: inner; name; period, s. Raises InputError.

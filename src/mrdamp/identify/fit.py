@@ -13,8 +13,8 @@ from scipy.stats import qmc
 from mrdamp import core
 from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.laws import DEPENDENCES, Scales, Space, dependence_for, space
-from mrdamp.least_squares import bounded_least_squares
 from mrdamp.model import Model, effects_from
 from mrdamp.record_checks import check_channels, check_clipping, check_size
 from mrdamp.records import Record

@@ -1,0 +1,81 @@
+"""How long Python takes to have the package, against what every program here pays anyway."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks.result import Figure, Section, of_ratio
+from benchmarks.timing import Effort, Task, interleave, ratio
+
+#: What is started, each in an interpreter of its own; `mrdamp --help` as its console script runs it.
+STARTS = {
+    "python": "pass",
+    "numpy": "import numpy",
+    "mujoco": "import mujoco",
+    "gymnasium": "import gymnasium",
+    "mrdamp": "import mrdamp",
+    "help": "import sys; sys.argv = ['mrdamp', '--help']; from mrdamp.cli import main; main()",
+    "environment": "import mrdamp, gymnasium; gymnasium.make('mrdamp/Frame-v0')",
+}
+_TEXT = (
+    "CPU time of a new interpreter, user and system, with warm files; the interpreter's own start is in both sides. "
+    "`import mrdamp` waits for MuJoCo and Gymnasium to be imported by someone else, and then registers its plugins and "
+    "environments; `import mujoco` alone loads the plugin by its entry point."
+)
+
+
+def start(code: str) -> Task:
+    """CPU time of an interpreter that runs the code, us."""
+
+    def run() -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(
+            [sys.executable, "-c", code],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            cwd=Path(sys.executable).parent,
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return 1e6 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+
+    return run
+
+
+def measure(effort: Effort) -> list[Section]:
+    """A section: starting times as ratios."""
+    costs = interleave({name: start(code) for name, code in STARTS.items()}, min(effort.rounds, 15))
+    rows: list[Figure] = [
+        of_ratio(
+            "`import mrdamp` over `import numpy`",
+            ratio(costs["mrdamp"], costs["numpy"]),
+            "mrdamp",
+            "numpy",
+            "<= 1",
+        ),
+        of_ratio(
+            "`import mrdamp` over Python alone", ratio(costs["mrdamp"], costs["python"]), "mrdamp", "Python"
+        ),
+        of_ratio(
+            "`mrdamp --help` over `import numpy`",
+            ratio(costs["help"], costs["numpy"]),
+            "help",
+            "numpy",
+            "<= 1",
+        ),
+        of_ratio(
+            "`import mujoco`, with the plugin, over `import numpy`",
+            ratio(costs["mujoco"], costs["numpy"]),
+            "mujoco",
+            "numpy",
+        ),
+        of_ratio(
+            '`gymnasium.make("mrdamp/Frame-v0")` over `import gymnasium`',
+            ratio(costs["environment"], costs["gymnasium"]),
+            "environment",
+            "gymnasium",
+        ),
+    ]
+    return [Section("Start", _TEXT, tuple(rows))]

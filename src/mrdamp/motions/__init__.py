@@ -1,0 +1,7 @@
+"""Ground motions: recorded ones from CSV and PEER files, artificial ones of a Kanai-Tajimi spectrum."""
+
+from __future__ import annotations
+
+from mrdamp.motions.motion import GroundMotion, embedded_motion, kanai_tajimi, read_motion
+
+__all__ = ["GroundMotion", "embedded_motion", "kanai_tajimi", "read_motion"]

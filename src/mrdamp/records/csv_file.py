@@ -1,0 +1,191 @@
+"""The CSV form of a record: text to columns and back, every fault found with its line.
+
+A record is a header of channel names and rows of numbers, separated by commas. Only channels are read;
+other columns may hold anything.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.channels import check_header, listed, show
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+_NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.IGNORECASE)
+_STEP_TOLERANCE = 0.01  # of a step: the jitter of a clock that still counts as uniform
+_GRID_TOLERANCE = 0.05  # of a step: how far a sample may lie from the uniform grid of the whole record
+
+
+def parse(
+    file: str, text: str, required: Sequence[str] | None = None
+) -> tuple[dict[str, Array], tuple[str, ...], float]:
+    """Columns of a record's text.
+
+    Args:
+        file: the file's name, for error lines.
+        text: the whole file, lines ended by ``\\n``.
+        required: channels that must be there (see `mrdamp.channels.check_header`).
+
+    Returns:
+        channels in file order, each (n,) float64; the names of the columns left out; the sample time in s.
+
+    Raises:
+        InputError: one line with the file, the line number and the channel.
+    """
+    lines = text.rstrip().split("\n")
+    header = [name.strip() for name in lines[0].split(",")]
+    if all(_NUMBER.fullmatch(name) or _NOT_FINITE.fullmatch(name) or not name for name in header):
+        raise InputError(f"{file}: no header: line 1 must name the channels (time_s,command,...)")
+    if len(header) == 1 and re.search(r"[;\t]", lines[0]):
+        raise InputError(f"{file}: columns must be separated by commas")
+    present = check_header(file, header, required)
+    rows = lines[1:]
+    columns = [header.index(name) for name in present]
+    values = numbers(file, header, rows, columns)
+    channels = {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(present)}
+    ignored = tuple(name for name in header if name not in present)
+    if "time_s" not in channels:
+        raise InputError(f"{file}: missing channel time_s; the file has {listed(header)}")
+    sample_time = clock(file, channels["time_s"])
+    return channels, ignored, sample_time
+
+
+def clock(file: str, time: Array, first_line: int = 2) -> float:
+    """Sample time of a printed time column, (t[-1] - t[0]) / (n - 1), after a check that it is uniform.
+
+    Times are printed with limited digits, so a time may be off by half of the last digit; beyond that, and
+    1 % of a step, a clock counts as non-uniform.
+
+    Args:
+        file: the file's name, for the error line.
+        time: (n,) s, finite, n >= 3.
+        first_line: line of the file that holds time[0].
+
+    Raises:
+        InputError: time stands, goes back, leaves samples out or wanders.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(time)
+        sample_time = float((time[-1] - time[0]) / (len(time) - 1))
+    if not np.isfinite(steps).all() or not 1e-12 < abs(sample_time) < 1e12 or np.abs(time).max() > 1e15:
+        raise InputError(f"{file}: time_s runs from {time[0]:.6g} to {time[-1]:.6g}: not a clock in seconds")
+    back = np.flatnonzero(steps <= 0.0)
+    if back.size:
+        k = int(back[0]) + 1
+        raise InputError(
+            f"{file}: line {first_line + k}: time_s does not increase: {time[k]:.9g} after {time[k - 1]:.9g}"
+        )
+    usual = float(np.median(steps))
+    last_digit = np.minimum(resolution(time), 0.5 * usual)
+    off = np.abs(steps - usual) - _STEP_TOLERANCE * usual - 1.01 * last_digit[1:]
+    worst = int(np.argmax(off))
+    if off[worst] > 0.0:
+        raise InputError(
+            f"{file}: line {first_line + worst + 1}: non-uniform clock: time_s steps by {steps[worst]:.6g} s,"
+            f" elsewhere by {usual:.6g} s"
+        )
+    index = np.arange(len(time)) - 0.5 * (len(time) - 1)
+    slope = float(index @ (time - time.mean()) / (index @ index))
+    wander = np.abs(time - time.mean() - slope * index)
+    off = wander - _GRID_TOLERANCE * usual - 0.6 * last_digit
+    worst = int(np.argmax(off))
+    if off[worst] > 0.0:
+        raise InputError(
+            f"{file}: line {first_line + worst}: non-uniform clock: time_s is {wander[worst]:.6g} s away from"
+            f" steps of {slope:.9g} s"
+        )
+    return sample_time
+
+
+def render(columns: Mapping[str, Array], digits: int = 9) -> str:
+    """CSV text of equally long columns, ``digits`` significant digits; the inverse of `parse`.
+
+    Time has three digits more: a step is a small part of a time.
+    """
+    formats = [f"%.{digits + 3 if name == 'time_s' else digits}g" for name in columns]
+    row = ",".join(formats)
+    table = np.column_stack(list(columns.values())).tolist()
+    return "\n".join([",".join(columns), *(row % tuple(values) for values in table)]) + "\n"
+
+
+def numbers(
+    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2
+) -> Array:
+    """(n, len(picked)) finite numbers of the rows' columns ``picked``.
+
+    Args:
+        file: the file's name, for the error line.
+        names: of all columns.
+        rows: the lines, one a sample.
+        picked: the columns to read; the others may hold anything.
+        first_line: line of the file that rows[0] is.
+
+    Raises:
+        InputError: a ragged row, a cell that is not a number, NaN or infinity, with its line.
+    """
+    if len(rows) < 3:
+        raise InputError(f"{file}: {len(rows)} samples: at least 3 are needed")
+    commas = np.fromiter((row.count(",") for row in rows), dtype=np.int64, count=len(rows))
+    ragged = np.flatnonzero(commas != len(names) - 1)
+    if ragged.size:
+        k = int(ragged[0])
+        found = "is empty" if not rows[k].strip() else f"has {commas[k] + 1} cells"
+        raise InputError(f"{file}: line {first_line + k} {found}, {len(names)} columns are needed")
+    try:
+        values = np.loadtxt(rows, delimiter=",", comments=None, usecols=picked, ndmin=2, dtype=np.float64)
+    except (ValueError, OverflowError):
+        values = None
+    if values is None or values.shape != (len(rows), len(picked)):
+        raise _not_a_number(file, names, rows, picked, first_line)
+    bad = np.argwhere(~np.isfinite(values))
+    if bad.size:
+        row, column = (int(index) for index in bad[0])
+        what = "NaN" if np.isnan(values[row, column]) else "infinite"
+        where = f"{file}: line {first_line + row}: {names[picked[column]]}"
+        raise InputError(f"{where} is {what}: every cell must be a finite number")
+    return values
+
+
+def _not_a_number(
+    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int
+) -> InputError:
+    """The error for the first cell that is not a number."""
+    for k, row in enumerate(rows):
+        cells = row.split(",")
+        for column in picked:
+            cell = cells[column]
+            if not _NUMBER.fullmatch(cell) and not _NOT_FINITE.fullmatch(cell):
+                what = f"is not a number: {show(cell.strip())}" if cell.strip() else "is empty"
+                return InputError(f"{file}: line {first_line + k}: {names[column]} {what}")
+    return InputError(f"{file}: the rows are not a table of numbers")
+
+
+def resolution(time: Array) -> Array:
+    """(n,) s: what the last printed digit of each time is worth.
+
+    The number of decimals is found for each decade of time on its own, since a column may be printed with
+    so many decimals or with so many significant digits.
+    """
+    size = np.abs(time)
+    decade = np.floor(np.log10(np.maximum(size, 1e-9))).astype(np.int64)
+    out = 4.0 * np.spacing(size)
+    for here in np.unique(decade):
+        mask = decade == here
+        out[mask] += 10.0 ** -_decimals(time[mask])
+    return out
+
+
+def _decimals(time: Array) -> int:
+    """Fewest decimals that print these times exactly (to the accuracy of a double)."""
+    for decimals in range(16):
+        scaled = time * 10.0**decimals
+        if (np.abs(scaled - np.round(scaled)) <= 1e-6 + 4.0 * np.spacing(np.abs(scaled))).all():
+            return decimals
+    return 16

@@ -1,0 +1,78 @@
+"""How far a record moves and when: where to cut it, and why a law cannot be found in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mrdamp.sampling import Array
+
+#: Motion within this share of the record's range does not count: noise at rest would add up to a long path.
+DEAD_BAND = 0.02
+#: Share of the path that a record which is alone is fitted to; the rest judges the fit.
+FITTED_SHARE = 2.0 / 3.0
+#: A turning point counts where the motion goes back by this share of the range. A loop has two.
+_TURN = 0.1
+#: Below this ratio of a channel's range to its noise, a loop of force over displacement is not resolved.
+_RESOLVED = 20.0
+
+
+def path(x: Array) -> Array:
+    """(n,) distance travelled up to each sample of a displacement (n,), m, of motions beyond the dead band.
+
+    A displacement that is led through a backlash of `DEAD_BAND` times its range: noise at rest gives none.
+    """
+    half = 0.5 * DEAD_BAND * float(np.ptp(x))
+    follower, total = float(x[0]), 0.0
+    out = np.empty(len(x))
+    for k, value in enumerate(x.tolist()):
+        gap = value - follower
+        if abs(gap) > half:
+            step = gap - half if gap > 0 else gap + half
+            follower += step
+            total += abs(step)
+        out[k] = total
+    return out
+
+
+def cut(x: Array) -> int:
+    """Sample at which a displacement (n,) has covered `FITTED_SHARE` of its path; of its time, where it stands still.
+
+    Both sides of the cut move, wherever in the record the motion is.
+    """
+    covered = path(x)
+    if not covered[-1] > 0:
+        return round(FITTED_SHARE * (len(x) - 1))
+    return int(np.searchsorted(covered, FITTED_SHARE * covered[-1]))
+
+
+def turns(x: Array) -> int:
+    """How often a displacement (n,) turns back by more than a tenth of its range."""
+    least, count, up = _TURN * float(np.ptp(x)), 0, 0
+    low = high = float(x[0])
+    for value in x.tolist():
+        low, high = min(low, value), max(high, value)
+        if up >= 0 and value < high - least:
+            count, up, low = count + (up > 0), -1, value
+        elif up <= 0 and value > low + least:
+            count, up, high = count + (up < 0), 1, value
+    return count
+
+
+def noise(x: Array) -> float:
+    """Standard deviation of white noise on a channel (n,), from its third differences, which smooth motion has not."""
+    return float(np.std(np.diff(x, 3)) / np.sqrt(20.0)) if len(x) > 3 else 0.0
+
+
+def faults(x: Array, force: Array) -> list[str]:
+    """Why no law can be found in a displacement (n,) m and a force (n,) N: a phrase for each reason."""
+    found = []
+    if (count := turns(x)) < 2:
+        said = "turns back only once" if count else "never turns back"
+        found.append(f"the loop never closes: the rod {said}, and a loop takes two turns")
+    if float(np.ptp(x)) < _RESOLVED * (error := noise(x)):
+        found.append(
+            f"too little motion: {1e3 * np.ptp(x):.3g} mm from end to end, with noise of {1e3 * error:.2g} mm"
+        )
+    if float(np.std(force)) < 2.0 * (error := noise(force)):
+        found.append(f"the force is constant but for its noise ({np.mean(force):.4g} N, noise {error:.2g} N)")
+    return found

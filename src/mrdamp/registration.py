@@ -1,0 +1,18 @@
+"""The ids of the Gymnasium environments. Gymnasium has no plugin entry point, so importing `mrdamp` registers them."""
+
+from __future__ import annotations
+
+#: id -> class of the environment, class of the vector environment. Gymnasium imports them when one is made.
+ENVIRONMENTS = {
+    "mrdamp/Frame-v0": ("mrdamp.envs.frame:FrameEnv", "mrdamp.envs.vector:FrameVectorEnv"),
+    "mrdamp/Cable-v0": ("mrdamp.envs.cable:CableEnv", "mrdamp.envs.vector:CableVectorEnv"),
+}
+
+
+def register() -> None:
+    """Makes the environments known to `gymnasium.make`; safe to call again."""
+    import gymnasium
+
+    for name, (single, vector) in ENVIRONMENTS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(name, entry_point=single, vector_entry_point=vector)

@@ -1,0 +1,81 @@
+"""Motion and command between the samples of a damper's record: cubic splines of the motion, straight lines of the
+command, or the sampling theorem's curve where the log went through a filter (`mrdamp.logged`).
+
+Central differences at the samples underrate a fast motion's velocity, by 0.3 % at 10 Hz sampled at 500 Hz, and more
+in the law's stiff states; between samples of a spline that error is gone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from mrdamp.logged import unfolded
+from mrdamp.sampling import Array
+
+
+@dataclass(frozen=True, eq=False)
+class FineInputs:
+    """A record's inputs on a finer clock: displacement (m), velocity (m/s), acceleration (m/s2), command, (n,) each.
+
+    factor: samples of it in one of the record's; every so many belong to the record's own. filtered: the record went
+    through the log's filter, and what is simulated has to.
+    """
+
+    factor: int
+    sample_time: float
+    x: Array
+    v: Array
+    a: Array
+    u: Array
+    filtered: bool = False
+
+
+#: An end is taken for an artefact where it breaks off so many times as sharply as the motion does before it.
+_BREAK, _BEFORE = 4.0, 60
+#: Samples that are then put anew, and those that say where the motion was going.
+_ENDS, _FROM, _ORDER = 6, 24, 5
+
+
+def repaired_ends(x: Array) -> Array:
+    """The displacement (n,) with ends that a converter's filter bent put where the motion comes from and goes.
+
+    A decimating filter has nothing to average beyond the first and last sample and bends the ends towards rest; the
+    velocity then seems to break off, and the force with it.
+    """
+    return _repaired_tail(_repaired_tail(x)[::-1])[::-1]
+
+
+def _repaired_tail(x: Array) -> Array:
+    third = np.abs(np.diff(x[-_BEFORE:], 3))
+    if len(x) < _BEFORE or third[-1] <= _BREAK * float(third[:-_ENDS].max()):
+        return x
+    known = np.arange(-_ENDS - _FROM, -_ENDS)
+    curve = np.polynomial.Polynomial.fit(known, x[known], _ORDER)
+    out = np.array(x)
+    out[-_ENDS:] = curve(np.arange(-_ENDS, 0))
+    return out
+
+
+def upsampled(
+    x: Array,
+    u: Array,
+    sample_time: float,
+    factor: int,
+    v: Array | None = None,
+    a: Array | None = None,
+    *,
+    filtered: bool = False,
+) -> FineInputs:
+    """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration run straight."""
+    n = len(x)
+    t, fine = np.arange(n), np.arange((n - 1) * factor + 1) / factor
+    spline = CubicSpline(t, x)
+    velocity = spline(fine, 1) / sample_time if v is None else np.interp(fine, t, v)
+    acceleration = np.interp(fine, t, a) if a is not None else spline(fine, 2) / sample_time**2
+    if a is None and v is not None:
+        acceleration = np.interp(fine, t, np.gradient(v, sample_time, edge_order=2))
+    command = unfolded(u, factor) if filtered else np.interp(fine, t, u)
+    return FineInputs(factor, sample_time / factor, spline(fine), velocity, acceleration, command, filtered)

@@ -1,0 +1,56 @@
+"""The packages form layers: no circle of modules or groups, and the ways that the page describes exist."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+TOOL = Path(__file__).resolve().parents[1] / "tools" / "architecture_picture.py"
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("architecture_picture", TOOL)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_no_module_or_group_imports_itself_by_a_detour(tool: ModuleType) -> None:
+    assert len(tool.graph()) > 150  # CycleError otherwise
+    groups = tool.group_imports()
+    assert set(groups) == set(tool.BOXES)
+    assert groups["shared"] == set()
+
+
+def test_every_listed_module_exists(tool: ModuleType) -> None:
+    present = {name.split(".")[1] for name in tool.graph() if "." in name} | {"templates"}
+    listed = [name for names in tool.GROUPS.values() for name in names]
+    assert sorted(listed) == sorted(set(listed))
+    assert set(listed) == present
+
+
+def test_each_step_of_the_ways_is_an_import(tool: ModuleType) -> None:
+    groups = tool.group_imports(later=True)
+    for way in (tool.RECORD, tool.COMMAND):
+        for a, b in pairwise(way):
+            assert b in groups[a] or a in groups[b], (a, b)
+
+
+def test_a_circle_is_found(tool: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{name}.py").write_text(f"from mrdamp import {other}\n")
+    files = {f"mrdamp.{name}": tmp_path / f"{name}.py" for name in "ab"}
+    monkeypatch.setattr(tool, "modules", lambda: files)
+    with pytest.raises(tool.CycleError):
+        tool.graph()
+    (tmp_path / "a.py").write_text("def f():\n    from mrdamp import b\n")
+    assert tool.graph() == {"mrdamp.a": set(), "mrdamp.b": {"mrdamp.a"}}
