@@ -323,6 +323,10 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   return o;
 }
 
+double CurrentNow(const Damper& d, const State& s, double u) {
+  return HasLag(d.p) ? s.c.coil.current : Commanded(d, s, u).coil.current;
+}
+
 double RodForce(const Damper& d, const State& s, double x, double v, double a, double u) {
   if (!HasMount(d.p)) return Observe(d, s, x, v, a, u).force;
   return OnRod(d.p, s, s.c.rubber.Force(d.p, x - s.c.piston), a);

@@ -13,7 +13,7 @@ from mrdamp.library import library_path
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 6
+_ABI = 7
 ERROR_SIZE = 400
 
 
