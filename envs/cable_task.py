@@ -16,8 +16,9 @@ from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.cable_rows import CableRows
+from mrdamp.envs.chain_rows import CableChain
 from mrdamp.envs.frame_rows import as_mapping, command_range
-from mrdamp.envs.task import Task
+from mrdamp.envs.task import References, Task, of_engine
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -89,7 +90,11 @@ def default_places(cable: StayCable) -> tuple[float, ...]:
 class CableTask(Task):
     """n cables under ambient or wind loads; arguments as in `CableEnv`."""
 
-    structures: ClassVar[type[CableRows]] = CableRows
+    #: By engine: the rows, and their largest step unless asked otherwise (s).
+    engines: ClassVar[Mapping[str, tuple[type[CableRows], float]]] = {
+        "mujoco": (CableRows, 1e-3),
+        "chain": (CableChain, 1e-3),
+    }
 
     def __init__(
         self,
@@ -109,10 +114,12 @@ class CableTask(Task):
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
-        timestep: float = 1e-3,
+        timestep: float | None = None,
         command_max: float | None = None,
+        engine: str = "mujoco",
         threads: int = 1,
     ) -> None:
+        structures, step = of_engine(self.engines, engine)
         self.cable = cable or StayCable()
         if isinstance(model, str | Path):
             model = Model.read(model)
@@ -121,7 +128,10 @@ class CableTask(Task):
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
         maximum = command_range([self.model], command_max)
-        self.cable_rows = self.structures(self.cable, self.model, places, period, timestep, maximum, n, threads)
+        self.cable_rows = structures(
+            self.cable, self.model, places, period, timestep or step, maximum, n, threads
+        )
+        self._references = References[Array]()
         if isinstance(observer, Mapping):
             observer = Observer.from_dict(observer)
         if observer is None:
@@ -162,7 +172,9 @@ class CableTask(Task):
 
     def reference(self, pushes: Array) -> Array:
         """(3,) what the reward is measured by, of loads (samples, modes) N at the engine's steps; see `free_run`."""
-        return free_run(self.cable, pushes, self.cable_rows.plants.timestep)
+        return self._references.of(
+            pushes, lambda: free_run(self.cable, pushes, self.cable_rows.plants.timestep)
+        )
 
 
 def cable_observer(

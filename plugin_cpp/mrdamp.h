@@ -156,26 +156,28 @@ typedef struct {
   int samples, steps;
 } mrdamp_load;
 
-/* Criteria of a control period, over its steps: largest |drift| (m) and |absolute acceleration| (m/s2), at the steps'
- * starts, of a frame; of modes the sums of squares of the coordinates, at the steps' ends, and of their accelerations, at
- * their starts, over mass and steps (m2, m2/s4). Then, as means over dampers and steps, |current| over command_max, its
- * square, |current|; and the energy taken in by the dampers (J). NaN where the motion diverged. */
+/* Criteria of a control period. Of a frame: largest |drift| (m) and |absolute acceleration| (m/s2) at `instants` instants of
+ * every step, evenly from its start. Of modes: sums of squares of the coordinates, at the steps' ends, and of their
+ * accelerations, at their starts, over mass and steps (m2, m2/s4). Then, as means over dampers and those instants,
+ * |current| over command_max, its square, |current|; and the energy taken in by the dampers (J). NaN where the motion
+ * diverged. */
 enum { MRDAMP_CRITERIA = 6 };
 
 /* Measurements of modes: accelerations, displacements, velocities at the places. Of a frame: absolute accelerations
  * through their sensors, displacements and velocities to the ground of every floor, drifts of every storey. Then, by
- * damper: FORCE, REFERENCE, stroke, its velocity, CURRENT. noise: standard deviation of each, NULL: none. An
- * accelerometer is read once in a control period.
- * between: count pairs of floors. period (s) is stepped in `steps` steps. NULL and a line on failure. The frame's own
+ * damper: FORCE, REFERENCE, stroke, its velocity, CURRENT. An accelerometer is read once in a control period.
+ * between: count pairs of floors. period (s) is stepped in `steps` steps, of which the chain takes each as one inner step. NULL and a line on failure. The frame's own
  * damper_from, damper_to are passed over. */
 MRDAMP_API mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between,
-                                          double period, int steps, const double* noise, char* err, int err_size);
+                                          double period, int steps, int instants, char* err, int err_size);
 MRDAMP_API mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
-                                          const double* noise, char* err, int err_size);
+                                          int instants, char* err, int err_size);
 MRDAMP_API void mrdamp_rows_free(mrdamp_rows* rows);
 MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates stand at 4, then
                                                                    * their velocities */
 MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
+/* White noise on every measurement from now on: its standard deviation, mrdamp_rows_measurements() of them. */
+MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
 /* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. The dampers start at
  * the first command that a step gives. */
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,

@@ -1,6 +1,5 @@
 #include "core/rows.h"
 
-#include <algorithm>
 #include <cmath>
 #include <new>
 
@@ -18,14 +17,18 @@ namespace {
 constexpr int kMostDampers = 100;
 
 // What frames and modes share; false and a line on failure.
-bool Take(const mrdamp_dampers& from, double period, int steps, RowsPlan* plan, char* err, int size) {
+bool Take(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, char* err, int size) {
   if (from.count < 1 || from.count > kMostDampers) {
     return !Fail(err, size, std::to_string(from.count) + " dampers; allowed are 1 to " + std::to_string(kMostDampers));
   }
   if (!(period > 0) || !std::isfinite(period)) return !Fail(err, size, "the control period must be above 0");
-  if (steps < 1) return !Fail(err, size, std::to_string(steps) + " steps in a control period; allowed are 1 or more");
+  if (steps < 1 || instants < 1) {
+    return !Fail(err, size, std::to_string(steps) + " steps in a control period, criteria at " + std::to_string(instants) +
+                                " instants of each; allowed are 1 or more");
+  }
   plan->period = period;
   plan->steps = steps;
+  plan->instants = instants;
   for (int k = 0; k < from.count; k++) {
     Damper d;
     const mrdamp_narx* net = from.net ? from.net[k] : nullptr;
@@ -39,27 +42,15 @@ bool Take(const mrdamp_dampers& from, double period, int steps, RowsPlan* plan, 
   return true;
 }
 
-mrdamp_rows* Build(RowsPlan plan, const double* noise, char* err, int size) {
-  const int many = 3 * plan.place.n + plan.drift.n + 5 * static_cast<int>(plan.dampers.size());
-  for (int i = 0; noise && i < many; i++) {
-    if (!(noise[i] >= 0) || !std::isfinite(noise[i])) {
-      Fail(err, size, "noise of measurement " + std::to_string(i) + " must be a finite number of at least 0");
-      return nullptr;
-    }
-  }
-  if (noise && std::any_of(noise, noise + many, [](double v) { return v > 0; })) plan.noise.assign(noise, noise + many);
-  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
-}
-
 }  // namespace
 
 extern "C" {
 
 mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between, double period,
-                               int steps, const double* noise, char* err, int err_size) {
+                               int steps, int instants, char* err, int err_size) {
   RowsPlan plan;
   mrdamp_frame f = *frame;
-  if (!Take(*dampers, period, steps, &plan, err, err_size)) return nullptr;
+  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
   for (int k = 0; k < dampers->count; k++) {
     f.damper_from = between[2 * k];
     f.damper_to = between[2 * k + 1];
@@ -76,11 +67,11 @@ mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* 
     if (i > 0) plan.drift(i, i - 1) = -1;
   }
   plan.accelerometers = FloorSensors(f);
-  return Build(std::move(plan), noise, err, err_size);
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
 }
 
 mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
-                               const double* noise, char* err, int err_size) {
+                               int instants, char* err, int err_size) {
   RowsPlan plan;
   const int n = modes->modes;
   if (n < 1 || n > 500 || modes->places < 0) {
@@ -95,7 +86,7 @@ mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* 
     Fail(err, err_size, std::to_string(dampers->count) + " dampers on modes; allowed is 1");
     return nullptr;
   }
-  if (!Take(*dampers, period, steps, &plan, err, err_size)) return nullptr;
+  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
   plan.system = LinearSystem(n, n, 1);
   plan.place = Matrix(modes->places, n);
   for (int i = 0; i < n; i++) {
@@ -116,12 +107,21 @@ mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* 
   plan.loaded = true;
   plan.peaks = false;
   plan.square = 1 / modes->mass;
-  return Build(std::move(plan), noise, err, err_size);
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
 }
 
 void mrdamp_rows_free(mrdamp_rows* rows) { delete rows; }
 int mrdamp_rows_size(const mrdamp_rows* rows) { return rows->rows.size(); }
 int mrdamp_rows_measurements(const mrdamp_rows* rows) { return rows->rows.measurements(); }
+
+int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size) {
+  for (int i = 0; i < rows->rows.measurements(); i++) {
+    if (deviation[i] >= 0 && std::isfinite(deviation[i])) continue;
+    return Fail(err, err_size, "noise of measurement " + std::to_string(i + 1) + " must be a finite number of at least 0");
+  }
+  rows->rows.SetNoise(deviation);
+  return 0;
+}
 
 void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state, double* measurements) {
   rows->rows.Start(seed, *load, state, measurements);

@@ -9,6 +9,14 @@
 
 namespace mrdamp {
 
+namespace {
+
+// h / m times its slope up to which a damper's force may as well run straight over a step: the weight of core/weight.h is
+// then within 1e-5 of its series.
+constexpr double kSoft = 0.1;
+
+}  // namespace
+
 double Storey::Force(double x, double v, double dx, double* q) const {
   double dry = 0;
   if (friction > 0 && friction_width > 0) {
@@ -21,9 +29,10 @@ double Storey::Force(double x, double v, double dx, double* q) const {
   return dry + one_sided * std::max(x, 0.0) + cubic * x * x * x + damping2 * std::fabs(v) * v;
 }
 
-Assembly::Assembly(const Linear& linear, const std::vector<Damper>& dampers, const std::vector<Storey>& storeys)
+Assembly::Assembly(const Linear& linear, const std::vector<Damper>& dampers, const std::vector<Storey>& storeys,
+                   bool quick)
     : q(2 * linear.n(), 0.0), elements(dampers.size() + storeys.size()), bristle(storeys.size(), 0.0), linear_(linear),
-      storeys_(storeys), free_(q.size()), next_(q.size()), blend_(elements.size()) {
+      storeys_(storeys), tolerance_(quick ? 1e-5 : 1e-7), quick_(quick), free_(q.size()), next_(q.size()), blend_(elements.size()) {
   for (const Damper& d : dampers) sites.emplace_back(d);
 }
 
@@ -61,16 +70,21 @@ void Assembly::Balance(int j, int sweep, double u0, double u1, double* moved, do
   }
   const double x0 = linear_.Along(j, q.data(), 0), v0 = linear_.Along(j, q.data(), n);
   const auto [hold_x, hold_v, ramp_x, ramp_v] = linear_.GiveOf(j, j);
-  double wv = ramp_v + blend_[j] * hold_v, wx = ramp_x + blend_[j] * hold_x, tried = 0;
+  double wv = ramp_v + blend_[j] * hold_v, wx = ramp_x + blend_[j] * hold_x, tried = 0, given = 0;
+  double tried_before = 0, given_before = 0;
+  int trials = 0;
   Site* const site = j < dampers ? &sites[j] : nullptr;
   // Force of the element when the step ends at velocity v.
   const auto law = [&](double v, double x) {
+    tried_before = tried;
+    given_before = given;
     tried = v;
+    trials++;
     if (site) {
       site->trial.s.c = site->state.s.c;
       if (site->trial.s.past) site->trial.past = site->state.past;
       Advance(*site->d, &site->trial.s, {x0, v0, x, v, h}, u0, u1);
-      return RodForce(*site->d, site->trial.s, x, v, (v - v0) / h, u1);
+      return given = RodForce(*site->d, site->trial.s, x, v, (v - v0) / h, u1);
     }
     double held = bristle[j - dampers];
     return storeys_[j - dampers].Force(x, v, x - x0, &held);
@@ -80,17 +94,25 @@ void Assembly::Balance(int j, int sweep, double u0, double u1, double* moved, do
     return law(v, fx + wx * along) - along;
   };
   double guess = fv + wv * e.next, slope = (sweep > 0 && site ? e.rise : 0) - 1 / wv;
-  if (sweep == 0) {
+  const auto blend = [&](double share) {
+    blend_[j] = share;
+    fx -= hold_x * e.force * share;
+    fv -= hold_v * e.force * share;
+    wx += share * hold_x;
+    wv += share * hold_v;
+  };
+  const bool soft = quick_ && site && -2 * ramp_v * e.rise < kSoft;  // false where the rise is unset
+  if (sweep == 0 && soft) {
+    blend(-ramp_v * e.rise / 3);
+    slope = e.rise - 1 / wv;
+    guess = fv + wv * e.force;
+  } else if (sweep == 0) {
     // The slope over all that the step may bring, from no force to the force without give (core/weight.h).
     const double f0 = law(fv, fx), dv = 2 * ramp_v * f0;
     if (std::fabs(dv) > 1e-12 * std::fabs(fv) + 1e-15) {
       const double f1 = law(fv + dv, fx + 2 * ramp_x * f0), free_v = fv;
       e.rise = std::max(0.0, (f1 - f0) / dv);
-      blend_[j] = 2 * EndWeight(-2 * ramp_v * e.rise) - 1;
-      fx -= hold_x * e.force * blend_[j];
-      fv -= hold_v * e.force * blend_[j];
-      wx += blend_[j] * hold_x;
-      wv += blend_[j] * hold_v;
+      blend(2 * EndWeight(-2 * ramp_v * e.rise) - 1);
       if (site) {  // along the secant of these two the balance is near
         slope = e.rise - 1 / wv;
         guess = fv + wv * (f0 + e.rise * (fv - free_v)) / (1 - e.rise * wv);
@@ -100,9 +122,12 @@ void Assembly::Balance(int j, int sweep, double u0, double u1, double* moved, do
       slope += e.rise;
     }
   }
-  const double solved = SolveIncreasing(residual, guess, slope, 1e-7 * std::fabs(e.next) + 1e-7);
+  const double solved = SolveIncreasing(residual, guess, slope, tolerance_ * std::fabs(e.next) + 1e-7);
   const double along = (solved - fv) / wv;
   e.ready = tried == solved;
+  if (soft && trials > 1 && std::fabs(tried - tried_before) > 1e-6 * std::fabs(v0)) {
+    e.rise = std::max(0.0, (given - given_before) / (tried - tried_before));
+  }
   *moved = std::max(*moved, std::fabs(along - e.next));
   *size = std::max(*size, std::fabs(along));
   e.next = along;

@@ -28,7 +28,7 @@ class Assembly {
     double force = 0;    // N, now
     double next = 0;     // N, at the end of the step that is solved for
     double start = 0;    // N, that the step's force ran from
-    double rise = 0;     // N s/m, its slope over what the step may bring
+    double rise = kUnset;  // N s/m, its slope over what the step may bring; unset before the first step
     bool ready = false;  // the damper's trial state was stepped to the end that was found
   };
   struct Site {
@@ -40,8 +40,9 @@ class Assembly {
     explicit Site(const Damper& damper) : d(&damper), state(damper), trial(damper) {}
   };
 
-  // All three must outlive it.
-  Assembly(const Linear& linear, const std::vector<Damper>& dampers, const std::vector<Storey>& storeys);
+  // All three must outlive it. quick: a damper that gives way softly is solved for from where the last step left it, to
+  // 1e-5 of its force (the laws are within 1e-4 of their equations); else from two trials of its own, to 1e-7.
+  Assembly(const Linear& linear, const std::vector<Damper>& dampers, const std::vector<Storey>& storeys, bool quick = false);
 
   // At rest with a command to each damper.
   void Start(const double* command);
@@ -64,6 +65,8 @@ class Assembly {
 
   const Linear& linear_;
   const std::vector<Storey>& storeys_;
+  const double tolerance_;  // of a force that is solved for, over it
+  const bool quick_;
   std::vector<double> free_, next_, blend_;
 };
 

@@ -39,10 +39,13 @@ bool IsIdeal(const SensorParams& p) {
 
 Rows::Rows(RowsPlan plan)
     : plan_(std::move(plan)), linear_(plan_.system, plan_.period / plan_.steps), place_(plan_.place), drift_(plan_.drift) {
-  for (const Damper& d : plan_.dampers) readings_.push_back(SensorParams::Of(d.p));
+  for (Damper& d : plan_.dampers) {
+    d.p.substep = std::max(d.p.substep, linear_.h());
+    readings_.push_back(SensorParams::Of(d.p));
+  }
   ideal_ = std::all_of(plan_.accelerometers.begin(), plan_.accelerometers.end(), IsIdeal);
   const int elements = linear_.elements();
-  size_ = kHeader + 2 * linear_.n() + elements + static_cast<int>(plan_.storeys.size());
+  size_ = kHeader + 2 * linear_.n() + 2 * elements + static_cast<int>(plan_.storeys.size());
   for (const Damper& d : plan_.dampers) {
     size_ += 1 + Doubles<ChainState>() + Doubles<Sensor>() + (HasDelay(d.p) ? Doubles<DelayLine>() : 0) +
              (d.law == Law::kNarx ? Doubles<NarxHistory>() : 0);
@@ -54,16 +57,20 @@ Rows::Rows(RowsPlan plan)
 
 Rows::Desk Rows::MakeDesk() const {
   const auto loads = static_cast<std::size_t>(linear_.loads()), n = static_cast<std::size_t>(linear_.n());
-  return {Assembly(linear_, plan_.dampers, plan_.storeys), std::vector<Sensor>(plan_.dampers.size()),
+  return {Assembly(linear_, plan_.dampers, plan_.storeys, true), std::vector<Sensor>(plan_.dampers.size()),
           std::vector<Sensor>(ideal_ ? 0 : plan_.place.n), std::vector<double>(loads), std::vector<double>(loads),
-          std::vector<double>(linear_.elements()), std::vector<double>(n), std::vector<double>(n)};
+          std::vector<double>(linear_.elements()), std::vector<double>(n), std::vector<double>(n),
+          std::vector<double>(2 * n), std::vector<double>(plan_.dampers.size())};
 }
 
 void Rows::Load(const double* state, Desk* w) const {
   Assembly& a = w->assembly;
   const double* at = state + kHeader;
   for (double& q : a.q) q = *at++;
-  for (Assembly::Element& e : a.elements) e.force = *at++;
+  for (Assembly::Element& e : a.elements) {
+    e.force = *at++;
+    e.rise = *at++;
+  }
   for (double& b : a.bristle) b = *at++;
   for (std::size_t k = 0; k < a.sites.size(); k++) {
     Assembly::Site& site = a.sites[k];
@@ -80,7 +87,10 @@ void Rows::Store(const Desk& w, double* state) const {
   const Assembly& a = w.assembly;
   double* at = state + kHeader;
   for (const double q : a.q) *at++ = q;
-  for (const Assembly::Element& e : a.elements) *at++ = e.force;
+  for (const Assembly::Element& e : a.elements) {
+    *at++ = e.force;
+    *at++ = e.rise;
+  }
   for (const double b : a.bristle) *at++ = b;
   for (std::size_t k = 0; k < a.sites.size(); k++) {
     const Assembly::Site& site = a.sites[k];
@@ -108,15 +118,29 @@ void Rows::LoadAt(const mrdamp_load& load, double step, double* out) const {
   for (int i = 0; i < many; i++) out[i] = from[i] + w * (to[i] - from[i]);
 }
 
-// Of the present; load0 holds the load.
-void Rows::Measure(const double* header, const double* command, Desk* w, double* out) const {
+// Rates of the coordinates' velocities at present; load0 holds the load.
+void Rows::Rates(Desk* w) const {
   const Assembly& a = w->assembly;
+  for (std::size_t j = 0; j < a.elements.size(); j++) w->forces[j] = a.elements[j].force;
+  linear_.Rates(a.q.data(), w->forces.data(), plan_.loaded ? w->load0.data() : nullptr, w->rate.data());
+}
+
+// A drift at a share s of the last step, by its values and velocities at both ends.
+double Rows::DriftWithin(int j, double s, const Desk& w) const {
+  const int n = linear_.n();
+  const double x0 = drift_.Row(j, w.from.data());
+  if (s == 0) return x0;
+  const double x1 = drift_.Row(j, w.assembly.q.data()), h = linear_.h();
+  const double v0 = h * drift_.Row(j, w.from.data() + n), v1 = h * drift_.Row(j, w.assembly.q.data() + n);
+  return x0 + s * (v0 + s * (3 * (x1 - x0) - 2 * v0 - v1 + s * (2 * (x0 - x1) + v0 + v1)));
+}
+
+void Rows::Measure(const double* header, const double* command, const Desk& w, double* out) const {
+  const Assembly& a = w.assembly;
   const int n = linear_.n(), places = plan_.place.n, many = dampers();
   const double* q = a.q.data();
-  for (std::size_t j = 0; j < a.elements.size(); j++) w->forces[j] = a.elements[j].force;
-  linear_.Rates(q, w->forces.data(), plan_.loaded ? w->load0.data() : nullptr, w->rate.data());
   double* at = out;
-  for (int i = 0; i < places; i++) *at++ = place_.Row(i, w->rate.data());
+  for (int i = 0; i < places; i++) *at++ = place_.Row(i, w.rate.data());
   for (int i = 0; i < places; i++) *at++ = place_.Row(i, q);
   for (int i = 0; i < places; i++) *at++ = place_.Row(i, q + n);
   for (int i = 0; i < plan_.drift.n; i++) *at++ = drift_.Row(i, q);
@@ -125,25 +149,25 @@ void Rows::Measure(const double* header, const double* command, Desk* w, double*
     const double v = a.Velocity(k), shift = d.p.channel_shift_d;
     double acceleration = 0;
     if (shift != 0) {
-      for (int i = 0; i < n; i++) acceleration += plan_.system.stroke(k, i) * w->rate[i];
+      for (int i = 0; i < n; i++) acceleration += plan_.system.stroke(k, i) * w.rate[i];
       // A frame's coordinates are relative to the ground, its accelerometers are not.
       if (!plan_.loaded) {
         for (int i = 0; i < n; i++) {
-          for (int l = 0; l < linear_.loads(); l++) acceleration += plan_.system.stroke(k, i) * plan_.system.load(i, l) * w->load0[l];
+          for (int l = 0; l < linear_.loads(); l++) acceleration += plan_.system.stroke(k, i) * plan_.system.load(i, l) * w.load0[l];
         }
       }
     }
-    at[k] = w->sensors[k].Read(readings_[k]);
+    at[k] = w.sensors[k].Read(readings_[k]);
     at[many + k] = a.elements[k].force;
     at[2 * many + k] = a.Stroke(k) - shift * (v - 0.5 * shift * acceleration);  // x(t - d), to second order
     at[3 * many + k] = v;
     at[4 * many + k] = CurrentNow(d, a.sites[k].state.s, command[k]);
   }
-  if (plan_.noise.empty()) return;
+  if (noise_.empty()) return;
   const std::uint64_t key = Mix(static_cast<std::uint64_t>(header[kSeed]));
   const auto drawn = static_cast<std::uint64_t>(header[kDrawn]);
   for (int i = 0; i < measurements_; i++) {
-    if (plan_.noise[i] > 0) out[i] += plan_.noise[i] * Normal(key, drawn * static_cast<std::uint64_t>(measurements_) + i);
+    if (noise_[i] > 0) out[i] += noise_[i] * Normal(key, drawn * static_cast<std::uint64_t>(measurements_) + i);
   }
 }
 
@@ -155,7 +179,8 @@ void Rows::Start(double seed, const mrdamp_load& load, double* state, double* ou
   w.assembly.Start(none.data());
   LoadAt(load, 0, w.load0.data());
   for (int k = 0; k < dampers(); k++) w.sensors[k].Start(readings_[k], w.assembly.elements[k].force);
-  Measure(state, none.data(), &w, out);
+  Rates(&w);
+  Measure(state, none.data(), w, out);
   for (std::size_t i = 0; i < w.accelerometers.size(); i++) {
     const double noise = out[i] - place_.Row(static_cast<int>(i), w.rate.data());
     w.accelerometers[i].Start(plan_.accelerometers[i], out[i] - noise);
@@ -192,34 +217,40 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
   }
   double first = 0, second = 0, share = 0, power = 0, current = 0, energy = 0;
   LoadAt(load, begin, w->load0.data());
+  Rates(w);
   for (int step = 0; step < plan_.steps; step++) {
-    for (std::size_t j = 0; j < a.elements.size(); j++) w->forces[j] = a.elements[j].force;
-    linear_.Rates(a.q.data(), w->forces.data(), plan_.loaded ? w->load0.data() : nullptr, w->rate.data());
-    if (plan_.peaks) {
-      for (int i = 0; i < plan_.drift.n; i++) first = std::max(first, std::fabs(drift_.Row(i, a.q.data())));
-      for (int i = 0; i < places; i++) second = std::max(second, std::fabs(place_.Row(i, w->rate.data())));
-    } else {
-      for (int i = 0; i < n; i++) second += w->rate[i] * w->rate[i];
-    }
-    for (int k = 0; k < many; k++) {
-      const double size = std::fabs(CurrentNow(*a.sites[k].d, a.sites[k].state.s, command[k]));
-      const double part = size / plan_.command_max[k];
-      share += part;
-      power += part * part;
-      current += size;
-    }
+    w->before = w->rate;
+    w->from = a.q;
+    for (int k = 0; k < many; k++) w->current[k] = std::fabs(CurrentNow(*a.sites[k].d, a.sites[k].state.s, command[k]));
     LoadAt(load, begin + step + 1, w->load1.data());
     a.Step(w->load0.data(), w->load1.data(), command, command, command);
     w->load0.swap(w->load1);
+    Rates(w);
     if (!plan_.peaks) {
+      for (int i = 0; i < n; i++) second += w->before[i] * w->before[i];
       for (int i = 0; i < n; i++) first += a.q[i] * a.q[i];
     }
     for (int k = 0; k < many; k++) {
+      const double end = std::fabs(CurrentNow(*a.sites[k].d, a.sites[k].state.s, command[k]));
+      for (int i = 0; i < plan_.instants; i++) {
+        const double size = w->current[k] + (end - w->current[k]) * i / plan_.instants, part = size / plan_.command_max[k];
+        share += part;
+        power += part * part;
+        current += size;
+      }
       energy += a.sites[k].work;
       w->sensors[k].Step(readings_[k], a.elements[k].force, h);
     }
+    for (int i = 0; plan_.peaks && i < plan_.instants; i++) {
+      const double s = static_cast<double>(i) / plan_.instants;
+      for (int j = 0; j < plan_.drift.n; j++) first = std::max(first, std::fabs(DriftWithin(j, s, *w)));
+      for (int j = 0; j < places; j++) {
+        const double x0 = place_.Row(j, w->before.data()), x1 = i > 0 ? place_.Row(j, w->rate.data()) : x0;
+        second = std::max(second, std::fabs(x0 + s * (x1 - x0)));
+      }
+    }
   }
-  const double of_steps = 1.0 / plan_.steps, of_dampers = many > 0 ? of_steps / many : 0;
+  const double of_steps = 1.0 / plan_.steps, of_dampers = of_steps / (plan_.instants * many);
   if (!plan_.peaks) {
     first *= plan_.square * of_steps;
     second *= plan_.square * of_steps;
@@ -229,7 +260,7 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
   const double found[] = {first, second, share * of_dampers, power * of_dampers, current * of_dampers, energy};
   std::copy(std::begin(found), std::end(found), criteria);
   state[kStep] = begin + plan_.steps;
-  Measure(state, command, w, out);
+  Measure(state, command, *w, out);
   for (int i = 0; i < static_cast<int>(w->accelerometers.size()); i++) {
     const double ideal = place_.Row(i, w->rate.data()), noise = out[i] - ideal;
     w->accelerometers[i].Step(plan_.accelerometers[i], ideal, plan_.period);

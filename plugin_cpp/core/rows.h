@@ -20,6 +20,7 @@ struct RowsPlan {
   std::vector<Storey> storeys;
   double period = 0;  // s, of control
   int steps = 1;      // in a period
+  int instants = 1;   // of a step that criteria are taken at, from its start
   // Where motion is measured: places x n, its accelerometers, and whether those feel the load besides.
   Matrix place{0, 0};
   std::vector<SensorParams> accelerometers;
@@ -29,7 +30,6 @@ struct RowsPlan {
   bool peaks = true;
   double square = 1;  // of those, times this
   std::vector<double> command_max;  // that currents are taken over
-  std::vector<double> noise;        // standard deviation of each measurement; empty: none
 };
 
 // A row's state is `size()` plain doubles, all that its future hangs on but for loads and commands.
@@ -41,7 +41,8 @@ class Rows {
   int measurements() const { return measurements_; }
   int loads() const { return linear_.loads(); }
   int dampers() const { return static_cast<int>(plan_.dampers.size()); }
-  int coordinates() const { return linear_.n(); }
+  // Standard deviation of each measurement.
+  void SetNoise(const double* deviation) { noise_.assign(deviation, deviation + measurements_); }
 
   // A row at rest; seed: of its noise. out: its measurements without any command.
   void Start(double seed, const mrdamp_load& load, double* state, double* out) const;
@@ -54,7 +55,8 @@ class Rows {
   struct Desk {
     Assembly assembly;
     std::vector<Sensor> sensors, accelerometers;
-    std::vector<double> load0, load1, forces, rate, squares;
+    std::vector<double> load0, load1, forces;
+    std::vector<double> rate, before, from, current;  // rates now; those, coordinates, currents at the step's start
   };
   enum Header { kStep, kStarted, kSeed, kDrawn, kHeader };
 
@@ -62,7 +64,9 @@ class Rows {
   void Load(const double* state, Desk* w) const;
   void Store(const Desk& w, double* state) const;
   void LoadAt(const mrdamp_load& load, double step, double* out) const;
-  void Measure(const double* header, const double* command, Desk* w, double* out) const;
+  void Rates(Desk* w) const;
+  double DriftWithin(int j, double s, const Desk& w) const;
+  void Measure(const double* header, const double* command, const Desk& w, double* out) const;
   void StepOne(double* state, const mrdamp_load& load, const double* command, double* criteria, double* out, Desk* w) const;
 
   RowsPlan plan_;
@@ -71,6 +75,7 @@ class Rows {
   std::vector<SensorParams> readings_;
   bool ideal_;
   int size_, measurements_;
+  std::vector<double> noise_;  // empty: none
   std::vector<Desk> desks_;
   Pool pool_;
 };
