@@ -90,6 +90,11 @@ void Assembly::Balance(int j, int sweep, double u0, double u1, double* moved, do
     double held = bristle[j - dampers];
     return storeys_[j - dampers].Force(x, v, x - x0, &held);
   };
+  if (!(ramp_v < 0)) {  // its ends do not give way: nothing to balance
+    e.next = law(fv, fx);
+    e.ready = true;
+    return;
+  }
   const auto residual = [&](double v) {
     const double along = (v - fv) / wv;
     return law(v, fx + wx * along) - along;
