@@ -136,6 +136,10 @@ class CableRows:
         """
         return np.asarray((coordinates[:, None, :] * self._at).sum(axis=-1))
 
+    def position(self, row: int) -> Array:
+        """The coordinates of its drawing."""
+        return np.asarray(self.plants.position(row))
+
     def add_noise(self, deviation: Array) -> bool:
         """Whether the rows add noise by themselves: the engine's do not."""
         return False

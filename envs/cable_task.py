@@ -129,7 +129,7 @@ class CableTask(Task):
         places = tuple(measured_at or default_places(self.cable))
         maximum = command_range([self.model], command_max)
         self.cable_rows = structures(
-            self.cable, self.model, places, period, timestep or step, maximum, n, threads
+            self.cable, self.model, places, period, step if timestep is None else timestep, maximum, n, threads
         )
         self._references = References[Array]()
         if isinstance(observer, Mapping):

@@ -93,6 +93,11 @@ class FrameChain(Chained, FrameRows):
         return ground
 
 
+    def position(self, row: int) -> Array:
+        """(1 + storeys,) m: the ground, which stays, and the drifts."""
+        return np.diff(self.plants.position(row), prepend=[0.0, 0.0])
+
+
 class CableChain(Chained, CableRows):
     """`CableRows` on the chain."""
 

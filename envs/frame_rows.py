@@ -154,6 +154,10 @@ class FrameRows:
             axis=1,
         )
 
+    def position(self, row: int) -> Array:
+        """The coordinates of its drawing."""
+        return np.asarray(self.plants.position(row))
+
     def add_noise(self, deviation: Array) -> bool:
         """Whether the rows add noise by themselves: the engine's do not."""
         return False

@@ -67,7 +67,7 @@ class FrameTask(Task):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
         maximum = command_range(self.models, command_max)
-        self.frame_rows = structures(self.models, period, timestep or step, maximum, n, threads)
+        self.frame_rows = structures(self.models, period, step if timestep is None else timestep, maximum, n, threads)
         self._references = References[Reference]()
         if isinstance(observer, Mapping):
             observer = Observer.from_dict(observer)
