@@ -6,8 +6,8 @@ engine's. White noise on the measurements is the chain's own, a function of a se
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,12 @@ from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableRows
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.plants import whole_steps
+from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion
 from mrdamp.rows import ChainRows, RowMoment
 
 Array = NDArray[np.float64]
+Kind = TypeVar("Kind", FrameRows, CableRows)
 
 #: s: how far apart peaks are looked for within longer steps; the engine's own step in the frame.
 _INSTANT = 5e-4
@@ -126,3 +128,15 @@ class CableChain(Chained, CableRows):
         pushes = self._pushes(row, load, forces)
         self.plants.start(row, forces, load.sample_time, len(pushes), int(self.seeds[row]))
         return pushes
+
+
+#: By engine: the rows of frames and of cables, and their largest step unless asked otherwise (s).
+FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {"mujoco": (FrameRows, 5e-4), "chain": (FrameChain, 1e-3)}
+CABLES: Mapping[str, tuple[type[CableRows], float]] = {"mujoco": (CableRows, 1e-3), "chain": (CableChain, 1e-3)}
+
+
+def of_engine(engines: Mapping[str, tuple[type[Kind], float]], engine: str) -> tuple[type[Kind], float]:
+    """What belongs to an engine's name. Raises InputError."""
+    if engine not in engines:
+        raise InputError(f"engine is {engine!r}; allowed: {', '.join(engines)}")
+    return engines[engine]

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import core
 from mrdamp.control.observe import Observer
-from mrdamp.envs.chain_rows import FrameChain
-from mrdamp.envs.frame_rows import FrameRows, command_range
+from mrdamp.envs.chain_rows import FRAMES, of_engine
+from mrdamp.envs.frame_rows import command_range
 from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
 from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
-from mrdamp.envs.task import References, Task, of_engine
+from mrdamp.envs.task import References, Task
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, read_motion
@@ -31,12 +31,6 @@ _STRONG = 5.0  # m/s2: floor acceleration that the scales of the observation bel
 
 class FrameTask(Task):
     """n frames under ground motions; arguments as in `FrameEnv`."""
-
-    #: By engine: the rows, and their largest step unless asked otherwise (s).
-    engines: ClassVar[Mapping[str, tuple[type[FrameRows], float]]] = {
-        "mujoco": (FrameRows, 5e-4),
-        "chain": (FrameChain, 1e-3),
-    }
 
     def __init__(
         self,
@@ -62,7 +56,7 @@ class FrameTask(Task):
         engine: str = "mujoco",
         threads: int = 1,
     ) -> None:
-        structures, step = of_engine(self.engines, engine)
+        structures, step = of_engine(FRAMES, engine)
         if isinstance(model, str | Path):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)

@@ -102,13 +102,6 @@ class References(Generic[Kept]):
         return self._kept[key]
 
 
-def of_engine(engines: Mapping[str, Kept], engine: str) -> Kept:
-    """What belongs to an engine's name. Raises InputError."""
-    if engine not in engines:
-        raise InputError(f"engine is {engine!r}; allowed: {', '.join(engines)}")
-    return engines[engine]
-
-
 class Task(ABC):
     """n rows of a structure under control.
 

@@ -15,6 +15,8 @@ import mrdamp.envs  # noqa: F401  (registers the ids)
 from dampers import attributes
 from excitation import Array
 from frame_reference import solve
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
 from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask, SyntheticMotions
 from mrdamp.envs.task import Task
 from mrdamp.envs.vector import PlantVectorEnv
@@ -314,3 +316,16 @@ def test_bad_engines_and_divergence_are_told() -> None:
     task.rows.plants.state[1, 5] = math.nan
     with pytest.raises(InputError, match="diverged"):
         task.step(np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize("controller", ["passive-on", "clipped-optimal", "skyhook"])
+def test_a_comparison_on_the_chain_says_the_same(controller: str) -> None:
+    load, found = kanai_tajimi(5, duration=15.0, pga=3.0), {}
+    for engine in ("mujoco", "chain"):
+        bench = FrameBench(frame_model(), engine=engine)
+        free = bench.run("uncontrolled", load, 1.0)
+        values = bench.values(bench.run(controller, load, 1.0), free)
+        found[engine] = [values[key] for key in ("J1", "J2", "J4", "J5", "mean_command", "mean_current")]
+    np.testing.assert_allclose(found["chain"], found["mujoco"], rtol=0.01)
+    with pytest.raises(InputError, match="engine is 'none'"):
+        FrameBench(frame_model(), engine="none")
