@@ -37,7 +37,7 @@ def stepping(env: SyncVectorEnv | PlantVectorEnv, steps: int) -> Task:
         begin = clock()
         for action in actions:
             env.step(action)
-        return (clock() - begin) / steps / env.num_envs
+        return float((clock() - begin) / steps / env.num_envs)
 
     return run
 
@@ -50,7 +50,7 @@ def advancing(task: Rows, steps: int, now: Callable[[], float]) -> Task:
         begin = now()
         for action in actions:
             task.rows.advance(task.commands(action))
-        return (now() - begin) / steps / task.n
+        return float((now() - begin) / steps / task.n)
 
     return run
 

@@ -18,7 +18,7 @@ from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.plants import whole_steps
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion
-from mrdamp.rows import ChainRows, RowMoment
+from mrdamp.rows import ChainRows
 
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", FrameRows, CableRows)
@@ -66,7 +66,7 @@ class Chained:
         """The row's present."""
         return self.plants.save(row)
 
-    def restore(self, row: int, state: RowMoment) -> None:
+    def restore(self, row: int, state: Any) -> None:
         """Back to it, exactly."""
         self.plants.restore(row, state)
         self.steps[row] = state.steps // self.plants.inner

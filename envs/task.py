@@ -94,7 +94,7 @@ class References(Generic[Kept]):
 
     def of(self, load: Array, found: Callable[[], Kept]) -> Kept:
         """What `found` says of a load, from before where it was asked of it lately."""
-        key = hashlib.blake2b(np.ascontiguousarray(load), digest_size=16).digest()
+        key = hashlib.blake2b(load.tobytes(), digest_size=16).digest()
         if key not in self._kept:
             if len(self._kept) >= _KEPT:
                 self._kept.clear()

@@ -144,7 +144,9 @@ def test_several_dampers() -> None:
 
 def test_the_default_frame_at_the_default_steps() -> None:
     """1 ms of the chain against 0.5 ms of the engine."""
-    own = {"signals": SIGNALS[:4] + SIGNALS[5:]}  # the engine's velocities are half a step early
+    own: dict[str, Any] = {
+        "signals": SIGNALS[:4] + SIGNALS[5:]
+    }  # the engine's velocities are half a step early
     agree(lambda engine: FrameTask(1, engine=engine, **own), MOTION, "motion", actions(190))
 
 
@@ -152,20 +154,20 @@ def test_the_cable() -> None:
     """The damper sticks: the engine, of first order there, takes small steps to get to accelerations beside it."""
     load = AmbientLoads(duration=0.6).draw(np.random.default_rng(0), 12.65)
     steps = {"mujoco": 5e-6, "chain": 2e-5}
-    own = {
-        "signals": (
-            "acceleration_1",
-            "acceleration_2",
-            "displacement_2",
-            "velocity_2",
-            "stroke",
-            "force",
-            "current",
-        )
-    }
-    agree(
-        lambda engine: CableTask(1, engine=engine, timestep=steps[engine], **own), load, "load", actions(100)
+    signals = (
+        "acceleration_1",
+        "acceleration_2",
+        "displacement_2",
+        "velocity_2",
+        "stroke",
+        "force",
+        "current",
     )
+
+    def make(engine: str) -> CableTask:
+        return CableTask(1, engine=engine, timestep=steps[engine], signals=signals)
+
+    agree(make, load, "load", actions(100))
 
 
 @pytest.mark.parametrize("floor", [1, 2])

@@ -59,8 +59,8 @@ class Pool {
   }
 
  private:
-  // About 20 us: what waking a thread costs, so that periods that follow each other find it awake.
-  static constexpr int kSpins = 500;
+  // About 20 us: calls that follow each other at once find the threads awake.
+  static constexpr int kSpins = 1000;
 
   static void Relax() {
 #if defined(__x86_64__) || defined(__i386__)

@@ -108,7 +108,7 @@ class CableBench:
         controller = controllers.make(spec, self.site)
         every = round(controller.period / self.period)
         if abs(every * self.period - controller.period) > 1e-9 * self.period or every < 1:
-            own = {"period": controller.period, "timestep": self.timestep, "engine": self.engine}
+            own: dict[str, Any] = {"period": controller.period, "timestep": self.timestep, "engine": self.engine}
             plant = CablePlant(self.cable, self.model, **own)
             every = 1
         held = Held(controller, every)
