@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks import c_entry, callback, environments, errors, fits, frame_step, narx, opensees, start
+from benchmarks import c_entry, callback, environments, errors, fits, frame_step, narx, opensees, rows, start
 from benchmarks.result import Section, machine, markdown, text
 from benchmarks.timing import Effort
 
@@ -21,6 +21,7 @@ def benchmarks(effort: Effort, python: str, end: float = 3.0) -> dict[str, Calla
         "frame": lambda: frame_step.measure(effort),
         "python": lambda: callback.measure(effort, end),
         "environments": lambda: environments.measure(effort),
+        "rows": lambda: rows.measure(effort),
         "opensees": lambda: opensees.measure(effort, python, end),
         "c_entry": lambda: c_entry.measure(effort),
         "narx": lambda: narx.measure(effort),

@@ -86,14 +86,17 @@ class CableEnv(PlantEnv):
     | `full_state` | bool | False | see above |
     | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 0.2}` |
     | `period` | s | 0.005 | of control; the load goes on within it |
+    | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
     | `timestep` | s | 0.001 | the largest of the engine |
     | `command_max` | A or V | the model's | the largest command |
     | `render_mode` | str | None | `human`, `rgb_array` |
     | `camera`, `size` | str, (width, height) | front, (640, 480) | `front`, `along`, `damper` |
     | `exaggeration` | float | by the motion | of the motion as drawn; the damper turns orange with the current |
 
-    Several environments at once: `gymnasium.make_vec("mrdamp/Cable-v0", num_envs=8,
-    vectorization_mode="vector_entry_point")` (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(CableTask(8))`.
+    Several environments at once: `gymnasium.make_vec("mrdamp/Cable-v0", num_envs=64, engine="chain")`
+    (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(CableTask(64, engine="chain"))`. On the chain observations
+    and rewards are MuJoCo's where both take short steps (`tests/test_env_chain.py`), `noise` is drawn from numbers of
+    its own, and `threads` share the rows.
     `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
 
     ## Version History

@@ -51,6 +51,11 @@ class CableRows:
         self.damper = damper
         self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
         self.steps = np.ones(n, dtype=np.int64)
+        many = range(1, len(self._at) + 1)
+        self.names: tuple[str, ...] = (
+            *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
+            *SIGNALS[:-1],
+        )
         self._build(timestep, n, threads)
 
     def _build(self, timestep: float, n: int, threads: int) -> None:
@@ -66,21 +71,22 @@ class CableRows:
         self._pull, self._velocity = at["pull"], at["stroke_velocity"]
         self._current = at["current"]
         self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
-        many = range(1, len(self._at) + 1)
-        self.names: tuple[str, ...] = (
-            *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
-            *SIGNALS[:-1],
-        )
 
     def start(self, row: int, load: CableLoad) -> Array:
         """Row at rest under a load; returns the load on the natural coordinates (samples, modes), N."""
-        self.steps[row] = math.floor(load.duration / self.period + 1e-9) + 1
-        time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
-        samples = load.sample_time * np.arange(len(load.force))
-        forces = load.force @ self.cable.load_matrix(load.places)
-        pushes = np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
+        pushes = self._pushes(row, load, self.forces(load))
         self.plants.start(row, pushes)
         return pushes
+
+    def forces(self, load: CableLoad) -> Array:
+        """(samples, modes) N, a load on the natural coordinates at its own samples."""
+        return np.asarray(load.force @ self.cable.load_matrix(load.places))
+
+    def _pushes(self, row: int, load: CableLoad, forces: Array) -> Array:
+        self.steps[row] = math.floor(load.duration / self.period + 1e-9) + 1
+        time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
+        samples = load.sample_time * np.arange(len(forces))
+        return np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) what the sensors of rows that have just started read."""
@@ -129,6 +135,17 @@ class CableRows:
         A matrix product might add up in another order for another number of rows.
         """
         return np.asarray((coordinates[:, None, :] * self._at).sum(axis=-1))
+
+    def position(self, row: int) -> Array:
+        """The coordinates of its drawing."""
+        return np.asarray(self.plants.position(row))
+
+    def add_noise(self, deviation: Array) -> bool:
+        """Whether the rows add noise by themselves: the engine's do not."""
+        return False
+
+    def seed(self, row: int, rng: np.random.Generator) -> None:
+        """Of noise of their own, which they have not."""
 
     def save(self, row: int) -> Moment:
         return self.plants.save(row)

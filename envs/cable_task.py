@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,9 @@ from mrdamp.cables import StayCable
 from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
-from mrdamp.envs.cable_rows import CableRows
+from mrdamp.envs.chain_rows import CABLES, of_engine
 from mrdamp.envs.frame_rows import as_mapping, command_range
-from mrdamp.envs.task import Task
+from mrdamp.envs.task import References, Task
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -33,7 +33,7 @@ def cable_damper() -> Model:
 
 
 class CablePlant:
-    """A stay cable with a damper, in MuJoCo, for any controller to run on: no rewards, no episodes.
+    """A stay cable with a damper, in MuJoCo or on the chain (engine), for any controller to run on, without rewards.
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
@@ -48,16 +48,18 @@ class CablePlant:
         measured_at: Sequence[float] | None = None,
         *,
         period: float = 5e-3,
-        timestep: float = 1e-3,
+        timestep: float | None = None,
         command_max: float | None = None,
+        engine: str = "mujoco",
     ) -> None:
+        structures, step = of_engine(CABLES, engine)
         self.cable = cable or StayCable()
         damper = model or cable_damper()
         maximum = command_range([damper], command_max)
         self.period, self.command_max = period, float(maximum[0])
         places = measured_at or default_places(self.cable)
         self.mean_square = 0.0
-        self.rows = CableRows(self.cable, damper, places, period, timestep, maximum)
+        self.rows = structures(self.cable, damper, places, period, step if timestep is None else timestep, maximum)
 
     @property
     def time(self) -> float:
@@ -89,8 +91,6 @@ def default_places(cable: StayCable) -> tuple[float, ...]:
 class CableTask(Task):
     """n cables under ambient or wind loads; arguments as in `CableEnv`."""
 
-    structures: ClassVar[type[CableRows]] = CableRows
-
     def __init__(
         self,
         n: int = 1,
@@ -109,10 +109,12 @@ class CableTask(Task):
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
-        timestep: float = 1e-3,
+        timestep: float | None = None,
         command_max: float | None = None,
+        engine: str = "mujoco",
         threads: int = 1,
     ) -> None:
+        structures, step = of_engine(CABLES, engine)
         self.cable = cable or StayCable()
         if isinstance(model, str | Path):
             model = Model.read(model)
@@ -121,7 +123,10 @@ class CableTask(Task):
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
         maximum = command_range([self.model], command_max)
-        self.cable_rows = self.structures(self.cable, self.model, places, period, timestep, maximum, n, threads)
+        self.cable_rows = structures(
+            self.cable, self.model, places, period, step if timestep is None else timestep, maximum, n, threads
+        )
+        self._references = References[Array]()
         if isinstance(observer, Mapping):
             observer = Observer.from_dict(observer)
         if observer is None:
@@ -162,7 +167,9 @@ class CableTask(Task):
 
     def reference(self, pushes: Array) -> Array:
         """(3,) what the reward is measured by, of loads (samples, modes) N at the engine's steps; see `free_run`."""
-        return free_run(self.cable, pushes, self.cable_rows.plants.timestep)
+        return self._references.of(
+            pushes, lambda: free_run(self.cable, pushes, self.cable_rows.plants.timestep)
+        )
 
 
 def cable_observer(

@@ -56,6 +56,15 @@ class FrameRows:
         self.models, self.structure, self.period = tuple(models), structure, period
         self.command_max = command_max
         self.steps = np.ones(n, dtype=np.int64)
+        floors, many = range(1, self.structure.storeys + 1), range(len(self.models))
+        self.names: tuple[str, ...] = (
+            *(
+                f"{what}_{j}"
+                for what in ("acceleration", "displacement", "velocity", "drift")
+                for j in floors
+            ),
+            *(sensor_name(s, k) for s in SIGNALS[:-1] for k in many),
+        )
         self._build(timestep, n, threads)
 
     def _build(self, timestep: float, n: int, threads: int) -> None:
@@ -75,25 +84,20 @@ class FrameRows:
         self._current = of["current"]
         self._direct = slice(of["force"].start, of["current"].stop)
         self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
-        self.names: tuple[str, ...] = (
-            *(
-                f"{what}_{j}"
-                for what in ("acceleration", "displacement", "velocity", "drift")
-                for j in floors
-            ),
-            *(sensor_name(s, k) for s in SIGNALS[:-1] for k in many),
-        )
 
     def start(self, row: int, motion: GroundMotion) -> Array:
         """Row at rest under a motion; returns the ground's acceleration (samples,) at the engine's steps, m/s2.
 
         The motion runs straight between its samples, within the control period too.
         """
+        ground = self._ground(row, motion)
+        self.plants.start(row, ground[:, None])
+        return ground
+
+    def _ground(self, row: int, motion: GroundMotion) -> Array:
         self.steps[row] = math.floor(motion.duration / self.period + 1e-9) + 1
         time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
-        ground = np.interp(time, motion.time, motion.acceleration)
-        self.plants.start(row, ground[:, None])
-        return np.asarray(ground)
+        return np.asarray(np.interp(time, motion.time, motion.acceleration))
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) what the sensors of rows that have just started read."""
@@ -149,6 +153,17 @@ class FrameRows:
             ],
             axis=1,
         )
+
+    def position(self, row: int) -> Array:
+        """The coordinates of its drawing."""
+        return np.asarray(self.plants.position(row))
+
+    def add_noise(self, deviation: Array) -> bool:
+        """Whether the rows add noise by themselves: the engine's do not."""
+        return False
+
+    def seed(self, row: int, rng: np.random.Generator) -> None:
+        """Of noise of their own, which they have not."""
 
     def save(self, row: int) -> RowState:
         return RowState(self.plants.save(row), self.sensors.save(row))

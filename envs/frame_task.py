@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import core
 from mrdamp.control.observe import Observer
-from mrdamp.envs.frame_rows import FrameRows, command_range
+from mrdamp.envs.chain_rows import FRAMES, of_engine
+from mrdamp.envs.frame_rows import command_range
 from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
 from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
-from mrdamp.envs.task import Task
+from mrdamp.envs.task import References, Task
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, read_motion
@@ -30,8 +31,6 @@ _STRONG = 5.0  # m/s2: floor acceleration that the scales of the observation bel
 
 class FrameTask(Task):
     """n frames under ground motions; arguments as in `FrameEnv`."""
-
-    structures: ClassVar[type[FrameRows]] = FrameRows
 
     def __init__(
         self,
@@ -51,16 +50,19 @@ class FrameTask(Task):
         full_state: bool = False,
         noise: Mapping[str, float] | None = None,
         period: float = 5e-3,
-        timestep: float = 5e-4,
+        timestep: float | None = None,
         command_max: float | Sequence[float] | None = None,
         duration: float | None = None,
+        engine: str = "mujoco",
         threads: int = 1,
     ) -> None:
+        structures, step = of_engine(FRAMES, engine)
         if isinstance(model, str | Path):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
         maximum = command_range(self.models, command_max)
-        self.frame_rows = self.structures(self.models, period, timestep, maximum, n, threads)
+        self.frame_rows = structures(self.models, period, step if timestep is None else timestep, maximum, n, threads)
+        self._references = References[Reference]()
         if isinstance(observer, Mapping):
             observer = Observer.from_dict(observer)
         if observer is None:
@@ -102,7 +104,10 @@ class FrameTask(Task):
 
     def reference(self, ground: Array, dt: float) -> Reference:
         """What the reward is measured by, of ground acceleration (samples,) m/s2 every dt."""
-        return reference_run(self.models[0], ground, dt, self.weights.reference, self.command_max[0])
+        return self._references.of(
+            ground,
+            lambda: reference_run(self.models[0], ground, dt, self.weights.reference, self.command_max[0]),
+        )
 
     def _motion(self, rng: np.random.Generator, options: Mapping[str, Any]) -> GroundMotion:
         unknown = sorted(set(options) - {"motion", "amplitude"})

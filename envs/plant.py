@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from mrdamp import sets
-from mrdamp.envs.frame_rows import FrameRows, as_mapping, command_range
+from mrdamp.envs.chain_rows import FRAMES, of_engine
+from mrdamp.envs.frame_rows import as_mapping, command_range
 from mrdamp.envs.frame_xml import Position, frame_models
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
@@ -52,7 +53,7 @@ def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, 
 
 
 class FramePlant:
-    """A shear frame on a moving ground, in MuJoCo, with a damper or several.
+    """A shear frame on a moving ground, in MuJoCo or on the chain (engine), with a damper or several.
 
     model: any identified one (any law, with or without effects; None: `default_damper`), or one a damper.
     structure: None takes the model's own, or Dyke's three-storey frame. damper_between: floors of the damper, or
@@ -68,13 +69,15 @@ class FramePlant:
         damper_between: Position | Sequence[Position] | None = None,
         *,
         period: float = 5e-3,
-        timestep: float = 5e-4,
+        timestep: float | None = None,
         command_max: float | Sequence[float] | None = None,
+        engine: str = "mujoco",
     ) -> None:
+        structures, step = of_engine(FRAMES, engine)
         models = placed(model, structure, damper_between)
         self.period = period
         self.commands_max = command_range(models, command_max)
-        self.rows = FrameRows(models, period, timestep, self.commands_max)
+        self.rows = structures(models, period, step if timestep is None else timestep, self.commands_max)
         self.command_max = float(self.commands_max[0])
         self.structure = self.rows.structure
 

@@ -80,7 +80,7 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self._view is None:
             self._view = self._make_view()
         larger = self.exaggeration or self.task.drawn_size / self.task.reference_motion(0)
-        self._view.update(self.task.rows.plants.position(0), larger, self.task.current_shares(0))
+        self._view.update(self.task.rows.position(0), larger, self.task.current_shares(0))
         if self.render_mode == "rgb_array":
             return self._view.image()
         self._view.show(self.task.rows.period)

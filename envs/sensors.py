@@ -106,7 +106,9 @@ class FloorSensors:
             leaks.append(given(frame.acc_leakage2, 0.0))
         self.share = share
         self.leaks = [OnePole(tau, period, n, high=True) for tau in leaks if len(leaks) > 1 or tau.any()]
-        self.lags: list[OnePole | TwoPoles | Settling] = [TwoPoles(lag, ratio, period, n)] if ratio.any() else []
+        self.lags: list[OnePole | TwoPoles | Settling] = (
+            [TwoPoles(lag, ratio, period, n)] if ratio.any() else []
+        )
         poles = (np.where(ratio > 0, 0.0, lag), lag2)
         self.lags += [OnePole(tau, period, n, high=False) for tau in poles if tau.any()]
         settle = given(frame.acc_settle, 0.0)
@@ -140,7 +142,10 @@ class FloorSensors:
 
 
 class Noise:
-    """White noise on measurements; deviation: name, or the name without its number -> standard deviation, SI."""
+    """White noise on measurements; deviation: name, or the name without its number -> standard deviation, SI.
+
+    Attributes: where, of the names there is any; all (names,), its standard deviation on each.
+    """
 
     def __init__(self, deviation: Mapping[str, float], names: Sequence[str]) -> None:
         self.where: list[int] = []
@@ -157,6 +162,8 @@ class Noise:
                 self.where.append(k)
                 found.append(value)
         self.deviation = np.array(found)
+        self.all = np.zeros(len(names))
+        self.all[self.where] = self.deviation
 
     def add(self, values: Array, row: int, rng: np.random.Generator) -> None:
         """Onto row of values (n, names), in place."""

@@ -6,30 +6,31 @@ depend on how many there are.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation, Observer, Stack
-from mrdamp.envs.plants import Plants
 from mrdamp.envs.sensors import Noise
 from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
+Kept = TypeVar("Kept")
 
 
 class Rows(Protocol):
     """n structures with their sensors; what `advance` says of a period is for their score."""
 
     names: tuple[str, ...]
-    plants: Plants
+    plants: Any  # as `Plants`
     steps: NDArray[np.int64]
     period: float
 
@@ -42,6 +43,12 @@ class Rows(Protocol):
     def save(self, row: int) -> Any: ...
 
     def restore(self, row: int, state: Any) -> None: ...
+
+    def position(self, row: int) -> Array: ...
+
+    def add_noise(self, deviation: Array) -> bool: ...
+
+    def seed(self, row: int, rng: np.random.Generator) -> None: ...
 
 
 class RowScore(Protocol):
@@ -76,6 +83,25 @@ class Step:
     info: Array
 
 
+_KEPT = 256  # references of loads
+
+
+class References(Generic[Kept]):
+    """What loads do without a damper, of each once: rows that start together under one load share it."""
+
+    def __init__(self) -> None:
+        self._kept: dict[bytes, Kept] = {}
+
+    def of(self, load: Array, found: Callable[[], Kept]) -> Kept:
+        """What `found` says of a load, from before where it was asked of it lately."""
+        key = hashlib.blake2b(load.tobytes(), digest_size=16).digest()
+        if key not in self._kept:
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            self._kept[key] = found()
+        return self._kept[key]
+
+
 class Task(ABC):
     """n rows of a structure under control.
 
@@ -94,6 +120,10 @@ class Task(ABC):
         self.rows, self.score, self.observer = rows, score, observer
         self.n, self.command_max = rows.plants.n, command_max
         self.noise = Noise(noise or {}, rows.names)
+        # Where the rows add it themselves, a seed for it is drawn at every start.
+        self._own_noise = bool(self.noise.where) and rows.add_noise(self.noise.all)
+        if self._own_noise:
+            self.noise = Noise({}, rows.names)
         unknown = [name for name in observer.signals if name not in rows.names]
         if unknown:
             raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(rows.names)}")
@@ -138,6 +168,9 @@ class Task(ABC):
         options: Mapping[str, Any] | None = None,
     ) -> tuple[Observation, list[dict[str, Any]]]:
         """Starts rows anew: observations (rows, size) and one info each. rngs: a generator for each of all n rows."""
+        if self._own_noise:
+            for row in rows:
+                self.rows.seed(row, rngs[row])
         infos = [self.begin(row, rngs[row], options or {}) for row in rows]
         values = self.rows.measure(rows)
         for k, row in enumerate(rows):

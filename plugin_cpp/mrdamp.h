@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 6 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 7 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -122,6 +122,70 @@ typedef struct {
 MRDAMP_API int mrdamp_run_frame(int law, const mrdamp_narx* net, int nset, const double* params,
                                 const mrdamp_frame* frames, double dt, int n, const double* ground_acceleration,
                                 const double* u, const mrdamp_options* options, double* out, char* err, int err_size);
+
+/* ---- rows of closed loops, a control period at a time ------------------------------------ */
+/* n copies of one structure with dampers, each under its own load and commands: for controllers that run against
+ * many at once. A row's state is mrdamp_rows_size() doubles of the caller's, all that its future hangs on but for loads
+ * and commands; to copy them is to copy the row. */
+typedef struct mrdamp_rows mrdamp_rows;
+
+typedef struct {
+  int count;                     /* of dampers, 1 or more */
+  const int* law;                /* of each */
+  const mrdamp_narx* const* net; /* of each, NULL where there is none; must outlive the rows */
+  const double* params;          /* count x mrdamp_attribute_count() */
+  const double* command_max;     /* of each, what criteria take currents over */
+} mrdamp_dampers;
+
+/* Oscillators of 1 kg with one damper on all of them: a cable's natural coordinates. */
+typedef struct {
+  int modes;
+  const double* frequency; /* rad/s */
+  const double* ratio;     /* of damping */
+  const double* stroke;    /* of the damper, m per unit of each coordinate */
+  int places;              /* where motion is measured */
+  const double* at;        /* places x modes, m per unit of each coordinate */
+  double mass;             /* kg of the whole, that mean squares are taken over */
+} mrdamp_modes;
+
+/* What shakes a row: samples x loads, straight between samples and held behind the last one, none from step `steps` on.
+ * Loads: the ground's acceleration (m/s2) of a frame, a force (N) on each coordinate of modes. */
+typedef struct {
+  const double* values;
+  double sample_time; /* s */
+  int samples, steps;
+} mrdamp_load;
+
+/* Criteria of a control period. Of a frame: largest |drift| (m) and |absolute acceleration| (m/s2) at `instants` instants of
+ * every step, evenly from its start. Of modes: sums of squares of the coordinates, at the steps' ends, and of their
+ * accelerations, at their starts, over mass and steps (m2, m2/s4). Then, as means over dampers and those instants,
+ * |current| over command_max, its square, |current|; and the energy taken in by the dampers (J). NaN where the motion
+ * diverged. */
+enum { MRDAMP_CRITERIA = 6 };
+
+/* Measurements of modes: accelerations, displacements, velocities at the places. Of a frame: absolute accelerations
+ * through their sensors, displacements and velocities to the ground of every floor, drifts of every storey. Then, by
+ * damper: FORCE, REFERENCE, stroke, its velocity, CURRENT. An accelerometer is read once in a control period.
+ * between: count pairs of floors. period (s) is stepped in `steps` steps, of which the chain takes each as one inner step. NULL and a line on failure. The frame's own
+ * damper_from, damper_to are passed over. */
+MRDAMP_API mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between,
+                                          double period, int steps, int instants, char* err, int err_size);
+MRDAMP_API mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
+                                          int instants, char* err, int err_size);
+MRDAMP_API void mrdamp_rows_free(mrdamp_rows* rows);
+MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates stand at 4, then
+                                                                   * their velocities */
+MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
+/* White noise on every measurement from now on: its standard deviation, mrdamp_rows_measurements() of them. */
+MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
+/* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. The dampers start at
+ * the first command that a step gives. */
+MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,
+                                  double* measurements);
+/* One control period of n rows with commands (n x count) held: state n x size, loads n, criteria n x MRDAMP_CRITERIA,
+ * measurements n x mrdamp_rows_measurements(). Results do not depend on the number of threads. One call at a time. */
+MRDAMP_API void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
+                                 double* criteria, double* measurements, int threads);
 
 /* ---- one damper, sample by sample: for real-time code -------------------------------- */
 typedef struct mrdamp_damper mrdamp_damper;

@@ -55,7 +55,7 @@ class Run(ABC):
         self.world: World = world(options.environment, chosen.env_kwargs, options.model)
         if chosen.estimator:
             self.world = self.world.observing(estimated(self.world, chosen.estimator))
-        self.task: Task = self.world.task(n)
+        self.task: Task = self.world.task(n, chosen.engine)
         if len(self.task.command_max) != 1:
             raise InputError("training is for one damper; the environment has several")
         self.command_max = float(self.task.command_max[0])
@@ -147,7 +147,7 @@ class Run(ABC):
         columns = list(self.task.observer.without_peaks)
         matrix = np.eye(self.task.observer.size, dtype=np.float32)[columns]
         if self.chosen.normalize:
-            seen = explored(self.world.task(_EXPLORED[0]), self.levels, self.command_max, rng)
+            seen = explored(self.world.task(_EXPLORED[0], self.chosen.engine), self.levels, self.command_max, rng)
             matrix[:, columns] = whitening(seen[:, columns])
         return matrix
 

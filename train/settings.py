@@ -47,7 +47,8 @@ class Options:
 class Settings:
     """What the YAML holds.
 
-    n_envs: rows of the vector environment. n_timesteps: control periods in all. action: `command`, or `force`: the
+    n_envs: rows of the vector environment. engine: that they train on, `chain` (the C++ chain) or `mujoco`; a policy is
+    judged in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the
     wanted force, which the damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical
     controller, as `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. normalize: whiten the
     observations. privileged: the critic sees the motion over its size without control (on-policy learners).
@@ -57,6 +58,7 @@ class Settings:
 
     n_envs: int = 8
     n_timesteps: int = 1_000_000
+    engine: Literal["chain", "mujoco"] = "chain"
     action: Literal["command", "force"] = "command"
     switch: bool = False
     estimator: str = ""
@@ -70,6 +72,8 @@ class Settings:
     def __post_init__(self) -> None:
         if self.action not in ("command", "force"):
             raise InputError(f"hyperparameters: action is {self.action!r}; allowed: command, force")
+        if self.engine not in ("chain", "mujoco"):
+            raise InputError(f"hyperparameters: engine is {self.engine!r}; allowed: chain, mujoco")
         for name in ("n_envs", "n_timesteps"):
             value = getattr(self, name)
             if not isinstance(value, int) or value < 1:

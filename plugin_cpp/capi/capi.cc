@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "capi/make.h"
 #include "core/chain.h"
 #include "core/frame.h"
 #include "core/record.h"
@@ -13,10 +14,6 @@
 #include "mrdamp.h"
 
 using namespace mrdamp;
-
-struct mrdamp_narx {
-  std::unique_ptr<NarxNet> net;
-};
 
 struct mrdamp_damper {
   Damper d;
@@ -29,28 +26,6 @@ struct mrdamp_damper {
 };
 
 namespace {
-
-int Fail(char* err, int size, const std::string& text) {
-  if (err && size > 0) std::snprintf(err, size, "%s", text.c_str());
-  return 1;
-}
-
-// A damper from a parameter vector; `error` as by Check.
-bool Make(int law, const double* params, const mrdamp_narx* net, const mrdamp_options* options, Damper* d, char* err,
-          int size) {
-  if (law < 0 || law >= kLawCount) {
-    Fail(err, size, "law number " + std::to_string(law) + " is unknown");
-    return false;
-  }
-  d->law = static_cast<Law>(law);
-  std::memcpy(d->p.data(), params, sizeof(Params));
-  d->net = net ? net->net.get() : nullptr;
-  if (options) {
-    d->hold = options->hold != 0;
-    if (options->substep > 0) d->p.substep = options->substep;
-  }
-  return Check(*d, err, size);
-}
 
 bool Finite(const char* name, const double* a, int n, char* err, int size) {
   for (int i = 0; i < n; i++) {
@@ -66,7 +41,7 @@ bool Finite(const char* name, const double* a, int n, char* err, int size) {
 
 extern "C" {
 
-int mrdamp_abi(void) { return 6; }
+int mrdamp_abi(void) { return 7; }
 int mrdamp_attribute_count(void) { return kParamCount; }
 const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
 const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }

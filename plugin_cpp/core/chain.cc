@@ -268,20 +268,24 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
 
 namespace {
 
-// The chain's state with the command u: one without lag or delay acts at once.
-ChainState Commanded(const Damper& d, const State& s, double u) {
+// Current and field with the command u: a chain without lag or delay acts at once.
+struct Magnetised {
+  double current, field;
+};
+Magnetised Commanded(const Damper& d, const State& s, double u) {
   const Params& p = d.p;
-  ChainState c = s.c;
-  if (HasLag(p)) return c;
+  const ChainState& c = s.c;
+  if (HasLag(p)) return {c.coil.current, FieldNow(d, c)};
   double now = d.Clamp(u);
   if (p.command_delay_period > 0 && s.line) {
     now = Held(*s.line, p, c.time - 0.5 * p.substep, c.time + 0.5 * p.substep, d.hold);
   } else if (p.command_delay_d > 0 && s.line) {
     now = Arrived(*s.line, p, c.time, d.hold);
   }
-  if (p.remanence_b > 0) c.magnet.Follow(p, c.coil.current, now);
-  c.coil.current = now;
-  return c;
+  if (!(p.remanence_b > 0)) return {now, FieldOf(p, now, c.magnet.branch)};
+  Magnet magnet = c.magnet;
+  magnet.Follow(p, c.coil.current, now);
+  return {now, FieldOf(p, now, magnet.branch)};
 }
 
 // The force on the rod, by what the damper or its mount carries.
@@ -299,15 +303,16 @@ void Settle(const Damper& d, State* s, double x, double v, double u) {
   }
   if (HasPocket(d.p)) v = s->c.gas.flow;
   if (std::fabs(s->c.time - s->past->count * d.net->sample_time) > 1e-9 * d.net->sample_time) return;
-  Narx::Amend(*d.net, s->past, x, v, FieldNow(d, Commanded(d, *s, u)));
+  Narx::Amend(*d.net, s->past, x, v, Commanded(d, *s, u).field);
 }
 
 Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u) {
   const Params& p = d.p;
   Observation o{};
-  const ChainState c = Commanded(d, s, u);
-  o.current = c.coil.current;
-  o.field = FieldNow(d, c);
+  const ChainState& c = s.c;
+  const Magnetised now = Commanded(d, s, u);
+  o.current = now.current;
+  o.field = now.field;
   o.temperature = c.heat;
   if (HasMount(p)) {
     o.force = OnRod(p, s, c.rubber.Force(p, x - c.piston), a);
@@ -321,6 +326,10 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   }
   o.inner = c.z;
   return o;
+}
+
+double CurrentNow(const Damper& d, const State& s, double u) {
+  return HasLag(d.p) ? s.c.coil.current : Commanded(d, s, u).current;
 }
 
 double RodForce(const Damper& d, const State& s, double x, double v, double a, double u) {

@@ -82,6 +82,9 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
 // The force of that alone; behind a mount it takes no force of the damper's.
 double RodForce(const Damper& d, const State& s, double x, double v, double a, double u);
 
+// The coil current of that alone.
+double CurrentNow(const Damper& d, const State& s, double u);
+
 // Checks ranges and what the law needs; false and one line (without element name) on failure.
 bool Check(const Damper& d, char* error, int error_size);
 

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "core/config.h"
+#include "core/random.h"
 #include "mujoco/plugin.h"
 
 namespace mrdamp {
@@ -27,16 +28,6 @@ const char* const kOwn[] = {"sensor_gain_g", "sensor_offset_f", "sensor_leakage_
 const char* const kSignalNames[] = {"force",    "charge",          "true_force", "stroke",
                                     "stroke_velocity", "current", "field",      "temperature"};
 static_assert(std::size(kSignalNames) == 8);
-
-// A 64-bit mix with good avalanche (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195).
-std::uint64_t Mix(std::uint64_t z) {
-  z += 0x9e3779b97f4a7c15ull;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
-  return z ^ (z >> 31);
-}
-
-double Unit(std::uint64_t bits) { return (static_cast<double>(bits >> 11) + 0.5) * 0x1p-53; }
 
 }  // namespace
 
@@ -155,9 +146,7 @@ SensorParams ForceSensorInstance::Reading(const Params& p) const {
 // trajectory has the same noise after reset, copy and restore.
 double ForceSensorInstance::Noise(double count) const {
   const std::uint64_t key = Mix(seed_ ^ Mix(static_cast<std::uint64_t>(sensor_) + 1));
-  const std::uint64_t step = static_cast<std::uint64_t>(count);
-  const double a = Unit(Mix(key ^ Mix(2 * step))), b = Unit(Mix(key ^ Mix(2 * step + 1)));
-  return std::sqrt(-2 * std::log(a)) * std::cos(6.283185307179586 * b);
+  return Normal(key, static_cast<std::uint64_t>(count));
 }
 
 void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {

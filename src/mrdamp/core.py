@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -240,41 +240,10 @@ def run_frame_many(
     assert ground is not None
     assert command is not None
     keep: list[Array] = []
-
-    def held(name: str, value: Array | None, storeys: int) -> object:
-        array = _channel(name, value, storeys)
-        if array is None:
-            return None
-        keep.append(array)
-        return pointer(array)
-
     rows = (Frame * len(frames))()
     n = len(ground)
     for row, frame in zip(rows, frames, strict=True):
-        row.storeys = len(frame.mass)
-        for name in (
-            "mass",
-            "stiffness",
-            "damping",
-            "friction",
-            "acc_gain",
-            "acc_offset",
-            "acc_leakage",
-            "acc_lag",
-            "acc_lag2",
-            "friction_width",
-            "friction_presliding",
-            "one_sided",
-            "cubic",
-            "damping2",
-            "acc_leakage_share",
-            "acc_leakage2",
-            "acc_ratio",
-            "acc_settle",
-            "acc_settle_time",
-        ):
-            setattr(row, name, held(name, getattr(frame, name), row.storeys))
-        row.damper_from, row.damper_to = frame.damper_between or (-1, -1)
+        fill_frame(row, frame, keep)
     sizes = [(2 * row.storeys + 7) * n for row in rows]
     out = np.empty(sum(sizes))
     options = Options(int(hold), threads, substep or 0.0)
@@ -328,6 +297,20 @@ def run_frame(
         substep=substep,
         narx=narx,
     )[0]
+
+
+_STOREY_ROWS = tuple(f.name for f in fields(FrameInput) if f.name != "damper_between")
+
+
+def fill_frame(row: Frame, frame: FrameInput, keep: list[Array]) -> None:
+    """Writes a frame into the C entry's structure; the arrays that it then points to are added to keep."""
+    row.storeys = len(frame.mass)
+    for name in _STOREY_ROWS:
+        array = _channel(name, getattr(frame, name), row.storeys)
+        if array is not None:
+            keep.append(array)
+        setattr(row, name, None if array is None else pointer(array))
+    row.damper_from, row.damper_to = frame.damper_between or (-1, -1)
 
 
 def _channel(name: str, value: Array | None, n: int) -> Array | None:

@@ -13,7 +13,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 6
+_ABI = 7
 ERROR_SIZE = 400
 
 
@@ -45,6 +45,37 @@ class Frame(ctypes.Structure):
         ("acc_ratio", double_p),
         ("acc_settle", double_p),
         ("acc_settle_time", double_p),
+    )
+
+
+class Dampers(ctypes.Structure):
+    _fields_ = (
+        ("count", ctypes.c_int),
+        ("law", ctypes.POINTER(ctypes.c_int)),
+        ("net", ctypes.POINTER(ctypes.c_void_p)),
+        ("params", double_p),
+        ("command_max", double_p),
+    )
+
+
+class Modes(ctypes.Structure):
+    _fields_ = (
+        ("modes", ctypes.c_int),
+        ("frequency", double_p),
+        ("ratio", double_p),
+        ("stroke", double_p),
+        ("places", ctypes.c_int),
+        ("at", double_p),
+        ("mass", ctypes.c_double),
+    )
+
+
+class Load(ctypes.Structure):
+    _fields_ = (
+        ("values", double_p),
+        ("sample_time", ctypes.c_double),
+        ("samples", ctypes.c_int),
+        ("steps", ctypes.c_int),
     )
 
 
@@ -86,6 +117,26 @@ def library() -> ctypes.CDLL:
         + (double_p,) * 2
         + (ctypes.POINTER(Options), double_p, c_char_p, c_int)
     )
+    rest = (c_double, c_int, c_int, c_char_p, c_int)
+    lib.mrdamp_rows_frame.argtypes = (
+        ctypes.POINTER(Frame),
+        ctypes.POINTER(Dampers),
+        ctypes.POINTER(c_int),
+        *rest,
+    )
+    lib.mrdamp_rows_modes.argtypes = (ctypes.POINTER(Modes), ctypes.POINTER(Dampers), *rest)
+    for name in ("frame", "modes"):
+        getattr(lib, f"mrdamp_rows_{name}").restype = c_void_p
+    lib.mrdamp_rows_free.argtypes = (c_void_p,)
+    lib.mrdamp_rows_free.restype = None
+    for name in ("size", "measurements"):
+        getattr(lib, f"mrdamp_rows_{name}").argtypes = (c_void_p,)
+    lib.mrdamp_rows_noise.argtypes = (c_void_p, double_p, c_char_p, c_int)
+    lib.mrdamp_rows_start.argtypes = (c_void_p, c_double, ctypes.POINTER(Load), c_void_p, c_void_p)
+    lib.mrdamp_rows_start.restype = None
+    # Called every control period: addresses, which are quicker to hand over than typed pointers.
+    lib.mrdamp_rows_step.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int)
+    lib.mrdamp_rows_step.restype = None
     return lib
 
 

@@ -52,6 +52,10 @@ def add_to(commands: Any) -> None:
     p.add_argument("--model", type=Path, help="model file of a damper, or of a frame with one (default: published)")
     p.add_argument("--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)")
     p.add_argument("--period", type=float, metavar="MS", help="of control (default: 1 ms, 5 ms on the cable)")
+    p.add_argument(
+        "--engine", choices=("mujoco", "chain"), default="mujoco",
+        help="what the structures run on: MuJoCo, or the plugin's chain without it (default: %(default)s)",
+    )  # fmt: skip
     p.add_argument("--tune", action="store_true", help="tune controllers that have no setting for this model")
     p.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same")
     p.add_argument("--json", action="store_true", help="print JSON in place of a table")
@@ -117,7 +121,7 @@ def _frame_bench(a: argparse.Namespace) -> Bench:
     if model.rig == "damper":
         model = replace(model, rig="frame", structure=dyke1996())
     unit = a.command_unit or ("V" if a.model is None else "A")
-    return FrameBench(model, unit, a.compression, 1e-3 * (a.period or 1.0))
+    return FrameBench(model, unit, a.compression, 1e-3 * (a.period or 1.0), engine=a.engine)
 
 
 def _cable_bench(a: argparse.Namespace) -> Bench:
@@ -128,8 +132,8 @@ def _cable_bench(a: argparse.Namespace) -> Bench:
         raise InputError("a cable has no ground motion; leave --motions out")
     period = 1e-3 * (a.period or 5.0)
     if a.model is None:
-        return CableBench(command_unit=a.command_unit or "V", period=period)
-    return CableBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period)
+        return CableBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
+    return CableBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine)
 
 
 def _settings(

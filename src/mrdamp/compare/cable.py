@@ -36,13 +36,14 @@ _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
 @dataclass(frozen=True)
 class CableBench:
     """A cable with its damper. period: of the classical controllers, s; timestep: of the engine, s, at most (at 1 ms
-    what switches moves the cable 1 to 2 % less than it should). Raises InputError."""
+    what switches moves the cable 1 to 2 % less than it should); engine: `mujoco` or `chain`. Raises InputError."""
 
     cable: StayCable = field(default_factory=StayCable)
     model: Model = field(default_factory=cable_damper)
     command_unit: str = "V"
     period: float = 5e-3
     timestep: float = 2.5e-4
+    engine: str = "mujoco"
 
     environment: ClassVar[str] = "cable"
     measures: ClassVar[tuple[Measure, ...]] = (
@@ -98,7 +99,7 @@ class CableBench:
         )
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
-        plant = CablePlant(self.cable, self.model, period=self.period, timestep=self.timestep)
+        plant = CablePlant(self.cable, self.model, period=self.period, timestep=self.timestep, engine=self.engine)
         scaled = load.scaled(amplitude)
         if spec == UNCONTROLLED:
             pushes = plant.rows.start(0, scaled)
@@ -107,7 +108,8 @@ class CableBench:
         controller = controllers.make(spec, self.site)
         every = round(controller.period / self.period)
         if abs(every * self.period - controller.period) > 1e-9 * self.period or every < 1:
-            plant = CablePlant(self.cable, self.model, period=controller.period, timestep=self.timestep)
+            own: dict[str, Any] = {"period": controller.period, "timestep": self.timestep, "engine": self.engine}
+            plant = CablePlant(self.cable, self.model, **own)
             every = 1
         held = ZeroOrderHold(controller, every)
         held.reset()

@@ -17,10 +17,12 @@ import numpy as np
 from mrdamp import __version__
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
 from mrdamp.compare.motions import TUNING_AMPLITUDES, tuning_motions, unseen_motions
+from mrdamp.compare.on_chain import run_chain
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.criteria import Criteria, evaluate
+from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.errors import InputError
 from mrdamp.files import read_bytes
 from mrdamp.library import library_path
@@ -38,13 +40,15 @@ _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 @dataclass(frozen=True)
 class FrameBench:
     """A frame with its damper, ready to run. model: of the rig `frame`; compression: how many times as fast motions
-    are played; period: of the classical controllers, s; timestep: of the engine, s. Raises InputError."""
+    are played; period: of the classical controllers, s; timestep: of the engine, s; engine: `mujoco`, or `chain` for
+    runs with the damper (an ideal actuator and the frame alone stay in MuJoCo). Raises InputError."""
 
     model: Model
     command_unit: str = "V"
     compression: float = 5.0
     period: float = 1e-3
     timestep: float = 2.5e-4
+    engine: str = "mujoco"
 
     environment: ClassVar[str] = "frame"
     measures: ClassVar[tuple[Measure, ...]] = (
@@ -82,6 +86,7 @@ class FrameBench:
         for name in ("compression", "period", "timestep"):
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+        of_engine(FRAMES, self.engine)
 
     @cached_property
     def site(self) -> registry.Site:
@@ -104,6 +109,8 @@ class FrameBench:
         ideal = registry.is_ideal(spec)
         every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
         finer: Controller = ZeroOrderHold(controller, every) if every > 1 else controller
+        if self.engine == "chain" and not ideal:
+            return run_chain(self.model, played, finer, timestep=self.timestep)
         return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:

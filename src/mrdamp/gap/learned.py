@@ -50,7 +50,7 @@ class Learning:
     def train(self, model: Model, site: registry.Site, progress: Progress | None = None) -> Controller:
         """The policy of a training in a simulator, which goes on where it was stopped. Raises InputError.
 
-        What a linear frame can hold of the model's effects goes into its structure: so a search runs on twins.
+        What a linear frame can hold of the model's effects goes into its structure.
         """
         from mrdamp.train.learn import train
         from mrdamp.train.settings import Options

@@ -1,0 +1,135 @@
+#include "core/rows.h"
+
+#include <cmath>
+#include <new>
+
+#include "capi/make.h"
+#include "core/frame.h"
+
+using namespace mrdamp;
+
+struct mrdamp_rows {
+  Rows rows;
+};
+
+namespace {
+
+constexpr int kMostDampers = 100;
+
+// What frames and modes share; false and a line on failure.
+bool Take(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, char* err, int size) {
+  if (from.count < 1 || from.count > kMostDampers) {
+    return !Fail(err, size, std::to_string(from.count) + " dampers; allowed are 1 to " + std::to_string(kMostDampers));
+  }
+  if (!(period > 0) || !std::isfinite(period)) return !Fail(err, size, "the control period must be above 0");
+  if (steps < 1 || instants < 1) {
+    return !Fail(err, size, std::to_string(steps) + " steps in a control period, criteria at " + std::to_string(instants) +
+                                " instants of each; allowed are 1 or more");
+  }
+  plan->period = period;
+  plan->steps = steps;
+  plan->instants = instants;
+  for (int k = 0; k < from.count; k++) {
+    Damper d;
+    const mrdamp_narx* net = from.net ? from.net[k] : nullptr;
+    if (!Make(from.law[k], from.params + static_cast<std::size_t>(k) * kParamCount, net, nullptr, &d, err, size)) return false;
+    if (!(from.command_max[k] > 0) || !std::isfinite(from.command_max[k])) {
+      return !Fail(err, size, "command_max of damper " + std::to_string(k + 1) + " must be a finite number above 0");
+    }
+    plan->dampers.push_back(d);
+    plan->command_max.push_back(from.command_max[k]);
+  }
+  return true;
+}
+
+}  // namespace
+
+extern "C" {
+
+mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between, double period,
+                               int steps, int instants, char* err, int err_size) {
+  RowsPlan plan;
+  mrdamp_frame f = *frame;
+  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
+  for (int k = 0; k < dampers->count; k++) {
+    f.damper_from = between[2 * k];
+    f.damper_to = between[2 * k + 1];
+    if (f.damper_to < 0) f.damper_from = -1, f.damper_to = 0;  // here a damper must stand somewhere
+    if (!CheckFrame(f, err, err_size)) return nullptr;
+  }
+  FrameSystem found(f, dampers->count, between);
+  const int n = f.storeys;
+  plan.system = found.system;
+  plan.storeys = found.storeys;
+  plan.place = plan.drift = Matrix(n, n);
+  for (int i = 0; i < n; i++) {
+    plan.place(i, i) = plan.drift(i, i) = 1;
+    if (i > 0) plan.drift(i, i - 1) = -1;
+  }
+  plan.accelerometers = FloorSensors(f);
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
+}
+
+mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
+                               int instants, char* err, int err_size) {
+  RowsPlan plan;
+  const int n = modes->modes;
+  if (n < 1 || n > 500 || modes->places < 0) {
+    Fail(err, err_size, std::to_string(n) + " modes at " + std::to_string(modes->places) + " places; allowed are 1 to 500, 0 or more");
+    return nullptr;
+  }
+  if (!(modes->mass > 0) || !std::isfinite(modes->mass)) {
+    Fail(err, err_size, "the mass of the modes must be a finite number above 0");
+    return nullptr;
+  }
+  if (dampers->count != 1) {
+    Fail(err, err_size, std::to_string(dampers->count) + " dampers on modes; allowed is 1");
+    return nullptr;
+  }
+  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
+  plan.system = LinearSystem(n, n, 1);
+  plan.place = Matrix(modes->places, n);
+  for (int i = 0; i < n; i++) {
+    const double w = modes->frequency[i], ratio = modes->ratio[i], stroke = modes->stroke[i];
+    if (!(w > 0 && ratio >= 0 && std::isfinite(w) && std::isfinite(ratio) && std::isfinite(stroke))) {
+      Fail(err, err_size, "mode " + std::to_string(i + 1) + ": frequency must be above 0, its ratio of damping 0 or more, both finite");
+      return nullptr;
+    }
+    plan.system.rate(i, i) = -w * w;
+    plan.system.rate(i, n + i) = -2 * ratio * w;
+    plan.system.load(i, i) = 1;
+    plan.system.stroke(0, i) = stroke;
+    plan.system.push(i, 0) = -stroke;
+    for (int p = 0; p < modes->places; p++) plan.place(p, i) = modes->at[static_cast<std::size_t>(p) * n + i];
+  }
+  plan.accelerometers.resize(modes->places);
+  plan.drift = Matrix(0, n);
+  plan.loaded = true;
+  plan.peaks = false;
+  plan.square = 1 / modes->mass;
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
+}
+
+void mrdamp_rows_free(mrdamp_rows* rows) { delete rows; }
+int mrdamp_rows_size(const mrdamp_rows* rows) { return rows->rows.size(); }
+int mrdamp_rows_measurements(const mrdamp_rows* rows) { return rows->rows.measurements(); }
+
+int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size) {
+  for (int i = 0; i < rows->rows.measurements(); i++) {
+    if (deviation[i] >= 0 && std::isfinite(deviation[i])) continue;
+    return Fail(err, err_size, "noise of measurement " + std::to_string(i + 1) + " must be a finite number of at least 0");
+  }
+  rows->rows.SetNoise(deviation);
+  return 0;
+}
+
+void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state, double* measurements) {
+  rows->rows.Start(seed, *load, state, measurements);
+}
+
+void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
+                      double* criteria, double* measurements, int threads) {
+  rows->rows.Step(n, state, loads, commands, criteria, measurements, threads);
+}
+
+}  // extern "C"

@@ -1,0 +1,109 @@
+// A linear structure with scalar elements on it, stepped exactly for inputs that are held or run straight.
+#ifndef MRDAMP_CORE_LINEAR_H_
+#define MRDAMP_CORE_LINEAR_H_
+
+#include <vector>
+
+#include "core/matrix.h"
+
+namespace mrdamp {
+
+// n coordinates q; rates of their velocities per unit of everything that acts.
+struct LinearSystem {
+  int n, loads, elements;
+  Matrix rate;    // n x 2 n: of the coordinates, then of their velocities
+  Matrix load;    // n x loads
+  Matrix stroke;  // elements x n: elongation of each element per unit of the coordinates
+  Matrix push;    // n x elements: per N of an element, which pulls where it is extended
+
+  LinearSystem(int coordinates, int load_count, int element_count)
+      : n(coordinates), loads(load_count), elements(element_count), rate(n, 2 * n), load(n, loads),
+        stroke(elements, n), push(n, elements) {}
+};
+
+// A matrix without its zeros, row by row.
+class Sparse {
+ public:
+  Sparse() = default;
+  explicit Sparse(const Matrix& m) {
+    for (int i = 0; i < m.n; i++) {
+      for (int j = 0; j < m.m; j++) {
+        if (m(i, j) == 0) continue;
+        column_.push_back(j);
+        value_.push_back(m(i, j));
+      }
+      end_.push_back(static_cast<int>(column_.size()));
+    }
+  }
+
+  double Row(int i, const double* x) const {
+    double sum = 0;
+    for (int k = i > 0 ? end_[i - 1] : 0; k < end_[i]; k++) sum += value_[k] * x[column_[k]];
+    return sum;
+  }
+  // y += this x
+  void Add(const double* x, double* y) const {
+    for (int i = 0, k = 0; i < static_cast<int>(end_.size()); i++) {
+      double sum = y[i];
+      for (; k < end_[i]; k++) sum += value_[k] * x[column_[k]];
+      y[i] = sum;
+    }
+  }
+
+ private:
+  std::vector<int> column_, end_;
+  std::vector<double> value_;
+};
+
+// The structure over a step of h: x1 = free x0 + hold i0 + ramp i1 for inputs i that run straight from i0 to i1, which
+// are the loads and the elements' forces.
+class Linear {
+ public:
+  Linear(const LinearSystem& system, double h);
+
+  // Where the step ends without the elements; q and end: 2 n.
+  void Free(const double* q, const double* load0, const double* load1, double* end) const {
+    for (int i = 0; i < 2 * n_; i++) end[i] = 0;
+    free_.Add(q, end);
+    hold_load_.Add(load0, end);
+    ramp_load_.Add(load1, end);
+  }
+  // Adds an element's force that runs from `start` to `end`.
+  void Push(int element, double start, double end, double* q) const {
+    const double* hold = &hold_[static_cast<std::size_t>(element) * 2 * n_];
+    const double* ramp = &ramp_[static_cast<std::size_t>(element) * 2 * n_];
+    for (int i = 0; i < 2 * n_; i++) q[i] += hold[i] * start + ramp[i] * end;
+  }
+  // Elongation of an element (offset 0) or its rate (offset n).
+  double Along(int element, const double* q, int offset) const { return stroke_.Row(element, q + offset); }
+
+  // How an element's end moves over a step, in x and v, for a force of another that is held and one that builds up.
+  struct Give {
+    double hold_x, hold_v, ramp_x, ramp_v;
+  };
+  const Give& GiveOf(int of, int by) const { return give_[static_cast<std::size_t>(of) * elements_ + by]; }
+
+  // Rates of the velocities now, (n): of the motion and the elements' forces, and where `load` is given of the loads.
+  void Rates(const double* q, const double* forces, const double* load, double* rate) const {
+    for (int i = 0; i < n_; i++) rate[i] = 0;
+    rate_.Add(q, rate);
+    push_.Add(forces, rate);
+    if (load) load_.Add(load, rate);
+  }
+
+  int n() const { return n_; }
+  int loads() const { return loads_; }
+  int elements() const { return elements_; }
+  double h() const { return h_; }
+
+ private:
+  int n_, loads_, elements_;
+  double h_;
+  Sparse free_, hold_load_, ramp_load_, stroke_, rate_, push_, load_;
+  std::vector<double> hold_, ramp_;  // elements x 2 n
+  std::vector<Give> give_;           // elements x elements
+};
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_LINEAR_H_

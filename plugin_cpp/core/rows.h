@@ -1,0 +1,85 @@
+// Rows of closed loops: many copies of one structure with dampers, stepped a control period at a time.
+#ifndef MRDAMP_CORE_ROWS_H_
+#define MRDAMP_CORE_ROWS_H_
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/assembly.h"
+#include "core/pool.h"
+#include "effects/sensor.h"
+#include "mrdamp.h"
+
+namespace mrdamp {
+
+// What every row is made of, and how it is measured.
+struct RowsPlan {
+  LinearSystem system{0, 0, 0};
+  std::vector<Damper> dampers;
+  std::vector<Storey> storeys;
+  double period = 0;  // s, of control
+  int steps = 1;      // in a period
+  int instants = 1;   // of a step that criteria are taken at, from its start
+  // Where motion is measured: places x n, its accelerometers, and whether those feel the load besides.
+  Matrix place{0, 0};
+  std::vector<SensorParams> accelerometers;
+  bool loaded = false;
+  Matrix drift{0, 0};  // drifts x n, measured too
+  // Criteria: largest |drift| and |acceleration|, or mean squares of the coordinates and of their accelerations.
+  bool peaks = true;
+  double square = 1;  // of those, times this
+  std::vector<double> command_max;  // that currents are taken over
+};
+
+// A row's state is `size()` plain doubles, all that its future hangs on but for loads and commands.
+class Rows {
+ public:
+  explicit Rows(RowsPlan plan);
+
+  int size() const { return size_; }
+  int measurements() const { return measurements_; }
+  int loads() const { return linear_.loads(); }
+  int dampers() const { return static_cast<int>(plan_.dampers.size()); }
+  // Standard deviation of each measurement.
+  void SetNoise(const double* deviation) { noise_.assign(deviation, deviation + measurements_); }
+
+  // A row at rest; seed: of its noise. out: its measurements without any command.
+  void Start(double seed, const mrdamp_load& load, double* state, double* out) const;
+  // n rows; state n x size(), commands n x dampers, criteria n x MRDAMP_CRITERIA, out n x measurements.
+  void Step(int n, double* state, const mrdamp_load* loads, const double* commands, double* criteria, double* out,
+            int threads);
+
+ private:
+  // What one thread works in.
+  struct Desk {
+    Assembly assembly;
+    std::vector<Sensor> sensors, accelerometers;
+    std::vector<double> load0, load1, forces;
+    std::vector<double> rate, before, from, current;  // rates now; those, coordinates, currents at the step's start
+  };
+  enum Header { kStep, kStarted, kSeed, kDrawn, kHeader };
+
+  Desk MakeDesk() const;
+  void Load(const double* state, Desk* w) const;
+  void Store(const Desk& w, double* state) const;
+  void LoadAt(const mrdamp_load& load, double step, double* out) const;
+  void Rates(Desk* w) const;
+  double DriftWithin(int j, double s, const Desk& w) const;
+  void Measure(const double* header, const double* command, const Desk& w, double* out) const;
+  void StepOne(double* state, const mrdamp_load& load, const double* command, double* criteria, double* out, Desk* w) const;
+
+  RowsPlan plan_;
+  Linear linear_;
+  Sparse place_, drift_;
+  std::vector<SensorParams> readings_;
+  bool ideal_;
+  int size_, measurements_;
+  std::vector<double> noise_;  // empty: none
+  std::vector<Desk> desks_;
+  Pool pool_;
+};
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_ROWS_H_

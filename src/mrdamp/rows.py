@@ -1,0 +1,214 @@
+"""Rows of closed loops through the C++ chain: many copies of one structure with dampers, a control period at a time."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mrdamp.attributes import law_number, vector
+from mrdamp.core import FrameInput, Narx, fill_frame
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.native import ERROR_SIZE, Array, Dampers, Frame, Load, Modes, library, pointer
+
+#: Columns of `ChainRows.criteria`; see `mrdamp.h`.
+CRITERIA = 6
+
+_COORDINATES = 4  # doubles of a row's state before them
+
+
+@dataclass(frozen=True)
+class RowMoment:
+    """Everything that the future of one row hangs on: its state, load (samples, loads), sample time (s) and steps."""
+
+    state: Array
+    load: Array
+    sample_time: float
+    steps: int
+
+
+class ChainRows:
+    """n rows; see `mrdamp.h` for what is measured and what the criteria are.
+
+    Attributes: state (n, doubles), all that a row's future hangs on but for its load and commands; criteria (n, 6)
+    and measured (n, measurements) of the last period, used again by the next; period s, inner: steps in it.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Any, Dampers, Any], int],
+        models: Sequence[Model],
+        command_max: Array,
+        loads: int,
+        coordinates: int,
+        period: float,
+        inner: int,
+        n: int,
+        threads: int,
+    ) -> None:
+        self._lib = library()
+        self._nets: list[Narx | None] = [m.narx for m in models]
+        laws = np.array([law_number(m.law) for m in models], dtype=np.intc)
+        params = np.ascontiguousarray([vector(m.law, m.attributes) for m in models])
+        largest = np.ascontiguousarray(command_max, dtype=np.float64)
+        handles = (ctypes.c_void_p * len(models))(*(net.handle if net else None for net in self._nets))
+        dampers = Dampers(
+            len(models),
+            laws.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
+            handles,
+            pointer(params),
+            pointer(largest),
+        )
+        error = ctypes.create_string_buffer(ERROR_SIZE)
+        self._handle = make(self._lib, dampers, error)
+        if not self._handle:
+            raise InputError(error.value.decode())
+        self.n, self.inner, self.period, self.threads = n, inner, period, threads
+        self._loads, self._coordinates, self._dampers = loads, coordinates, len(models)
+        self.state = np.zeros((n, self._lib.mrdamp_rows_size(self._handle)))
+        self.criteria = np.zeros((n, CRITERIA))
+        self.measured = np.zeros((n, self._lib.mrdamp_rows_measurements(self._handle)))
+        self._given: list[Array] = [np.zeros((1, loads))] * n
+        self._load = (Load * n)(*(Load(pointer(each), period, 1, 0) for each in self._given))
+        self._rows = (
+            self.state.ctypes.data, ctypes.addressof(self._load), self.criteria.ctypes.data, self.measured.ctypes.data,
+        )  # fmt: skip
+        self.step = np.zeros(n, dtype=np.int64)
+
+    @classmethod
+    def frame(
+        cls,
+        frame: FrameInput,
+        models: Sequence[Model],
+        between: Sequence[tuple[int, int]],
+        command_max: Array,
+        period: float,
+        inner: int,
+        n: int = 1,
+        threads: int = 1,
+        instants: int = 1,
+    ) -> ChainRows:
+        """Shear frames with dampers between pairs of floors (0 the ground), under ground accelerations (m/s2).
+
+        instants: of every step, at which the criteria are taken.
+        """
+        keep: list[Array] = []
+        given = Frame()
+        fill_frame(given, frame, keep)
+        pairs = np.array(between, dtype=np.intc)
+        places = pairs.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
+
+        def make(lib: Any, dampers: Dampers, error: Any) -> int:
+            return int(lib.mrdamp_rows_frame(given, dampers, places, period, inner, instants, error, ERROR_SIZE) or 0)
+
+        return cls(make, models, command_max, 1, len(frame.mass), period, inner, n, threads)
+
+    @classmethod
+    def modes(
+        cls,
+        frequency: Array,
+        ratio: float,
+        stroke: Array,
+        at: Array,
+        mass: float,
+        model: Model,
+        command_max: Array,
+        period: float,
+        inner: int,
+        n: int = 1,
+        threads: int = 1,
+    ) -> ChainRows:
+        """Oscillators of 1 kg under a force (N) each, on which one damper stands.
+
+        frequency: (modes,) rad/s. ratio: of damping. stroke: (modes,) of the damper and at: (p, modes) of the places,
+        m per unit of the coordinates. mass: kg of the whole.
+        """
+        arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in (frequency, stroke, at)]
+        ratios = np.full(len(frequency), float(ratio))
+        given = Modes(
+            len(frequency),
+            pointer(arrays[0]),
+            pointer(ratios),
+            pointer(arrays[1]),
+            len(at),
+            pointer(arrays[2]),
+            mass,
+        )
+
+        def make(lib: Any, dampers: Dampers, error: Any) -> int:
+            return int(lib.mrdamp_rows_modes(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
+
+        many = len(frequency)
+        return cls(make, [model], command_max, many, many, period, inner, n, threads)
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._lib.mrdamp_rows_free(self._handle)
+            self._handle = 0
+
+    @property
+    def timestep(self) -> float:
+        """s."""
+        return self.period / self.inner
+
+    def noise(self, deviation: Array) -> None:
+        """White noise on every measurement from now on: standard deviations (measurements,), SI."""
+        values = np.ascontiguousarray(deviation, dtype=np.float64)
+        if values.shape != self.measured.shape[1:]:
+            raise InputError(f"noise has shape {values.shape}; expected {self.measured.shape[1:]}")
+        error = ctypes.create_string_buffer(ERROR_SIZE)
+        if self._lib.mrdamp_rows_noise(self._handle, pointer(values), error, ERROR_SIZE):
+            raise InputError(error.value.decode())
+
+    def start(self, row: int, load: Array, sample_time: float, steps: int, seed: int = 0) -> None:
+        """Row at rest under a load (samples, loads) every sample_time (s), straight between samples.
+
+        Behind its end it stays as it is, and is none from step `steps` on. seed: of the row's noise, below 2^53. The
+        row's `measured` is that of the start.
+        """
+        self._give(row, load, sample_time, steps)
+        size = self.measured.itemsize
+        self._lib.mrdamp_rows_start(
+            self._handle, float(seed), self._load[row],
+            self.state.ctypes.data + row * self.state.shape[1] * size,
+            self.measured.ctypes.data + row * self.measured.shape[1] * size,
+        )  # fmt: skip
+        self.step[row] = 0
+
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """One control period with commands (n, dampers) held: `criteria` and `measured`."""
+        given = np.ascontiguousarray(commands, dtype=np.float64)
+        if given.shape != (self.n, self._dampers):
+            raise InputError(f"commands have shape {given.shape}; expected ({self.n}, {self._dampers})")
+        state, load, criteria, measured = self._rows
+        self._lib.mrdamp_rows_step(
+            self._handle, self.n, state, load, given.ctypes.data, criteria, measured, self.threads
+        )
+        self.step += self.inner
+        return self.criteria, self.measured
+
+    def position(self, row: int) -> Array:
+        """(coordinates,) of a row: floors' displacements to the ground (m), or those of the modes."""
+        return self.state[row, _COORDINATES : _COORDINATES + self._coordinates].copy()
+
+    def save(self, row: int) -> RowMoment:
+        """The row's present, to go back to."""
+        load = self._load[row]
+        return RowMoment(self.state[row].copy(), self._given[row], load.sample_time, load.steps)
+
+    def restore(self, row: int, moment: RowMoment) -> None:
+        """Back to a saved present, exactly."""
+        self._give(row, moment.load, moment.sample_time, moment.steps)
+        self.state[row] = moment.state
+        self.step[row] = int(moment.state[0])
+
+    def _give(self, row: int, load: Array, sample_time: float, steps: int) -> None:
+        values = np.ascontiguousarray(load, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != self._loads or not len(values):
+            raise InputError(f"load has shape {values.shape}; expected (samples, {self._loads})")
+        self._given[row] = values
+        self._load[row] = Load(pointer(values), sample_time, len(values), steps)

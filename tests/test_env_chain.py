@@ -1,0 +1,334 @@
+"""The environments on the C++ chain against those in MuJoCo, against SciPy, and as rows of a vector environment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import mrdamp.envs  # noqa: F401  (registers the ids)
+from dampers import attributes
+from excitation import Array
+from frame_reference import solve
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
+from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask, SyntheticMotions
+from mrdamp.envs.task import Task
+from mrdamp.envs.vector import PlantVectorEnv
+from mrdamp.errors import InputError
+from mrdamp.model import Effect, Model, effects_from
+from mrdamp.motions import kanai_tajimi
+from mrdamp.structures import dyke1996
+from networks import random_network
+
+MOTION = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
+OBSERVED, REWARDED = 0.005, 0.01  # RMS of the difference over the RMS
+FINE = 1e-4  # s, of both, so that the engine's own step is in neither
+LAG = {"driver_lag_tau": 0.005}
+BOUC_WEN = {
+    "c0a": 900.0, "c0b": 900.0, "alpha_a": 3e4, "alpha_b": 1e5, "gamma": 9e5, "beta": 4e5, "A": 110.0, "n": 2.0,
+    "k0": 3000.0, "x0": 0.0,
+}  # fmt: skip
+# The foam damper is of 12 N; forty of it fit the frame.
+_FOAM = {k: v for k, v in attributes("zapateiro_foam_tanh").items() if "command" not in k}
+TANH = {k: v if k == "v_ref" else 40.0 * v for k, v in _FOAM.items()}
+LAWS: Mapping[str, tuple[Mapping[str, float], float]] = {
+    "bingham": ({"c0a": 900.0, "c0b": 500.0, "fya": 60.0, "fyb": 400.0, "v_ref": 0.004}, 1.0),
+    "bouc_wen": (BOUC_WEN, 1.0),
+    "modified_bouc_wen": ({k: v for k, v in attributes("dyke1996_3kN").items() if "_tau" not in k}, 2.25),
+    "hyperbolic_tangent": (TANH, 4.0),
+    "narx": ({}, 1.2),
+}
+EFFECTS: Mapping[str, Mapping[str, float]] = {
+    "command_delay": {"command_delay_d": 0.008},
+    "saturation": {"saturation_i_s": 0.6},
+    "remanence": {"remanence_b": 0.3, "remanence_d": 0.4},
+    "heating": {"heating_kappa": 0.02, "heating_capacity": 3.0, "heating_loss": 1.0},
+    "asymmetry": {"asymmetry_a": 0.15},
+    "shear_thinning": {"shear_thinning_m": 0.8, "shear_thinning_v_s": 0.05},
+    "trapped_gas": {"trapped_gas_d": 0.3, "trapped_gas_s_g": 5e-4},
+    "gas_spring": {"gas_spring_k": 5000.0, "gas_spring_f0": 20.0},
+    "seal_friction": {"seal_friction_coulomb": 30.0},
+    "moving_mass": {"moving_mass_m": 4.0},
+    "mount_compliance": {"mount_compliance_k": 8e5},
+    "backlash": {"mount_compliance_k": 8e5, "backlash_gap": 1e-4},
+    "sensor": {
+        "sensor_gain_g": 0.9,
+        "sensor_offset_f": 5.0,
+        "sensor_lag_tau": 0.003,
+        "sensor_leakage_tau": 0.5,
+    },
+    "channel_shift": {"channel_shift_d": 0.002},
+}
+PLACED: Mapping[str, tuple[Effect, ...]] = {
+    "joint_friction": (Effect("joint_friction", {"coulomb": 20.0}, 2),),
+    "structure": (Effect("storey_stiffness", {"e": -0.1}, 1), Effect("floor_mass", {"dm": 9.0}, 3)),
+    "floor_sensors": (Effect("sensor_lag", {"tau": 0.004}, 2), Effect("sensor_leakage", {"tau": 0.3}, 1)),
+}
+SIGNALS = (
+    *(f"acceleration_{j}" for j in (1, 2, 3)), "displacement_2", "velocity_3", "drift_2", "stroke", "force",
+    "true_force", "current",
+)  # fmt: skip
+
+
+def off(found: Array, wanted: Array) -> float:
+    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
+
+
+def frame(law: str, more: Mapping[str, float] = LAG, placed: tuple[Effect, ...] = ()) -> Model:
+    weights = random_network(4, (6,)).text() if law == "narx" else None
+    return Model(
+        law, dict(LAWS[law][0]), (*effects_from(more), *placed), "frame", dyke1996(), weights=weights
+    )
+
+
+def run(task: Task, load: Any, option: str, actions: Array) -> tuple[Array, Array, Array]:
+    """Observations, rewards and infos of a single row."""
+    task.reset([0], [np.random.default_rng(0)], {option: load})
+    steps = [task.step(action[None]) for action in actions]
+    columns = (np.array([getattr(s, name)[0] for s in steps]) for name in ("observation", "reward", "info"))
+    seen, reward, info = (c.astype(np.float64) for c in columns)
+    return seen, reward, info
+
+
+def actions(n: int, dampers: int = 1) -> Array:
+    """Held for five periods each."""
+    return np.repeat(np.random.default_rng(4).uniform(-1, 1, (n // 5 + 1, dampers)), 5, axis=0)[:n]
+
+
+def agree(make: Callable[[str], Task], load: Any, option: str, given: Array) -> None:
+    engine, chain = (run(make(name), load, option, given) for name in ("mujoco", "chain"))
+    apart = [off(chain[0][:, k], engine[0][:, k]) for k in range(engine[0].shape[1])]
+    assert max(apart) < OBSERVED, apart
+    assert off(chain[1], engine[1]) < REWARDED
+    for found, wanted in zip(chain[2].T, engine[2].T, strict=True):
+        assert off(found, wanted) < REWARDED if wanted.any() else not found.any()
+
+
+def agree_in_the_frame(model: Any, command_max: float, step: float = FINE, **arguments: Any) -> None:
+    own = {"model": model, "command_max": command_max, "timestep": step, "signals": SIGNALS, **arguments}
+    # energy among the weights: every part of the reward is compared.
+    own["reward"] = FrameReward(energy=0.3, power=0.1, drift_peak=2.0, acceleration_peak=2.0)
+    many = len(arguments.get("damper_between", [0]))
+    agree(lambda engine: FrameTask(1, engine=engine, **own), MOTION, "motion", actions(190, many))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_in_the_frame(law: str) -> None:
+    agree_in_the_frame(frame(law), LAWS[law][1])
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_effects_of_the_damper(effect: str) -> None:
+    agree_in_the_frame(frame("bouc_wen", {**LAG, **EFFECTS[effect]}), 1.0)
+
+
+@pytest.mark.parametrize("effect", PLACED)
+def test_effects_of_the_structure(effect: str) -> None:
+    agree_in_the_frame(frame("bouc_wen", LAG, PLACED[effect]), 1.0)
+
+
+def test_commands_that_act_at_once() -> None:
+    """The engine's step is of first order in a force that jumps: half the step."""
+    agree_in_the_frame(frame("bouc_wen", {}), 1.0, FINE / 2)
+
+
+def test_several_dampers() -> None:
+    agree_in_the_frame([frame("bouc_wen"), frame("bingham")], 1.0, damper_between=[(0, 1), (1, 3)])
+
+
+def test_the_default_frame_at_the_default_steps() -> None:
+    """1 ms of the chain against 0.5 ms of the engine."""
+    own: dict[str, Any] = {
+        "signals": SIGNALS[:4] + SIGNALS[5:]
+    }  # the engine's velocities are half a step early
+    agree(lambda engine: FrameTask(1, engine=engine, **own), MOTION, "motion", actions(190))
+
+
+def test_the_cable() -> None:
+    """The damper sticks: the engine, of first order there, takes small steps to get to accelerations beside it."""
+    load = AmbientLoads(duration=0.6).draw(np.random.default_rng(0), 12.65)
+    steps = {"mujoco": 5e-6, "chain": 2e-5}
+    signals = (
+        "acceleration_1",
+        "acceleration_2",
+        "displacement_2",
+        "velocity_2",
+        "stroke",
+        "force",
+        "current",
+    )
+
+    def make(engine: str) -> CableTask:
+        return CableTask(1, engine=engine, timestep=steps[engine], signals=signals)
+
+    agree(make, load, "load", actions(100))
+
+
+@pytest.mark.parametrize("floor", [1, 2])
+def test_the_frame_agrees_with_scipy(floor: int) -> None:
+    """At 0.5 ms, as the environment in MuJoCo is tested."""
+    motion, n = kanai_tajimi(3, duration=7.0, pga=5.0).compressed(5.0), 270
+    signals = ("displacement_3", "acceleration_1", "force", "current")
+    task = FrameTask(
+        1, engine="chain", timestep=5e-4, damper_between=(floor - 1, floor), signals=signals,
+        action_in_observation=False,
+    )  # fmt: skip
+    u = np.repeat(np.random.default_rng(4).choice([0.0, 0.7, 2.25], n // 6 + 1), 6)[:n]
+    wanted = solve(lambda t: float(np.interp(t, motion.time, motion.acceleration)), u, 5e-3, 5e-4, floor)
+    seen, _, info = run(task, motion, "motion", (2 * u / 2.25 - 1)[:, None])
+    columns = (wanted["displacement"][:, 2], wanted["acceleration"][:, 0], wanted["force"], wanted["current"])
+    for k, (scale, true) in enumerate(zip(task.observer.scales, columns, strict=True)):
+        assert off(seen[:, k] * scale, true[10::10]) < OBSERVED, signals[k]
+    last = dict(zip(task.score.NAMES, info[-1], strict=True))
+    drift = np.diff(wanted["displacement"][:-1], axis=1, prepend=0.0)
+    assert last["peak_drift"] == pytest.approx(np.abs(drift).max(), rel=OBSERVED)
+    assert last["peak_acceleration"] == pytest.approx(np.abs(wanted["acceleration"][:-1]).max(), rel=REWARDED)
+    assert last["dissipated_energy"] == pytest.approx(wanted["energy"][-1], rel=OBSERVED)
+    assert last["mean_current"] == pytest.approx(np.abs(wanted["current"][:-1]).mean(), rel=OBSERVED)
+
+
+# --- as environments ----------------------------------------------------------------------
+N = 5
+ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
+    "mrdamp/Frame-v0": {
+        "motions": SyntheticMotions(duration=1.5),
+        "noise": {"acceleration": 0.05, "force": 2.0},
+        "history": 3,
+        "damper_between": [(0, 1), (1, 3)],
+        "reward": FrameReward.peaks(),
+    },
+    "mrdamp/Cable-v0": {"loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "memory": [3.0]},
+}
+SINGLE: Mapping[str, Callable[..., Any]] = {"mrdamp/Frame-v0": FrameEnv, "mrdamp/Cable-v0": CableEnv}
+TASK: Mapping[str, Callable[..., Task]] = {"mrdamp/Frame-v0": FrameTask, "mrdamp/Cable-v0": CableTask}
+
+
+@pytest.mark.parametrize("environment", ARGUMENTS)
+def test_rows_of_make_vec_are_single_environments(environment: str) -> None:
+    """Over several ends of episodes, infos included; with the spaces of the environment in MuJoCo."""
+    own = {**ARGUMENTS[environment], "engine": "chain"}
+    rows = gymnasium.make_vec(environment, num_envs=N, threads=2, **own)
+    assert isinstance(rows, PlantVectorEnv)
+    loop = SyncVectorEnv([lambda: SINGLE[environment](**own)] * N, autoreset_mode=AutoresetMode.NEXT_STEP)
+    plain = SINGLE[environment](**ARGUMENTS[environment])
+    assert rows.single_observation_space == plain.observation_space
+    assert rows.single_action_space == plain.action_space
+    first, second = loop.reset(seed=3), rows.reset(seed=3)
+    np.testing.assert_array_equal(first[0], second[0])
+    assert set(plain.reset(seed=0)[1]) <= set(second[1])
+    rng, ends = np.random.default_rng(0), 0
+    for _ in range(150):
+        action = rng.uniform(-1, 1, rows.action_space.shape or ()).astype(np.float32)
+        a, b = loop.step(action), rows.step(action)
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x, y)
+        assert set(a[4]) == set(b[4])
+        for name in rows.task.score.NAMES:
+            if name in a[4]:
+                np.testing.assert_array_equal(a[4][name], b[4][name])
+        ends += int(a[3].sum())
+    assert ends >= 2 * N
+
+
+@pytest.mark.parametrize("environment", ARGUMENTS)
+def test_stable_baselines_takes_the_rows(environment: str) -> None:
+    vec = pytest.importorskip("stable_baselines3.common.vec_env", reason="needs the extra train")
+    from mrdamp.envs.sb3 import PlantVecEnv
+
+    own = {**ARGUMENTS[environment], "engine": "chain"}
+    loop = vec.DummyVecEnv([lambda: SINGLE[environment](**own)] * N)
+    rows = PlantVecEnv(TASK[environment](N, **own))
+    for env in (loop, rows):
+        env.seed(5)
+    np.testing.assert_array_equal(loop.reset(), rows.reset())
+    rng = np.random.default_rng(1)
+    for _ in range(70):
+        action = rng.uniform(-1, 1, (N, *rows.action_space.shape)).astype(np.float32)
+        a, b = loop.step(action), rows.step(action)
+        for x, y in zip(a[:3], b[:3], strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize("environment", ARGUMENTS)
+def test_a_moment_can_be_gone_back_to(environment: str) -> None:
+    env = SINGLE[environment](engine="chain", **ARGUMENTS[environment])
+    env.reset(seed=1)
+    given = actions(40, *env.action_space.shape).astype(np.float32)
+    for action in given[:20]:
+        env.step(action)
+    kept = env.get_state()
+    first = [env.step(action)[:2] for action in given[20:]]
+    env.reset(seed=8)
+    other = SINGLE[environment](engine="chain", **ARGUMENTS[environment])
+    other.reset(seed=9)
+    for again in (env, other):
+        again.set_state(kept)
+        for (seen, reward), action in zip(first, given[20:], strict=True):
+            now, same = again.step(action)[:2]
+            np.testing.assert_array_equal(now, seen)
+            assert same == reward
+
+
+def test_noise_hangs_on_the_seed() -> None:
+    def first(seed: int) -> Array:
+        task = FrameTask(
+            2, engine="chain", noise={"force": 2.0}, signals=["force"], action_in_observation=False
+        )
+        task.reset([0, 1], [np.random.default_rng(seed + k) for k in range(2)], {"motion": MOTION})
+        return np.array([task.step(np.zeros((2, 1))).observation[:, 0] for _ in range(60)])
+
+    one, same, other = first(0), first(0), first(7)
+    np.testing.assert_array_equal(one, same)
+    quiet = FrameTask(1, engine="chain", signals=["force"], action_in_observation=False)
+    clean = run(quiet, MOTION, "motion", np.zeros((60, 1)))[0]
+    scale = quiet.observer.scales[0]
+    for noisy in (one, other):
+        assert (noisy - clean).std() * scale == pytest.approx(2.0, rel=0.25)
+    assert abs(np.corrcoef(one[:, 0] - clean[:, 0], other[:, 0] - clean[:, 0])[0, 1]) < 0.5
+    assert abs(np.corrcoef(one[:, 0] - clean[:, 0], one[:, 1] - clean[:, 0])[0, 1]) < 0.5
+
+
+def test_what_is_drawn_is_the_motion() -> None:
+    for make, load in ((FrameTask, {"motion": MOTION}), (CableTask, {})):
+        engine, chain = (make(1, engine=name) for name in ("mujoco", "chain"))
+        for task in (engine, chain):
+            task.reset([0], [np.random.default_rng(3)], load)
+            for _ in range(20):
+                task.step(np.zeros((1, 1)))
+        found, wanted = (task.rows.position(0) for task in (chain, engine))
+        assert found.shape == wanted.shape
+        moved = slice(1, None) if make is FrameTask else slice(None)  # not the ground, which the chain holds
+        assert off(found[moved], wanted[moved]) < 0.03
+
+
+def test_bad_engines_and_divergence_are_told() -> None:
+    with pytest.raises(InputError, match="engine is 'fast'; allowed: mujoco, chain"):
+        FrameTask(1, engine="fast")
+    with pytest.raises(InputError, match="timestep is 0"):
+        FrameTask(1, engine="chain", timestep=0.0)
+    task = FrameTask(2, engine="chain")
+    task.reset([0, 1], [np.random.default_rng(k) for k in range(2)])
+    task.step(np.zeros((2, 1)))
+    task.rows.plants.state[1, 5] = math.nan
+    with pytest.raises(InputError, match="diverged"):
+        task.step(np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize("controller", ["passive-on", "constant:value=0.7", "clipped-optimal"])
+def test_a_comparison_on_the_chain_says_the_same(controller: str) -> None:
+    """Not so with a command that chatters, whose peaks hang on every switch."""
+    load, found = kanai_tajimi(5, duration=15.0, pga=3.0), {}
+    for engine in ("mujoco", "chain"):
+        bench = FrameBench(frame_model(), engine=engine)
+        free = bench.run("uncontrolled", load, 1.0)
+        values = bench.values(bench.run(controller, load, 1.0), free)
+        found[engine] = [values[key] for key in ("J1", "J2", "J4", "J5", "mean_command", "mean_current")]
+    np.testing.assert_allclose(found["chain"], found["mujoco"], rtol=0.02)
+    with pytest.raises(InputError, match="engine is 'none'"):
+        FrameBench(frame_model(), engine="none")

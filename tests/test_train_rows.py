@@ -1,0 +1,82 @@
+"""What a search runs on against the engine, and what it takes from a classical controller."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrdamp.control.following import ForceController
+from mrdamp.control.observe import Observer
+from mrdamp.envs.cable_loads import AmbientLoads
+from mrdamp.envs.chain_rows import Chained
+from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
+from mrdamp.train.evaluate import Act, episodes, forces
+from mrdamp.train.imitation import estimated
+from mrdamp.train.loads import some_motions
+from mrdamp.train.worlds import world
+
+Array = NDArray[np.float64]
+FRAME, CABLE = "mrdamp/Frame-v0", "mrdamp/Cable-v0"
+SEEN = {"action_in_observation": False}
+
+
+def policyish(task: Task, largest: float) -> Act:
+    """Half the command where the force resists the first measurement, else none."""
+
+    def act(seen: NDArray[np.float32]) -> Array:
+        return np.where(forces(task, seen) * seen[:, 0] > 0, 0.5 * largest, 0.0)
+
+    return act
+
+
+@pytest.mark.parametrize(("environment", "tolerance"), [(FRAME, 0.01), (CABLE, 0.05)])
+def test_episodes_of_a_search_are_those_of_the_engine(environment: str, tolerance: float) -> None:
+    own = {"timestep": 2.5e-4, "action_in_observation": False}
+    if environment == FRAME:
+        own["period"] = 2e-3
+    chosen = world(environment, own)
+    loads = (
+        some_motions(np.random.default_rng(3), 3, 8.0)
+        if environment == FRAME
+        else [AmbientLoads(duration=3.0).draw(np.random.default_rng(k), 12.65) for k in range(2)]
+    )
+    chain, engine = chosen.searching(len(loads)), chosen.judging(len(loads))
+    assert isinstance(chain.rows, Chained)
+    assert not isinstance(engine.rows, Chained)
+    largest = float(engine.command_max[0])
+    for make in (
+        lambda task: lambda seen: np.full(len(seen), 0.3 * largest),
+        lambda task: policyish(task, largest),
+    ):
+        found, periods = episodes(chain, chosen, loads, make(chain))
+        wanted, same = episodes(engine, chosen, loads, make(engine))
+        assert periods == same
+        for name in chosen.measures:
+            assert found[name] == pytest.approx(wanted[name], rel=tolerance), name
+
+
+@pytest.mark.parametrize(
+    ("environment", "spec"), [(FRAME, "clipped-optimal:balance=30,r=1e-6"), (CABLE, "clipped-optimal")]
+)
+def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str, spec: str) -> None:
+    floors = [*(f"acceleration_{j}" for j in (1, 2, 3)), "displacement_1", "force"]
+    chosen = world(environment, {**SEEN, "signals": floors} if environment == FRAME else SEEN)
+    observer = estimated(chosen, spec)
+    task = chosen.task(1)
+    controller = chosen.stage(task, spec).controller
+    assert isinstance(controller, ForceController)
+    rng = np.random.default_rng(0)
+    own = Observer.from_dict(observer.to_dict())
+    for k in range(30):
+        y = {name: scale * rng.standard_normal() for name, scale in zip(own.signals, own.scales, strict=True)}
+        seen = own(y, 0.0)
+        wanted = controller.aim(k * task.rows.period, y)
+        states = seen[len(own.signals) :].astype(np.float64)
+        size = np.abs(states).sum() * chosen.levels(task).force_max
+        assert -states.sum() * chosen.levels(task).force_max == pytest.approx(wanted, abs=1e-5 * size + 1e-9)
+    with pytest.raises(InputError, match="no Kalman filter"):
+        estimated(chosen, "passive-on")
+    with pytest.raises(InputError, match="is not observed"):
+        estimated(world(environment, {**SEEN, "signals": ["stroke", "force"]}), spec)
