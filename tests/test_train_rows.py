@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrdamp.control.following import ForceController
+from mrdamp.control.force_control import ForceController
 from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import AmbientLoads
 from mrdamp.envs.chain_rows import Chained

@@ -57,6 +57,12 @@ class ToyRig:
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         return self._answer(settings, np.asarray(self.records[record].displacement))
 
+    def driven(self, record: int) -> Record:
+        return self.records[record]
+
+    def compared(self, simulated: Mapping[str, Array], record: int) -> Array:
+        return simulated["force_N"][None]
+
     def rougher(self, terms: Sequence[Term]) -> ToyRig | None:
         return None
 

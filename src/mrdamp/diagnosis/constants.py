@@ -40,8 +40,8 @@ DIRECT_LEFT, DIRECT_RESOLUTION = 0.15, 0.5
 #: the catalogue's. A gap of twice the noise.
 INEXACT = 4.0
 #: Logistic coefficients of the probability that a cause is established where nothing meets the noise: constant, per nat
-#: over fewer causes, per nat over other causes. Fitted to 85 cases of rigs with another law (`blindtest --misfit`) and of
-#: measured records with an effect put in (`tools/spike_bench.py`), seeds of their own.
+#: over fewer causes, per nat over other causes. Fitted to 85 cases of rigs with another law (`blindtest --misfit`) and
+#: of measured records with an effect put in (`tools/spike_bench.py`), seeds of their own.
 ESTABLISHED = (0.0, 0.49, 0.21)
 #: Free numbers of the law are the answer where nothing meets the noise as long as they leave less than this share.
 RECALIBRATED = 0.5

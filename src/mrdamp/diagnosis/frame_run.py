@@ -175,7 +175,8 @@ def _search(
     """A search that is through, and the gaps (blocks,) that noise alone leaves.
 
     Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
-    base: (channels,) gap that the simulator leaves of the rig's baseline. before: a search on the same records with other nominal numbers, whose held fits are taken over.
+    base: (channels,) gap that the simulator leaves of the rig's baseline. before: a search on the same records with
+    other nominal numbers, whose held fits are taken over.
     """
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})

@@ -122,7 +122,7 @@ def _through_driver(own: Settings) -> Simulate:
 def _best(
     records: Sequence[Record], channels: tuple[str, str], terms: Sequence[Term], simulate: Simulate
 ) -> Compared:
-    first, second = channels
+    _first, second = channels
     stride = max(1, round(sum(r.n for r in records) / _SAMPLES))
     kept = [slice(min(round(_SKIP / r.sample_time), r.n // 4), r.n, stride) for r in records]
     measured = [np.asarray(r.channel(second))[s] for r, s in zip(records, kept, strict=True)]

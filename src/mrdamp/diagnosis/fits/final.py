@@ -122,8 +122,8 @@ def settle(
 
 
 def steadiest(search: Search, chosen: Fit) -> Fit:
-    """Of the fits of the chosen causes the one that leaves least of regimes left out; with the law's numbers where their
-    owner believes them, unless free ones leave less by _FREER: they were identified on this rig."""
+    """Of the fits of the chosen causes the one that leaves least of regimes left out; with the law's numbers where
+    their owner believes them, unless free ones leave less by _FREER: they were identified on this rig."""
     causes = set(chosen.hypothesis.causes)
     found = {
         free: min(

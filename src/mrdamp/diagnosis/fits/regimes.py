@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from mrdamp.core import Array
@@ -21,7 +23,7 @@ def by_record(problem: Problem) -> Groups:
 
 
 def groupings(problem: Problem) -> tuple[Groups, ...]:
-    """Ways to leave records out: by the mean command, by the RMS speed, and each alone where neither has two regimes."""
+    """Ways to leave records out: by the mean command, by the RMS speed; each alone where neither has two regimes."""
     out = []
     conditions = [problem.rig.conditions(k) for k in problem.records]
     command = np.array([float(np.mean(c["command"])) for c in conditions])
@@ -40,7 +42,7 @@ def groupings(problem: Problem) -> tuple[Groups, ...]:
 def _grouped(level: Array, same: float) -> list[list[int]]:
     order = np.argsort(level, kind="stable")
     groups = [[int(order[0])]]
-    for before, k in zip(order, order[1:], strict=False):
+    for before, k in pairwise(order):
         if level[k] - level[before] > same:
             groups.append([])
         groups[-1].append(int(k))

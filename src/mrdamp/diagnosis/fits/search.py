@@ -91,7 +91,7 @@ class Search:
 
     @property
     def inexact(self) -> bool:
-        """True where no fit so far meets the noise: the law is not the rig's, or the cause is none of the catalogue's."""
+        """True where no fit so far meets the noise: the law is not the rig's, or the cause is not in the catalogue."""
         return min(f.cost for f in self.fits.values()) > INEXACT * self.floor
 
     def begin_with(self, term: Term, settings: Settings) -> None:

@@ -52,8 +52,8 @@ class DamperRig:
 
     rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
     threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
-    spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching. as_logged: the motion is
-    taken with its noise, as `mrdamp predict` takes it.
+    spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching.
+    as_logged: the motion is taken with its noise, as `mrdamp predict` takes it.
     """
 
     nominal_model: Model

@@ -14,8 +14,8 @@ from mrdamp.records import Record
 #: s of records above which a search goes by excerpts: a commissioning programme of eight tests takes 66 s
 #: (`mrdamp blindtest`), and such a case is searched whole.
 WHOLE = 80.0
-#: s of each record in a search, and of the one in which most heat is dissipated, since what warms up or leaks away shows
-#: in a long record alone.
+#: s of each record in a search, and of the one in which most heat is dissipated, since what warms up or leaks away
+#: shows in a long record alone.
 EACH, LONGEST = 3.5, 15.0
 #: s between the samples of excerpts at least, and the chain's step there: with 2 ms the nominal gaps of utfsm and utfpr
 #: are those of 1 ms within .1 % of the force.
