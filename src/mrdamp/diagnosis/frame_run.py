@@ -41,7 +41,6 @@ from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis
-from mrdamp.diagnosis.report.sentence import sentence
 from mrdamp.records import Record
 from mrdamp.sampling import derivative
 
@@ -129,8 +128,7 @@ def diagnose_frame(
         place_intervals=place_intervals(found),
     )
     answer = replace(answer, where=where)
-    answer = with_file_gaps(answer, small, settled.problem, base if case.baseline else None)
-    return answer.with_sentence(sentence(answer))
+    return with_file_gaps(answer, small, settled.problem, base if case.baseline else None)
 
 
 def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:

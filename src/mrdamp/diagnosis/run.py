@@ -96,8 +96,10 @@ def diagnose(
         if case.model.rig == "frame":
             from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame
 
-            return diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store)
-        return _diagnose_damper(case, jobs, progress, limits or Limits(), store)
+            found = diagnose_frame(case, jobs=jobs, progress=progress, limits=limits or LIMITS, store=store)
+        else:
+            found = _diagnose_damper(case, jobs, progress, limits or Limits(), store)
+    return found.with_sentence(sentence(found))
 
 
 def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, store: Store) -> Diagnosis:
@@ -349,7 +351,7 @@ def assemble(
         standing=None if decision.standing is None else asdict(decision.standing),
         pictures=pictures,
     )
-    return found.with_sentence(sentence(found))
+    return found
 
 
 def _on_whole(search: Search, whole: Problem, found: Fit) -> Fit:

@@ -41,6 +41,8 @@ _PLAIN_FLOOR = {
 
 def _plain(e: Named) -> str:
     words = _PLAIN_FLOOR if e.place is not None and e.stage == "sensor" else _PLAIN
+    if e.effect == "driver_lag" and "rate" in e.parameters:
+        return f"the coil current changes by no more than {e.parameters['rate']:.3g} a second, a largest rate"
     return words.get(e.effect, e.stage)
 
 
@@ -49,31 +51,63 @@ def percent(x: float) -> str:
 
 
 def sentence(d: Diagnosis) -> str:
-    """What was found, in one plain sentence."""
+    """What was found, in plain words: the cause, how far the gap shrinks, what remains."""
     g = d.gap
-    shrink = f"the gap on records held out goes from {percent(g.nominal)} to {percent(g.corrected)}"
+    shrink = f"the gap goes from {percent(g.nominal)} to {percent(g.corrected)}"
+    if g.left_out is not None and abs(g.left_out - g.corrected) > 0.1 * g.corrected:
+        shrink += f" ({percent(g.left_out)} on records left out of the fit)"
     noise = f"noise {percent(g.noise_floor)}"
     if d.verdict == "none":
+        if g.baseline is not None:
+            return (
+                f"The rig is as it was: the simulator misses {percent(g.nominal)} of these records and"
+                f" {percent(g.baseline)} of the baseline's."
+            )
         return f"The simulator matches the rig: its gap of {percent(g.nominal)} is the noise of the records."
     if d.verdict == "parameters":
-        return f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise})."
+        return f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise}).{_rest(d)}"
     if d.verdict == "unknown":
-        if d.outside is not None:
-            return (
-                f"There is a gap of {percent(g.nominal)} that looks like {d.outside['what']}, which is none of the"
-                f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of"
-                f" the catalogue {percent(d.outside['nearest_gap'])}."
-            )
-        stage = max(d.where.stages, key=lambda s: d.where.stages[s])
-        return (
-            f"There is a gap of {percent(g.nominal)} that nothing in the catalogue explains; it looks most like the"
-            f" stage {stage}, and the best correction leaves {percent(g.corrected)}."
-        )
+        return _unknown(d)
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
         parts.append(f"{e.effect}{place} ({_plain(e)})")
-    return f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise})."
+    return (
+        f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise}).{_rest(d)}"
+    )
+
+
+def _rest(d: Diagnosis) -> str:
+    """What the corrected simulator still misses."""
+    if d.remainder is None:
+        return ""
+    left = percent(d.remainder.gap)
+    if d.remainder.of == "law":
+        ceiling = d.gap.ceiling
+        better = "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)}"
+        return f" What remains, {left}, is the law's own{better}."
+    if d.remainder.of == "outside" and d.outside is not None:
+        return f" What remains, {left}, looks like {d.outside['what']}."
+    return f" What remains, {left}, no model of these inputs predicts."
+
+
+def _unknown(d: Diagnosis) -> str:
+    g = d.gap
+    if d.outside is not None:
+        return (
+            f"There is a gap of {percent(g.nominal)} that looks like {d.outside['what']}, which is none of the"
+            f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of"
+            f" the catalogue {percent(d.outside['nearest_gap'])}."
+        )
+    stage = max(d.where.stages, key=lambda s: d.where.stages[s])
+    if abs(g.corrected - g.nominal) <= 1e-3 * g.nominal:
+        handed = "no correction holds in regimes that it was not fitted to, and the simulator is handed over as it was"
+    else:
+        handed = f"the best correction leaves {percent(g.corrected)}"
+    return (
+        f"No cause in the catalogue is established for the gap of {percent(g.nominal)}; it looks most like the stage"
+        f" {stage}, and {handed}.{_rest(d)}"
+    )
 
 
 def number(name: str, value: float, interval: tuple[float, float] | None) -> str:
@@ -90,7 +124,7 @@ def share(value: float, interval: tuple[float, float] | None) -> str:
 
 def table(d: Diagnosis) -> str:
     """The waterfall, the effects, the candidates and what is tied."""
-    lines = ["  gap on held-out records (RMS error over RMS)"]
+    lines = ["  gap on records left out of the fit (RMS error over RMS)"]
     for s in d.waterfall:
         low, high = (percent(end) for end in s.interval)
         lines.append(f"    {s.name:40s} {percent(s.gap):>8s}   {low} to {high}")
@@ -119,6 +153,10 @@ def table(d: Diagnosis) -> str:
     for m in d.where.measured:
         text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
         lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
+    for c in d.compared:
+        one, other = c["channels"]
+        cause = f", which is {c['effect']}: {percent(c['left'])} left" if c["effect"] else ""
+        lines.append(f"  {one} and {other} differ by {percent(c['difference'])}{cause} (noise {percent(c['noise'])})")
     for tie in d.indistinguishable:
         lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
     if d.corrections:
