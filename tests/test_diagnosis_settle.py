@@ -29,7 +29,7 @@ def settled_by(gaps: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> tuple
     ]
     problem = SimpleNamespace(gaps=lambda residual: np.full(3, 0.2))
     search = SimpleNamespace(
-        problem=problem, residual=None, ranked=lambda free: fits[2:] if free else fits[:2]
+        problem=problem, residual=None, inexact=False, ranked=lambda free: fits[2:] if free else fits[:2]
     )
     tried: list[str] = []
 
@@ -66,6 +66,7 @@ def test_a_fit_that_was_still_moving_is_taken_on(
     search = SimpleNamespace(
         problem=SimpleNamespace(gaps=lambda residual: np.full(3, 0.2)),
         residual=None,
+        inexact=False,
         fitted=lambda hypothesis, start, *, most, stage: fit_of("further", ("backlash",), further),
     )
     monkeypatch.setattr(module, "refine", lambda search, chosen: (chosen, ()))

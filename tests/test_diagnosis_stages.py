@@ -120,7 +120,7 @@ def test_numbers_that_come_to_their_end_late_are_no_unknown_cause() -> None:
     problem = Problem(toy({"gain": 2.6}, 0.005))
     search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
     done = search.base
-    halfway = fit(problem, done.hypothesis, np.array([0.97 * done.point[0]]), most=0)
+    halfway = fit(problem, done.hypothesis, np.array([0.985 * done.point[0]]), most=0)
     search.fits[True, frozenset()] = halfway
     decision = judge(search)[1]
     assert decision.verdict == "unknown"

@@ -18,9 +18,9 @@ from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.constants import UNKNOWN_ABOVE
 from mrdamp.diagnosis.evidence.ceiling import ceiling, memory, of_fit, stroke_since_reversal
 from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, of_cause, shapley, with_lapse
-from mrdamp.diagnosis.fits.final import heldout
 from mrdamp.diagnosis.fits.least_squares import fit, leave_out
 from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
@@ -299,7 +299,7 @@ def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
     assert (near.verdict, near.unknown) == ("unknown", decision.unknown)
     assert not decision.chosen.causes
     assert near.chosen.causes
-    cost = {f.hypothesis.name: search.problem.cost(heldout(search.problem, f)) for f in fits}
+    cost = {f.hypothesis.name: regime_cost(search.problem, f) for f in fits}
     assert cost[fits[near.chosen.index].hypothesis.name] == min(cost.values())
     assert cost[fits[near.chosen.index].hypothesis.name] < cost[fits[decision.chosen.index].hypothesis.name]
 

@@ -28,7 +28,7 @@ FILE = ROOT / "docs" / "pictures" / "packages.svg"
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "command line": ("cli", "commands", "demo", "animation", "citations"),
     "diagnosis": ("diagnosis", "gap", "blindtest"),
-    "learning, comparison": ("envs", "train", "compare"),
+    "learning, comparison": ("envs", "train", "compare", "rows"),
     "control": ("control", "inverse", "cables"),
     "identification": ("identify", "laws", "narx", "intervals", "calibration", "norms"),
     "reporting": ("report", "pictures", "templates"),

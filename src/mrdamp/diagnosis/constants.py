@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 #: Independent samples that a fit's error of form counts for; price (nats) of a cause and of each of its numbers.
-#: Set on opened cases of the blind test (`docs/diagnosis/blindtest.md`).
+#: Set on opened cases of the sealed test.
 INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
 #: Price of a free law alone, and beside a cause, where it rises by so much in proportion as the law's numbers move
 #: (RMS share) to the last figure: numbers that are a little off are common, ones that are far off have a reason.
@@ -26,10 +26,10 @@ NOT_ITSELF = 6.0
 #: How sharply the probability of an unknown cause rises about these two.
 STEEPNESS = 2.0
 #: Share of answers that are wrong for a reason that no fit of theirs sees, such as a form that nobody thought of: of
-#: 337 answers above .9 in two blind tests, opened since, 6 were.
+#: 337 answers above .9 in two sealed tests, opened since, 6 were.
 LAPSE = 0.02
 #: Probability of an unknown cause where two runs of one test differ by more than their noise, and no cause is found:
-#: no set of numbers does that. Of 400 opened cases of the blind test eight without a cause of the catalogue were so,
+#: no set of numbers does that. Of 400 opened cases of the sealed test eight without a cause of the catalogue were so,
 #: and none with wrong numbers alone or without a gap.
 UNSTEADY = 0.9
 #: Of a difference between two channels that see the same thing: share that an effect may leave beyond the noise to be
@@ -40,11 +40,9 @@ DIRECT_LEFT, DIRECT_RESOLUTION = 0.15, 0.5
 #: the catalogue's. A gap of twice the noise.
 INEXACT = 4.0
 #: Logistic coefficients of the probability that a cause is established where nothing meets the noise: constant, per nat
-#: over fewer causes, per nat over other causes. Fitted to 85 cases of rigs with another law (`blindtest --misfit`) and
+#: over fewer causes, per nat over other causes. Fitted to 85 cases of rigs with another law (the misfit bench) and
 #: of measured records with an effect put in (`tools/spike_bench.py`), seeds of their own.
 ESTABLISHED = (0.0, 0.49, 0.21)
-#: Free numbers of the law are the answer where nothing meets the noise as long as they leave less than this share.
-RECALIBRATED = 0.5
 #: Effects that change a record alike whatever is tested, so that one is no evidence against the other: delay and
 #: lag overlap by .90 to .98 nearly everywhere, a stiff spring and a small clearance, a preload and an offset.
 TIED_BY_NATURE = (

@@ -169,7 +169,7 @@ def _searching(
 def judge(search: Search, agrees: bool = False) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    doubts = {id(f): of_damper(search.problem.rig, f, search.base, agrees) for f in fits}
+    doubts = {id(f): of_damper(search.problem.rig, f, search.base, agrees=agrees, inexact=search.inexact) for f in fits}
     decision = decide(
         scored(fits, doubts, search.direct),
         search.floor,

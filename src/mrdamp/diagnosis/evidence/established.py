@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from mrdamp.diagnosis.constants import ESTABLISHED, TIED_BY_NATURE
 
-#: Log odds beyond which a comparison counts as decided.
-_MOST = 12.0
+#: Log odds beyond which a comparison counts as decided: over fewer causes, and over other ones, which may be none.
+_MOST, _MOST_OTHERS = 12.0, 6.0
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def _of_set(causes: tuple[str, ...], known: Mapping[tuple[str, ...], float]) -> 
     fewer = [p for other, p in known.items() if other == ("parameters",) or set(other) < own]
     others = [p for other, p in known.items() if _instead(own, set(other))]
     over_fewer = _log_odds(known[causes], max(fewer, default=0.0))
-    over_others = _log_odds(known[causes], max(others, default=0.0))
+    over_others = min(_log_odds(known[causes], max(others, default=0.0)), _MOST_OTHERS)
     constant, per_fewer, per_other = ESTABLISHED
     logit = constant + per_fewer * over_fewer + per_other * over_others
     return Standing(causes, over_fewer, over_others, 1 / (1 + math.exp(-logit)))

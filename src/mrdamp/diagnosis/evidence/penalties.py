@@ -17,11 +17,13 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(rig: Rig, found: Fit, law: Fit, agrees: bool = False) -> float:
+def of_damper(rig: Rig, found: Fit, law: Fit, *, agrees: bool = False, inexact: bool = False) -> float:
     """Against a fit of a damper's records on which free numbers alone (`law`) do as well or would say the same.
 
-    agrees: the force sensor reads what the load cell does, which none of its effects would leave so."""
-    doubt = NOT_ITSELF * unreferenced(rig, found)
+    agrees: the force sensor reads what the load cell does, which none of its effects would leave so. inexact: the law
+    is not the rig's, and its numbers are no plainer statement than a gain: the two are told as tied.
+    """
+    doubt = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
     if agrees and any(c.startswith("sensor_") for c in found.hypothesis.causes):
         doubt += SENSOR_AGREES
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * law.cost:

@@ -20,7 +20,6 @@ from mrdamp.diagnosis.constants import (
     NONE_ABOVE,
     NUMBER_PRICE,
     OUTSIDE_PRICE,
-    RECALIBRATED,
     REDUCIBLE,
     RESOLUTION,
     STEEPNESS,
@@ -107,7 +106,7 @@ def decide(
         left = 1.0
     unknown = beyond(left, excess, floor, causes=bool(chosen.causes))
     if inexact:
-        unknown = _not_established(found, chosen, left)
+        unknown = 1 - found.probability if chosen.causes and found is not None else _without(chosen, left)
     other = [_evidence(r, floor, excess, resolution) - OUTSIDE_PRICE for r in rivals]
     outside = None
     if other:
@@ -133,11 +132,10 @@ def decide(
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside, found)
 
 
-def _not_established(found: Standing | None, chosen: Scored, left: float) -> float:
-    """Probability of an unknown cause where nothing meets the noise."""
-    if chosen.causes:
-        return 1 - (found.probability if found is not None else 0.0)
-    return 0.9 if not chosen.free or left > RECALIBRATED else 0.1
+def _without(chosen: Scored, left: float) -> float:
+    """Probability of an unknown cause where nothing meets the noise and none of the catalogue's is established: free
+    numbers are the answer as far as they leave little."""
+    return beyond(left, 1.0, 1.0, causes=True) if chosen.free else UNSTEADY
 
 
 def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:

@@ -24,15 +24,16 @@ def by_record(problem: Problem) -> Groups:
 
 def groupings(problem: Problem) -> tuple[Groups, ...]:
     """Ways to leave records out: by the mean command, by the RMS speed; each alone where neither has two regimes."""
-    out = []
     conditions = [problem.rig.conditions(k) for k in problem.records]
-    command = np.array([float(np.mean(c["command"])) for c in conditions])
-    speed = np.array([float(np.sqrt(np.mean(c["velocity (m/s)"] ** 2))) for c in conditions])
-    largest = float(np.max(np.abs(command))) or 1.0
-    for level, same in (
-        (command / largest, _SAME_COMMAND),
-        (np.log(np.maximum(speed, 1e-9)), _SAME_SPEED),
-    ):
+    levels = []
+    if all("command" in c for c in conditions):
+        command = np.array([float(np.mean(c["command"])) for c in conditions])
+        levels.append((command / (float(np.max(np.abs(command))) or 1.0), _SAME_COMMAND))
+    if all("velocity (m/s)" in c for c in conditions):
+        speed = np.array([float(np.sqrt(np.mean(c["velocity (m/s)"] ** 2))) for c in conditions])
+        levels.append((np.log(np.maximum(speed, 1e-9)), _SAME_SPEED))
+    out = []
+    for level, same in levels:
         groups = _grouped(level, same)
         if len(groups) > 1:
             out.append(tuple(tuple(problem.records[i] for i in g) for g in groups))

@@ -11,8 +11,8 @@ import numpy as np
 
 from mrdamp.records import Record
 
-#: s of records above which a search goes by excerpts: a commissioning programme of eight tests takes 66 s
-#: (`mrdamp blindtest`), and such a case is searched whole.
+#: s of records above which a search goes by excerpts: a commissioning programme of eight tests takes 66 s,
+#: and such a case is searched whole.
 WHOLE = 80.0
 #: s of each record in a search, and of the one in which most heat is dissipated, since what warms up or leaks away
 #: shows in a long record alone.
