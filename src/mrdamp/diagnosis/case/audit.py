@@ -15,7 +15,9 @@ _HELD, _COARSE = 0.05, 0.02
 
 
 def audit(case: Case) -> Iterator[str]:
-    """Clipping, held samples and coarse quantisation by record; repeats whose original is not there."""
+    """Clipping, held samples and coarse quantisation; repeats whose original is not there. What many records have in
+    common is one line."""
+    repeated: dict[str, dict[str, float]] = {}
     for record in case.records:
         for name, values in record.channels.items():
             if name in ("time_s", "command") or not float(np.ptp(values)) > 0:
@@ -24,10 +26,15 @@ def audit(case: Case) -> Iterator[str]:
             if cut is not None:
                 yield f"{record.name}: {name} is clipped at {cut[0]:g} for {100 * cut[1]:.1f} % of the samples"
             elif held_share(values) > _HELD:
-                yield f"{record.name}: {name} repeats its last value in {100 * held_share(values):.0f} % of the samples"
+                repeated.setdefault(name, {})[record.name] = 100 * held_share(values)
             step = quantum(values)
             if step > _COARSE * float(np.std(values)):
                 yield f"{record.name}: {name} comes in steps of {step:g}"
+    for name, shares in repeated.items():
+        low, high = min(shares.values()), max(shares.values())
+        of = next(iter(shares)) if len(shares) == 1 else f"{len(shares)} records"
+        much = f"{high:.0f} %" if len(shares) == 1 else f"{low:.0f} to {high:.0f} %"
+        yield f"{of}: {name} repeats its last value in {much} of the samples"
     for repeat, original in case.repeats:
         if original is None:
             yield f"{repeat.name}: no record has the same input; it is left aside"

@@ -88,7 +88,7 @@ def _rest(d: Diagnosis) -> str:
         return f" What remains, {left}, is the law's own{better}."
     if d.remainder.of == "outside" and d.outside is not None:
         return f" What remains, {left}, looks like {d.outside['what']}."
-    return f" What remains, {left}, no model of these inputs predicts."
+    return f" What remains, {left}, is not predictable from these records."
 
 
 def _unknown(d: Diagnosis) -> str:
@@ -101,7 +101,7 @@ def _unknown(d: Diagnosis) -> str:
         )
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
     if abs(g.corrected - g.nominal) <= 1e-3 * g.nominal:
-        handed = "no correction holds in regimes that it was not fitted to, and the simulator is handed over as it was"
+        handed = "no correction holds in regimes left out of its fit, so the simulator is handed over unchanged"
     else:
         handed = f"the best correction leaves {percent(g.corrected)}"
     return (
