@@ -27,6 +27,7 @@ from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
+from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.evidence.verdict import Decision, decide
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
@@ -98,20 +99,21 @@ def diagnose_frame(
     noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
     notes += note
     rig = stepped(rig, noise)
-    base = run.baseline_gap(case, replace(rig, raw=case.baseline) if case.baseline else rig)
+    untouched = Problem(replace(rig, raw=case.baseline), coarse=True) if case.baseline else None
+    base = run.baseline_gap(untouched, rig)
 
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
     search, floor = _search(rig, noise, base, limits, jobs, store or Store(), part(0.05, 0.45))
-    fits, decision = judge(search, rig)
+    fits, decision = judge(search, rig, untouched)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     outside = any(search.solved(f) for f in search.rivals)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
         # What was kept is of other nominal numbers, but where those are held.
         search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
-        fits, decision = judge(search, rig)
+        fits, decision = judge(search, rig, untouched)
     decision = run.with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
@@ -131,8 +133,9 @@ def diagnose_frame(
     return with_file_gaps(answer, small, settled.problem, base if case.baseline else None)
 
 
-def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
-    """All fits, those with the structure's numbers told as effects among them, and the decision over them."""
+def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:
+    """All fits, those with the structure's numbers told as effects among them, and the decision over them. baseline:
+    records of the rig as it was."""
     doubts: dict[int, float] = {}
     if rig.free_structure:
         free = search.ranked(True)
@@ -145,10 +148,12 @@ def judge(search: Search, rig: FrameRig) -> tuple[list[Fit], Decision]:
                         search.fits[key] = told
                         doubts[id(told)] = doubt
     fits = [*search.ranked(False), *search.ranked(True)]
+    for one, nats in ({} if baseline is None else of_baseline(baseline, fits)).items():
+        doubts[one] = doubts.get(one, 0.0) + nats
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
     weighed = [replace(s, move=0.0) for s in run.scored(fits, doubts)]
     rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
-    decision = decide(weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact)
+    decision = decide(weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     first = fits[0]
@@ -179,8 +184,8 @@ def _search(
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
-    own = np.hypot(floor, [base[b.channel] for b in problem.blocks])
-    search = Search(problem, float(np.sum(own**2)) / len(rig.channels), limits, jobs, store)
+    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
+    search.own = run.own_cost(problem, base)
     search.steady = noise.steady
     if before is not None:
         search.seen = before.seen.held()

@@ -26,6 +26,7 @@ from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
 from mrdamp.diagnosis.channels.interfaces import Parts, parts
 from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE, UNSTEADY
+from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.ceiling import of_fit
 from mrdamp.diagnosis.evidence.penalties import of_damper, of_itself
 from mrdamp.diagnosis.evidence.resample import Interval, spread
@@ -113,7 +114,8 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
     progress("recalibrating the nominal parameters", 0.02)
-    base = baseline_gap(case, replace(rig, records=case.baseline) if case.baseline else rig)
+    untouched = _baseline(replace(rig, records=case.baseline)) if case.baseline else None
+    base = baseline_gap(untouched, rig)
     search, floor = _searching(rig, noise, limits, jobs, store, base)
     ends = frozenset(search.base.at_bounds)
     if ends and search.unexplained(search.base) < _FAR_OFF:
@@ -125,7 +127,7 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
         if c.term is not None and c.settings is not None:
             search.begin_with(c.term, c.settings)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
-    fits, decision = judge(search, sensor_agrees(channels))
+    fits, decision = judge(search, agrees=sensor_agrees(channels), baseline=untouched)
     decision = with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
@@ -138,11 +140,17 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     )
 
 
-def baseline_gap(case: Case, rig: Rig) -> Array:
-    """(channels,) RMS gap that the nominal simulator leaves of the baseline's records, 0 without any. rig: theirs."""
-    if not case.baseline:
+def _baseline(rig: DamperRig) -> Problem:
+    """Residuals of the baseline's records. rig: with those."""
+    short = rig.searched()
+    stride = max(1, round(sum(r.n for r in short.records) * len(rig.channels) / _SAMPLES))
+    return Problem(short, stride=stride, coarse=True)
+
+
+def baseline_gap(problem: Problem | None, rig: Rig) -> Array:
+    """(channels,) RMS gap that the nominal simulator leaves of the baseline's records, 0 without any."""
+    if problem is None:
         return np.zeros(len(rig.channels))
-    problem = Problem(rig, coarse=True)
     gaps = problem.gaps(problem.of_settings([{}])[0])
     channel = np.array([b.channel for b in problem.blocks])
     return np.array([np.sqrt(np.mean(gaps[channel == c] ** 2)) for c in range(len(rig.channels))])
@@ -153,8 +161,7 @@ def _searching(
 ) -> tuple[Search, Array]:
     """A search that has not begun, on excerpts of long records, and the gaps (blocks,) that noise alone leaves.
 
-    base: (channels,) gap that the simulator leaves of the rig's baseline. That is its own, and what a cause leaves is
-    held against it as against noise.
+    base: (channels,) gap that the simulator leaves of the rig's baseline.
     """
     short = rig.searched()
     total = sum(r.n for r in short.records) * len(rig.channels)
@@ -162,20 +169,35 @@ def _searching(
     plain = Problem(short, stride=stride, coarse=True)
     floor = floors(plain, noise, {})
     problem = Problem(short, stride=stride, coarse=True, trust=trust(plain, floor))
-    own = np.hypot(floor, [base[b.channel] for b in problem.blocks])
-    return Search(problem, problem.cost(own), limits, jobs, store), floor
+    search = Search(problem, problem.cost(floor), limits, jobs, store)
+    search.own = own_cost(problem, base)
+    return search, floor
 
 
-def judge(search: Search, agrees: bool = False) -> tuple[list[Fit], Decision]:
-    """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does."""
+def own_cost(problem: Problem, base: Array) -> float:
+    """Cost that gaps (channels,) of the rig's baseline stand for."""
+    return problem.cost(np.array([base[b.channel] for b in problem.blocks]))
+
+
+def judge(
+    search: Search, *, agrees: bool = False, baseline: Problem | None = None
+) -> tuple[list[Fit], Decision]:
+    """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does;
+    baseline: records of the rig as it was."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    doubts = {id(f): of_damper(search.problem.rig, f, search.base, agrees=agrees, inexact=search.inexact) for f in fits}
+    doubts = {
+        id(f): of_damper(search.problem.rig, f, search.base, agrees=agrees, inexact=search.inexact)
+        for f in fits
+    }
+    for one, nats in ({} if baseline is None else of_baseline(baseline, fits)).items():
+        doubts[one] += nats
     decision = decide(
         scored(fits, doubts, search.direct),
         search.floor,
         scored(search.rivals),
         steady=search.steady,
         inexact=search.inexact,
+        own=search.own,
     )
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]

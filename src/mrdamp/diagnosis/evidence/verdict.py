@@ -74,6 +74,7 @@ def decide(
     *,
     steady: bool = True,
     inexact: bool = False,
+    own: float = 0.0,
 ) -> Decision:
     """The verdict over fits, of which the nominal simulator (no causes, not free) is one. floor: cost of the noise.
 
@@ -81,7 +82,8 @@ def decide(
     the answer is `unknown`; the chosen fit stays the catalogue's best, which is what a simulator can be given. steady:
     False where two runs of one test differ by more than their noise, which neither `none` nor `parameters` explains.
     inexact: nothing comes near the noise, so that a cause has to be established by how much better it does than any
-    other explanation, not by what it leaves.
+    other explanation, not by what it leaves. own: cost of what the nominal simulator misses of the rig's baseline,
+    where there is one: no more than that is no gap.
     """
     nominal = next(f for f in fits if not f.causes and not f.free)
     least = min(f.cost for f in fits)
@@ -129,6 +131,8 @@ def decide(
         verdict = "unknown"
     else:
         verdict = "effect" if chosen.causes else "parameters"
+    if verdict != "effect" and outside is None and nominal.cost <= NONE_ABOVE * own:
+        return Decision("none", nominal, probabilities, 1.0, floor, excess)
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside, found)
 
 

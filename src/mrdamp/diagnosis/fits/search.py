@@ -51,7 +51,7 @@ class Search:
     """Fits of hypotheses on one problem. floor: the cost that noise alone leaves. rivals: fits of causes outside the
     catalogue; looks_like: the one of them that the verdict went by. steady: False where two runs of one test differ by
     more than their noise. seen: what was fitted and screened so far. direct: nats by cause that channels which see the
-    same thing speak for it."""
+    same thing speak for it. own: cost of what the nominal simulator misses of the rig's baseline, 0 without one."""
 
     problem: Problem
     floor: float
@@ -65,6 +65,7 @@ class Search:
     steady: bool = True
     seen: Seen = field(default_factory=Seen)
     direct: Mapping[str, float] = field(default_factory=dict)
+    own: float = 0.0
     _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
     _asked: bool = False
 

@@ -65,7 +65,9 @@ def sentence(d: Diagnosis) -> str:
             )
         return f"The simulator matches the rig: its gap of {percent(g.nominal)} is the noise of the records."
     if d.verdict == "parameters":
-        return f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise}).{_rest(d)}"
+        return (
+            f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise}).{_rest(d)}"
+        )
     if d.verdict == "unknown":
         return _unknown(d)
     parts = []
@@ -84,7 +86,9 @@ def _rest(d: Diagnosis) -> str:
     left = percent(d.remainder.gap)
     if d.remainder.of == "law":
         ceiling = d.gap.ceiling
-        better = "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)}"
+        better = (
+            "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)}"
+        )
         return f" What remains, {left}, is the law's own{better}."
     if d.remainder.of == "outside" and d.outside is not None:
         return f" What remains, {left}, looks like {d.outside['what']}."
@@ -101,7 +105,9 @@ def _unknown(d: Diagnosis) -> str:
         )
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
     if abs(g.corrected - g.nominal) <= 1e-3 * g.nominal:
-        handed = "no correction holds in regimes left out of its fit, so the simulator is handed over unchanged"
+        handed = (
+            "no correction holds in regimes left out of its fit, so the simulator is handed over unchanged"
+        )
     else:
         handed = f"the best correction leaves {percent(g.corrected)}"
     return (
@@ -153,10 +159,11 @@ def table(d: Diagnosis) -> str:
     for m in d.where.measured:
         text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
         lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
-    for c in d.compared:
-        one, other = c["channels"]
-        cause = f", which is {c['effect']}: {percent(c['left'])} left" if c["effect"] else ""
-        lines.append(f"  {one} and {other} differ by {percent(c['difference'])}{cause} (noise {percent(c['noise'])})")
+    for row in d.compared:
+        one, other = row["channels"]
+        cause = f", which is {row['effect']}: {percent(row['left'])} left" if row["effect"] else ""
+        noise = percent(row["noise"])
+        lines.append(f"  {one} and {other} differ by {percent(row['difference'])}{cause} (noise {noise})")
     for tie in d.indistinguishable:
         lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
     if d.corrections:
