@@ -135,9 +135,8 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     decision = carried_over(search, settled, decision)
     progress("looking at what is tied and unseen", 0.85)
     answer = assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
-    return with_file_gaps(
-        replace(answer, compared=tuple(c.to_dict() for c in channels)), case, settled.problem
-    )
+    answer = replace(answer, compared=tuple(c.to_dict() for c in channels))
+    return with_file_gaps(answer, case, settled.problem, base if case.baseline else None)
 
 
 def _baseline(rig: DamperRig) -> Problem:

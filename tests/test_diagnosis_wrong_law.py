@@ -1,0 +1,257 @@
+"""A diagnosis beside a law that is not the rig's: own effects, channels compared, baselines, what the file leaves.
+
+Records are written out in NumPy and SciPy, with noise, by forces that the nominal law cannot follow exactly.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
+from mrdamp.diagnosis.evidence.baseline import of_baseline
+from mrdamp.diagnosis.evidence.established import standing
+from mrdamp.diagnosis.evidence.verdict import Scored, decide
+from mrdamp.diagnosis.fits.regimes import groupings
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.file_gaps import predicted_gap
+from mrdamp.diagnosis.report.result import Named
+from mrdamp.diagnosis.report.sentence import _plain
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.errors import InputError
+from mrdamp.model import Effect, Model
+from mrdamp.predict import write_prediction
+from mrdamp.records import Record, read_record
+from toy_rig import toy
+
+DT = 0.002
+LAW = {"c0a": 400.0, "c0b": 300.0, "fya": 40.0, "fyb": 300.0, "v_ref": 0.02}
+OWN = Effect("gas_spring", {"f0": 25.0})
+
+
+def model(*effects: Effect) -> Model:
+    return Model("bingham", LAW, effects, name="nominal")
+
+
+def record(
+    name: str, amplitude: float, hz: float, u: float, seed: int, *, gain: float = 1.0, spring: float = 0.0
+) -> Record:
+    """Six seconds; the rig's friction has a loop and its viscosity bends, which no Bingham law does."""
+    rng = np.random.default_rng(seed)
+    t = DT * np.arange(3000)
+    x = amplitude * np.sin(2 * np.pi * hz * t) + 0.2 * amplitude * np.sin(2 * np.pi * 0.37 * hz * t + 1)
+    v = np.gradient(x, DT)
+    loop = lfilter([0.02], [1, -0.98], np.tanh(v / 0.01))
+    force = (
+        (380 + 320 * u) * v / (1 + np.abs(v)) + (45 + 290 * u) * (0.8 * np.tanh(v / 0.02) + 0.2 * loop) + 25
+    )
+    force = force + spring * x
+    cell = force + rng.normal(0, 1.0, len(t))
+    own = gain * force + rng.normal(0, 1.0, len(t))
+    channels = {"displacement_m": x, "command": np.full(len(t), u), "force_N": own, "reference_force_N": cell}
+    return Record(name, None, DT, channels)
+
+
+def records(first_seed: int = 0, **changes: float) -> tuple[Record, ...]:
+    tests = [(0.01, 1.0, 0.0), (0.01, 1.0, 1.0), (0.02, 0.7, 0.5), (0.005, 2.5, 0.0), (0.005, 2.5, 1.0)]
+    return tuple(record(f"test_{k}", *test, seed=first_seed + k, **changes) for k, test in enumerate(tests))
+
+
+def case(*, baseline: tuple[Record, ...] = (), **changes: float) -> Case:
+    return Case("rig", Path(), model(OWN), records(**changes), (), baseline)
+
+
+def test_nominal_effects_stay_free_and_in_what_is_handed_over() -> None:
+    rig = DamperRig(model(OWN, Effect("driver_lag", {"tau": 0.01})), records())
+    free = {c.name: c for c in rig.nominal}
+    assert free["gas_spring_f0"].start == 25.0
+    assert free["gas_spring_f0"].low < 0 < free["gas_spring_f0"].high
+    assert free["driver_lag_tau"].start == 0.01
+    own = {c.name for t in rig.terms if t.effect in ("gas_spring", "driver_lag") for c in t.coordinates}
+    assert "gas_spring_k" in own
+    assert "gas_spring_f0" not in own
+    assert "driver_lag_tau" not in own
+    made = rig.model({"gas_spring_k": 3000.0, "gas_spring_f0": 31.0, "sensor_lag_tau": 0.004})
+    assert {e.name: dict(e.parameters) for e in made.effects} == {
+        "gas_spring": {"f0": 31.0, "k": 3000.0}, "driver_lag": {"tau": 0.01}, "sensor_lag": {"tau": 0.004},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["gain", "lag", "none"])
+def test_the_force_sensor_is_compared_with_the_load_cell(kind: str) -> None:
+    """Truth by SciPy: a factor, and a first-order filter by bilinear transform."""
+    rng, made = np.random.default_rng(5), []
+    for r in records():
+        cell = np.asarray(r.channel("reference_force_N"))
+        own = 1.15 * cell if kind == "gain" else cell
+        if kind == "lag":
+            a = 2 * 0.01 / DT
+            own = lfilter([1 / (1 + a), 1 / (1 + a)], [1, (1 - a) / (1 + a)], cell)
+        own = own + rng.normal(0, 1.0, r.n)
+        made.append(Record(r.name, None, DT, dict(r.channels) | {"force_N": own}))
+    rig = DamperRig(model(), tuple(made))
+    (found,) = compared(rig.records, rig.terms, rig.nominal_model.attributes)
+    if kind == "none":
+        assert found.cause is None
+        assert sensor_agrees([found])
+        return
+    assert found.settings is not None
+    assert not sensor_agrees([found])
+    assert found.nats > 10
+    if kind == "gain":
+        assert found.cause == "sensor_gain"
+        assert found.settings["sensor_gain_g"] == pytest.approx(1.15, abs=0.005)
+    else:
+        assert found.cause == "sensor_lag"
+        assert found.settings["sensor_lag_tau"] == pytest.approx(0.01, rel=0.15)
+
+
+def test_the_measured_current_is_compared_with_the_command() -> None:
+    made = []
+    for k, r in enumerate(records()):
+        u = np.where(np.floor(r.time / 0.4) % 2 == k % 2, 1.0, 0.2)
+        a = np.exp(-DT / 0.03)
+        late = np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0], dtype=np.float64)
+        made.append(Record(r.name, None, DT, dict(r.channels) | {"command": u, "current_A": late}))
+    rig = DamperRig(model(), tuple(made))
+    found = [c for c in compared(rig.records, rig.terms, {}) if c.channels[1] == "current_A"]
+    assert [c.cause for c in found] == ["driver_lag"]
+    assert found[0].settings is not None
+    assert found[0].settings["driver_lag_tau"] == pytest.approx(0.03, rel=0.05)
+
+
+def test_a_search_goes_by_the_middle_of_long_records() -> None:
+    short = records()
+    assert excerpts(short, [1.0] * 5) == short
+    t = DT * np.arange(15_000)
+    long = [
+        Record(f"long_{k}", None, DT, {"displacement_m": t, "command": 0 * t, "force_N": t}) for k in range(4)
+    ]
+    cut = excerpts(long, [1.0, 9.0, 2.0, 3.0])
+    assert [round(r.n * r.sample_time, 2) for r in cut] == [EACH, LONGEST, EACH, EACH]
+    middle = np.asarray(cut[0].displacement)
+    assert middle.mean() == pytest.approx(15.0, abs=0.02)
+
+
+def test_records_are_left_out_by_command_and_by_speed() -> None:
+    tests = [(0.01, 1.0, 0.0), (0.01, 1.0, 1.0), (0.02, 1.5, 0.5), (0.02, 1.5, 0.0)]
+    rig = DamperRig(model(), tuple(record(f"test_{k}", *test, seed=k) for k, test in enumerate(tests)))
+    assert groupings(Problem(rig)) == (((0, 3), (2,), (1,)), ((0, 1), (2, 3)))
+
+
+def test_a_cause_is_established_over_fewer_and_over_other_causes() -> None:
+    clear = {("a",): 0.9, (): 0.05, ("b",): 0.03, ("parameters",): 0.02}
+    found = standing(clear)
+    assert found is not None
+    assert found.causes == ("a",)
+    assert found.probability > 0.8
+    shared = standing({("a",): 0.4, ("b",): 0.39, (): 0.2, ("parameters",): 0.01})
+    alone = standing({("a",): 0.4, (): 0.59, ("parameters",): 0.01})
+    assert shared is not None
+    assert shared.over_others < 0.1 < found.over_others
+    assert alone is not None
+    assert alone.over_fewer < 0
+    tied = standing({("backlash",): 0.5, ("mount_compliance",): 0.49, (): 0.01})
+    assert tied is not None
+    assert tied.over_others == 6.0  # clearance and spring are one statement
+    assert standing({(): 0.9, ("parameters",): 0.1}) is None
+
+
+def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None:
+    nominal = Scored((), False, 1.0, 0, 0)
+    half = Scored(("a",), False, 0.3, 1, 1)
+    other = Scored(("b",), False, 0.95, 1, 2)
+    assert decide([nominal, half, other], 0.001).verdict == "unknown"
+    found = decide([nominal, half, other], 0.001, inexact=True)
+    assert found.verdict == "effect"
+    assert found.standing is not None
+    little = Scored(("a",), False, 0.8, 1, 1)
+    assert decide([nominal, little, other], 0.001, inexact=True).verdict == "unknown"
+    assert decide([nominal, little, other], 0.001, inexact=True, own=0.9).verdict == "none"
+
+
+def test_what_mends_the_baseline_too_is_no_change() -> None:
+    search = Search(Problem(toy({"cubic": 0.3, "sign": 0.5}, 0.02)), 1e-4)
+    search.extend(False, 1)
+    before = Problem(toy({"cubic": 0.3}, 0.02))
+    against = of_baseline(before, search.ranked(False))
+    by_cause = {f.hypothesis.causes: against.get(id(f), 0.0) for f in search.ranked(False)}
+    assert by_cause[("cubic",)] > 3.0
+    assert by_cause[("sign",)] < 0.3 * by_cause[("cubic",)]
+
+
+def answer(one: Case) -> Any:
+    return diagnose(one)
+
+
+def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> None:
+    found = answer(case(gain=1.2))
+    assert found.verdict == "effect"
+    assert [e.effect for e in found.effects] == ["sensor_gain"]
+    assert found.effects[0].parameters["g"] == pytest.approx(1.2, abs=0.03)
+    assert found.remainder is not None
+    assert "What remains" in found.sentence
+    assert any(e.name == "gas_spring" for e in found.corrected.effects)
+    # The reported gap is the file's: by the command's own path, from the file that was written.
+    found.corrected.write(tmp_path / "corrected.json")
+    squares = []
+    for r in records(gain=1.2):
+        r.save(tmp_path / f"{r.name}.csv")
+        own = write_prediction(
+            Model.read(tmp_path / "corrected.json"), tmp_path / f"{r.name}.csv", tmp_path / "out.csv"
+        )
+        kept = slice(50, r.n - 8)
+        for name in ("force_N", "reference_force_N"):
+            true = np.asarray(r.channel(name))[kept]
+            squares.append(float(np.mean((own[name][kept] - true) ** 2) / np.mean(true**2)))
+    assert found.gap.corrected == pytest.approx(float(np.sqrt(np.mean(squares))), rel=0.01)
+
+
+def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:
+    found = answer(case())
+    assert found.effects == ()
+    again = answer(Case("again", Path(), found.corrected, records(), ()))
+    assert again.effects == ()
+
+
+def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
+    found = answer(case(baseline=records(first_seed=10)))
+    assert found.verdict == "none"
+    assert "as it was" in found.sentence
+
+
+def test_a_gap_in_the_report_is_the_files() -> None:
+    rig = DamperRig(model(OWN), records())
+    problem = Problem(rig)
+    inside = float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))
+    assert predicted_gap(rig.nominal_model, problem) == pytest.approx(inside, abs=0.005)
+
+
+def test_a_slew_limited_driver_is_told_by_its_rate() -> None:
+    named = Named("driver_lag", "driver", None, 0.9, {"tau": 0.001, "rate": 12.0}, 0.8)
+    assert "12 a second" in _plain(named)
+    assert "late" in _plain(Named("driver_lag", "driver", None, 0.9, {"tau": 0.001}, 0.8))
+
+
+@pytest.mark.parametrize(
+    ("baseline", "message"),
+    [("x", "must be a list"), (["test.csv"], "or one of 'records'"), (["no.csv"], "no such")],
+)
+def test_a_wrong_baseline_is_one_line(tmp_path: Path, baseline: Any, message: str) -> None:
+    records()[0].save(tmp_path / "test.csv")
+    body = model(OWN).to_dict()["model"]
+    data = {"name": "c", "format": 1, "rig": "damper", "nominal": body, "channels": ["force_N"]}
+    (tmp_path / "case.json").write_text(json.dumps(data | {"records": ["test.csv"], "baseline": baseline}))
+    with pytest.raises(InputError, match=message) as error:
+        read_case(tmp_path)
+    assert "\n" not in str(error.value)
+    assert read_record(tmp_path / "test.csv").n == 3000
