@@ -142,9 +142,9 @@ def measure(effort: Effort) -> list[Section]:
             "Rows on the chain",
             '`engine="chain"`: the C entry `mrdamp_rows_step` in place of MuJoCo, everything else of the environment '
             "the same; 5 ms of control, steps of 1 ms on the chain, 0.5 ms (frame) and 1 ms (cable) in the engine. "
-            "The frame's observations and rewards agree within 0.5 % and 1 % where both take steps of 0.1 ms, with "
-            "every law and effect (`tests/test_env_chain.py`); at the steps timed here the default frame does too. On "
-            "the cable, whose damper sticks, that takes 0.02 ms, and 0.005 ms of the engine. One thread, but for the "
+            "The frame's observations and rewards agree within 0.5 % and 1 % where both take steps of 0.1 ms, with all "
+            "laws and effects (`tests/test_env_chain.py`); at the steps timed here the default frame's do too. On the "
+            "cable, whose damper sticks, that takes 0.02 ms, and 0.005 ms of the engine. One thread, but for the "
             "rows on threads, which are the C entry's part of a step by the time that goes by: they need two cores to "
             "themselves. The last rows are whole steps with observation, reward and info by the number of rows, and "
             "the memory of a row, of which its own motion of 2501 samples is 20 KiB.",

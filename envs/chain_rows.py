@@ -94,7 +94,6 @@ class FrameChain(Chained, FrameRows):
         )
         return ground
 
-
     def position(self, row: int) -> Array:
         """(1 + storeys,) m: the ground, which stays, and the drifts."""
         return np.diff(self.plants.position(row), prepend=[0.0, 0.0])
@@ -131,8 +130,14 @@ class CableChain(Chained, CableRows):
 
 
 #: By engine: the rows of frames and of cables, and their largest step unless asked otherwise (s).
-FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {"mujoco": (FrameRows, 5e-4), "chain": (FrameChain, 1e-3)}
-CABLES: Mapping[str, tuple[type[CableRows], float]] = {"mujoco": (CableRows, 1e-3), "chain": (CableChain, 1e-3)}
+FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {
+    "mujoco": (FrameRows, 5e-4),
+    "chain": (FrameChain, 1e-3),
+}
+CABLES: Mapping[str, tuple[type[CableRows], float]] = {
+    "mujoco": (CableRows, 1e-3),
+    "chain": (CableChain, 1e-3),
+}
 
 
 def of_engine(engines: Mapping[str, tuple[type[Kind], float]], engine: str) -> tuple[type[Kind], float]:

@@ -103,7 +103,9 @@ class ChainRows:
         places = pairs.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
 
         def make(lib: Any, dampers: Dampers, error: Any) -> int:
-            return int(lib.mrdamp_rows_frame(given, dampers, places, period, inner, instants, error, ERROR_SIZE) or 0)
+            return int(
+                lib.mrdamp_rows_frame(given, dampers, places, period, inner, instants, error, ERROR_SIZE) or 0
+            )
 
         return cls(make, models, command_max, 1, len(frame.mass), period, inner, n, threads)
 
