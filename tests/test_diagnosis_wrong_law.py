@@ -67,7 +67,7 @@ def records(first_seed: int = 0, **changes: float) -> tuple[Record, ...]:
 
 
 def case(*, baseline: tuple[Record, ...] = (), **changes: float) -> Case:
-    return Case("rig", Path(), model(OWN), records(**changes), (), baseline)
+    return Case("rig", Path(), model(OWN), records(0, **changes), (), baseline)
 
 
 def test_nominal_effects_stay_free_and_in_what_is_handed_over() -> None:
@@ -95,7 +95,7 @@ def test_the_force_sensor_is_compared_with_the_load_cell(kind: str) -> None:
         own = 1.15 * cell if kind == "gain" else cell
         if kind == "lag":
             a = 2 * 0.01 / DT
-            own = lfilter([1 / (1 + a), 1 / (1 + a)], [1, (1 - a) / (1 + a)], cell)
+            own = np.asarray(lfilter([1 / (1 + a), 1 / (1 + a)], [1, (1 - a) / (1 + a)], cell))
         own = own + rng.normal(0, 1.0, r.n)
         made.append(Record(r.name, None, DT, dict(r.channels) | {"force_N": own}))
     rig = DamperRig(model(), tuple(made))
@@ -121,7 +121,9 @@ def test_the_measured_current_is_compared_with_the_command() -> None:
         u = np.where(np.floor(r.time / 0.4) % 2 == k % 2, 1.0, 0.2)
         a = np.exp(-DT / 0.03)
         late = np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0], dtype=np.float64)
-        made.append(Record(r.name, None, DT, dict(r.channels) | {"command": u, "current_A": late}))
+        made.append(
+            Record(r.name, None, DT, dict(r.channels) | {"command": u.astype(float), "current_A": late})
+        )
     rig = DamperRig(model(), tuple(made))
     found = [c for c in compared(rig.records, rig.terms, {}) if c.channels[1] == "current_A"]
     assert [c.cause for c in found] == ["driver_lag"]
@@ -132,7 +134,7 @@ def test_the_measured_current_is_compared_with_the_command() -> None:
 def test_a_search_goes_by_the_middle_of_long_records() -> None:
     short = records()
     assert excerpts(short, [1.0] * 5) == short
-    t = DT * np.arange(15_000)
+    t = np.asarray(DT * np.arange(15_000), dtype=np.float64)
     long = [
         Record(f"long_{k}", None, DT, {"displacement_m": t, "command": 0 * t, "force_N": t}) for k in range(4)
     ]

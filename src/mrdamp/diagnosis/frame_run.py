@@ -153,7 +153,9 @@ def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> tup
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
     weighed = [replace(s, move=0.0) for s in run.scored(fits, doubts)]
     rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
-    decision = decide(weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own)
+    decision = decide(
+        weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own
+    )
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     first = fits[0]

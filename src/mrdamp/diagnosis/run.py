@@ -111,6 +111,10 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     notes = list(audit(case))
     progress("comparing channels that see the same thing", 0.01)
     channels = compared(rig.records, rig.terms, rig.nominal_model.attributes)
+    rig = replace(
+        rig,
+        known={c.term.name: c.settings for c in channels if c.term is not None and c.settings is not None},
+    )
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
     progress("recalibrating the nominal parameters", 0.02)
@@ -123,9 +127,8 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
         search, floor = _searching(rig, noise, limits, jobs, store, base)
     search.steady = noise.steady
     search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
-    for c in channels:
-        if c.term is not None and c.settings is not None:
-            search.begin_with(c.term, c.settings)
+    for term in (t for t in rig.terms if t.name in rig.known):
+        search.begin_with(term)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
     fits, decision = judge(search, agrees=sensor_agrees(channels), baseline=untouched)
     decision = with_nearest(search, fits, decision)

@@ -136,8 +136,6 @@ def steadiest(search: Search, chosen: Fit) -> Fit:
     held, free = found[False], found[True]
     if held is None or free is None:
         return held or free or chosen
-    if causes & set(search.direct):
-        return held  # its numbers are known beside the law; a free law would take a part of them over
     better = regime_cost(search.problem, free) < (1 - _FREER) * regime_cost(search.problem, held)
     return free if better else held
 

@@ -25,7 +25,7 @@ from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, ta
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.screening import screened
 from mrdamp.diagnosis.fits.store import Store
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 
 Progress = Callable[[str, float], None]
@@ -95,9 +95,9 @@ class Search:
         """True where no fit so far meets the noise: the law is not the rig's, or the cause is not in the catalogue."""
         return min(f.cost for f in self.fits.values()) > INEXACT * self.floor
 
-    def begin_with(self, term: Term, settings: Settings) -> None:
-        """Fits a term from given settings, with the law held and free, and keeps both."""
-        q = np.array([c.point(settings[c.name]) for c in term.coordinates])
+    def begin_with(self, term: Term) -> None:
+        """Fits a term from its first start, with the law held and free, and keeps both."""
+        q = np.array([c.point(v) for c, v in zip(term.coordinates, term.starts[0], strict=True)])
         for parent in (self.fits[False, frozenset()], self.base):
             start = np.concatenate([parent.point, q])
             found = self._try(parent.hypothesis.plus(term), start, self.law_columns(parent), np.inf)

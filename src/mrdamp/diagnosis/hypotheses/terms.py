@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -112,6 +112,20 @@ class Term:
     def name(self) -> str:
         """The cause with its form; unique in a catalogue."""
         return f"{self.cause}:{self.form}" if self.form else self.cause
+
+
+#: Range to either side of a setting that is known, as a share of it, and in units of search about zero.
+_KNOWN = 0.02
+
+
+def near(term: Term, settings: Mapping[str, float]) -> Term:
+    """The term with its coordinates known to a few per cent: their ranges are narrow, and there is one start."""
+    coordinates = []
+    for c in term.coordinates:
+        value = settings[c.name]
+        width = _KNOWN * (abs(value) or c.scale)
+        coordinates.append(replace(c, start=value, low=value - width, high=value + width))
+    return replace(term, coordinates=tuple(coordinates), starts=(tuple(c.start for c in coordinates),))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
     inside_of,
     read,
 )
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
 from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.excerpts import STEP, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
@@ -53,7 +53,8 @@ class DamperRig:
     rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
     threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
     spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching.
-    as_logged: the motion is taken with its noise, as `mrdamp predict` takes it.
+    as_logged: the motion is taken with its noise, as `mrdamp predict` takes it. known: a term by name with its settings
+    as channels that see the same thing give them, which leave little to be fitted.
     """
 
     nominal_model: Model
@@ -64,6 +65,7 @@ class DamperRig:
     spans: Sizes | None = None
     step: float = _COARSE
     as_logged: bool = False
+    known: Mapping[str, Settings] = field(default_factory=dict)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -147,7 +149,8 @@ class DamperRig:
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        return beside_own(self._catalogue, self.nominal_model.effects)
+        terms = beside_own(self._catalogue, self.nominal_model.effects)
+        return tuple(near(t, self.known[t.name]) if t.name in self.known else t for t in terms)
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:
