@@ -31,6 +31,7 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     """The whole page; `nominal`: the simulator as its owner believes it, records: all of the case."""
     out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
     shown = views(nominal, found.corrected, records)
+    _next(out, found)
     _answer(out, found)
     _where(out, found, shown, command_unit)
     _shrink(out, found, shown)
@@ -44,6 +45,27 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     _handed_over(out, found)
     _doubt(out, found)
     return out
+
+
+def _next(out: Page, found: Diagnosis) -> None:
+    """What a person does with the answer."""
+    steps = []
+    if found.verdict in ("effect", "parameters"):
+        steps.append("Use `corrected.json`, or `mjcf/scene.xml` in MuJoCo, in place of the nominal simulator.")
+    elif found.verdict == "unknown":
+        steps.append("Do not add an effect to the simulator on the strength of these records alone.")
+    if found.remainder is not None and found.remainder.of == "law":
+        steps.append(
+            "Identify another law, or a NARX network, from these records: what remains follows from the same inputs."
+        )
+    for row in found.compared:
+        if row["effect"]:
+            steps.append(f"Check the channel: {row['channels'][1]} is {row['channels'][0]} with a {row['effect']}.")
+    why, signal = (str(found.next_experiment.get(key, "")) for key in ("why", "signal"))
+    if signal and signal != "none":
+        steps.append(f"Next test (`next_experiment.csv`): {signal}; {why}.")
+    if steps:
+        out.text("What to do next", steps)
 
 
 def _answer(out: Page, found: Diagnosis) -> None:
