@@ -130,7 +130,9 @@ def diagnose_frame(
         place_intervals=place_intervals(found),
     )
     answer = replace(answer, where=where)
-    return with_file_gaps(answer, small, settled.problem, base if case.baseline else None)
+    return with_file_gaps(
+        answer, small, settled.problem, settled.fit.residual, base if case.baseline else None
+    )
 
 
 def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:

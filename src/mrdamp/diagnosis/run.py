@@ -139,7 +139,9 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     progress("looking at what is tied and unseen", 0.85)
     answer = assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
     answer = replace(answer, compared=tuple(c.to_dict() for c in channels))
-    return with_file_gaps(answer, case, settled.problem, base if case.baseline else None)
+    return with_file_gaps(
+        answer, case, settled.problem, settled.fit.residual, base if case.baseline else None
+    )
 
 
 def _baseline(rig: DamperRig) -> Problem:

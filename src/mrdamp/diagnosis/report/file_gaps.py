@@ -18,21 +18,28 @@ from mrdamp.predict import free_run
 AGREEMENT = 0.01
 
 
-def with_file_gaps(found: Diagnosis, case: Case, problem: Problem, base: Array | None = None) -> Diagnosis:
+def with_file_gaps(
+    found: Diagnosis, case: Case, problem: Problem, residual: Array, base: Array | None = None
+) -> Diagnosis:
     """The answer with the gaps that `mrdamp predict` gives with case.json and corrected.json on the case's records.
 
-    problem: with the whole records; the fit's own figure is held against the file's, and a note tells where they
-    part. base: (channels,) gap that the nominal simulator leaves of the rig's baseline, where there are such records.
+    problem, residual (samples,): of the last fit, with the whole records; its own figures are held against the files',
+    and a note tells where they part by more than AGREEMENT. What is reported is always the file's. base: (channels,) gap that the nominal simulator leaves of the rig's baseline, where there are such records.
     """
     nominal = predicted_gap(case.model, problem)
     corrected = predicted_gap(found.corrected, problem)
-    inside = float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))
     notes = list(found.notes)
-    if abs(nominal - inside) > AGREEMENT:
-        notes.append(
-            f"the nominal simulator leaves {100 * nominal:.1f} % by its file and {100 * inside:.1f} % in the fit:"
-            " the noise of the displacement acts on the law; figures are the file's"
-        )
+    fitted = problem.of_settings([{}])[0] if found.verdict == "none" else residual
+    for name, file, inside in (
+        ("nominal", nominal, problem.of_settings([{}])[0]),
+        ("corrected", corrected, fitted),
+    ):
+        own = float(np.sqrt(np.mean(problem.gaps(inside) ** 2)))
+        if abs(file - own) > AGREEMENT:
+            notes.append(
+                f"the {name} simulator leaves {100 * file:.1f} % by its file and {100 * own:.1f} % in the fit: the"
+                " displacement's noise acts on the law; figures are the file's"
+            )
     gap = replace(
         found.gap,
         nominal=nominal,

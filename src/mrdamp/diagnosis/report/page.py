@@ -51,7 +51,9 @@ def _next(out: Page, found: Diagnosis) -> None:
     """What a person does with the answer."""
     steps = []
     if found.verdict in ("effect", "parameters"):
-        steps.append("Use `corrected.json`, or `mjcf/scene.xml` in MuJoCo, in place of the nominal simulator.")
+        steps.append(
+            "Use `corrected.json`, or `mjcf/scene.xml` in MuJoCo, in place of the nominal simulator."
+        )
     elif found.verdict == "unknown":
         steps.append("Do not add an effect to the simulator on the strength of these records alone.")
     if found.remainder is not None and found.remainder.of == "law":
@@ -60,7 +62,9 @@ def _next(out: Page, found: Diagnosis) -> None:
         )
     for row in found.compared:
         if row["effect"]:
-            steps.append(f"Check the channel: {row['channels'][1]} is {row['channels'][0]} with a {row['effect']}.")
+            steps.append(
+                f"Check the channel: {row['channels'][1]} is {row['channels'][0]} with a {row['effect']}."
+            )
     why, signal = (str(found.next_experiment.get(key, "")) for key in ("why", "signal"))
     if signal and signal != "none":
         steps.append(f"Next test (`next_experiment.csv`): {signal}; {why}.")
