@@ -24,7 +24,8 @@ def with_file_gaps(
     """The answer with the gaps that `mrdamp predict` gives with case.json and corrected.json on the case's records.
 
     problem, residual (samples,): of the last fit, with the whole records; its own figures are held against the files',
-    and a note tells where they part by more than AGREEMENT. What is reported is always the file's. base: (channels,) gap that the nominal simulator leaves of the rig's baseline, where there are such records.
+    and a note tells where they part by more than AGREEMENT. What is reported is always the file's. base: (channels,)
+    gap that the nominal simulator leaves of the rig's baseline, where there are such records.
     """
     nominal = predicted_gap(case.model, problem)
     corrected = predicted_gap(found.corrected, problem)
