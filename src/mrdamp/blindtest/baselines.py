@@ -21,10 +21,10 @@ from mrdamp.blindtest import score, sparse
 from mrdamp.blindtest.run import Folders, predicted
 from mrdamp.blindtest.score import Row
 from mrdamp.diagnosis.case.folder import Case, read_case
-from mrdamp.diagnosis.channels.noise import channel_noise, floors
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.noise import channel_noise, floors
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import make_rig
 from mrdamp.errors import InputError
