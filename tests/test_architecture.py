@@ -11,6 +11,7 @@ from types import ModuleType
 import pytest
 
 TOOL = Path(__file__).resolve().parents[1] / "tools" / "architecture_picture.py"
+DIAGNOSIS = TOOL.parents[1] / "src" / "mrdamp" / "diagnosis"
 
 
 @pytest.fixture(scope="module")
@@ -54,3 +55,30 @@ def test_a_circle_is_found(tool: ModuleType, tmp_path: Path, monkeypatch: pytest
         tool.graph()
     (tmp_path / "a.py").write_text("def f():\n    from mrdamp import b\n")
     assert tool.graph() == {"mrdamp.a": set(), "mrdamp.b": {"mrdamp.a"}}
+
+
+def test_the_folders_of_the_diagnosis_import_one_way_only(tool: ModuleType) -> None:
+    """As its data flows; what is not in a folder (constants aside) stands after them all."""
+    flow = ("case", "hypotheses", "channels", "problem", "fits", "evidence", "attribution", "report", "run")
+    found = {path.parent.name for path in DIAGNOSIS.glob("*/*.py")}
+    assert found == {*flow[:-1], "injection"}
+
+    def rank(module: str) -> int:
+        folder = module.split(".")[2]
+        if folder in {"run", "frame_run", "injection"}:
+            return len(flow)
+        return -1 if folder == "constants" else flow.index(folder)
+
+    inside = {a: bs for a, bs in tool.graph(later=True).items() if a.startswith("mrdamp.diagnosis.")}
+    assert len(inside) > 50
+    upward = [
+        (a, b)
+        for a, bs in inside.items()
+        for b in bs
+        if b.startswith("mrdamp.diagnosis.") and rank(b) > rank(a)
+    ]
+    assert not upward
+
+
+def test_no_import_of_the_diagnosis_is_for_its_types_alone() -> None:
+    assert not [p for p in DIAGNOSIS.rglob("*.py") if "TYPE_CHECKING" in p.read_text()]

@@ -14,8 +14,9 @@ from mrdamp.blindtest import report as blindtest
 from mrdamp.blindtest.score import Row as Case
 from mrdamp.cli import main
 from mrdamp.compare import dyke1996
+from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.report.page import page as diagnosis_page
-from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Regime, Step, Where
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Step, Where
 from mrdamp.gap.page import page as gap_page
 from mrdamp.gap.study import CRITERIA, Row, Study
 from mrdamp.model import Effect, Model
@@ -37,7 +38,9 @@ def faults(tab: Tab, page: Path, width: int, dark: bool = False) -> list[str]:
     """What is wrong with a page at a width."""
     tab.open(page.as_uri(), width, dark=dark)
     found = tab.complaints()
-    found += [f"asks for {url}" for url in tab.requests() if url != page.as_uri() and not url.startswith("data:")]
+    found += [
+        f"asks for {url}" for url in tab.requests() if url != page.as_uri() and not url.startswith("data:")
+    ]
     missing = tab.evaluate("""Promise.all([
         ...Array.from(document.images, i => i.src),
         ...Array.from(document.querySelectorAll("svg image"), i => i.href.baseVal),
@@ -79,7 +82,14 @@ def demo_page(folder: Path) -> Path:
 
 def network_page(folder: Path) -> Path:
     call = ["identify", "--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1"]
-    call += ["--protocol", "varying", "--record", "sine_5.0Hz_2.5mm_random_current", "--counts", "1200:600:500"]
+    call += [
+        "--protocol",
+        "varying",
+        "--record",
+        "sine_5.0Hz_2.5mm_random_current",
+        "--counts",
+        "1200:600:500",
+    ]
     assert main([*call, "--page", str(folder / "index.html"), "-o", str(folder / "model.json")]) == 0
     return folder / "index.html"
 
@@ -87,7 +97,17 @@ def network_page(folder: Path) -> Path:
 def comparison_page(folder: Path) -> Path:
     kanai_tajimi(1, duration=6.0, rise=1.0, plateau=2.0, decay=1.0).save(folder / "quake.csv")
     call = ["compare", "frame", "--controllers", "passive-off", "passive-on", "c=constant:value=0.5"]
-    call += ["--motions", str(folder / "quake.csv"), "--amplitudes", "0.5", "1", "--jobs", "1", "-o", str(folder)]
+    call += [
+        "--motions",
+        str(folder / "quake.csv"),
+        "--amplitudes",
+        "0.5",
+        "1",
+        "--jobs",
+        "1",
+        "-o",
+        str(folder),
+    ]
     assert main(call) == 0
     return folder / "index.html"
 
@@ -99,11 +119,15 @@ def published_page(folder: Path) -> Path:
 
 
 def inverse_page(folder: Path) -> Path:
-    parameters = dict(zip(("c0a", "c0b", "fya", "fyb", "v_ref"), (400.0, 150.0, 50.0, 600.0, 0.01), strict=True))
+    parameters = dict(
+        zip(("c0a", "c0b", "fya", "fyb", "v_ref"), (400.0, 150.0, 50.0, 600.0, 0.01), strict=True)
+    )
     limits = {"command_min": 0.0, "command_max": 2.0}
     Model("bingham", {**parameters, **limits}, name="bingham").write(folder / "m.json")
     model = str(folder / "m.json")
-    assert main(["inverse", model, "--plant", model, "--no-network", "--seconds", "2", "-o", str(folder)]) == 0
+    assert (
+        main(["inverse", model, "--plant", model, "--no-network", "--seconds", "2", "-o", str(folder)]) == 0
+    )
     return folder / "index.html"
 
 
@@ -153,7 +177,10 @@ def diagnosed_page(folder: Path) -> Path:
 
 def blind_page(folder: Path) -> Path:
     rng = np.random.default_rng(1)
-    labels = [*("driver_lag", "saturation", "backlash", "~hum", "none", "parameters") * 8, "driver_lag+backlash"]
+    labels = [
+        *("driver_lag", "saturation", "backlash", "~hum", "none", "parameters") * 8,
+        "driver_lag+backlash",
+    ]
     cases = []
     for k, label in enumerate(labels):
         right, effect = rng.random() < 0.8, label[0] not in "~np"

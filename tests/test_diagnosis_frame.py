@@ -9,13 +9,13 @@ import pytest
 
 from frame_case import DT, LAW, altered, believed, case_of, records
 from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_intervals, place_shares
-from mrdamp.diagnosis.channels.noise import Noise
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.store import Kept, Store
 from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, stepped, telling, too_coarse
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
+from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.signals import columns, drawn
 from mrdamp.diagnosis.report.handover import agreement
@@ -38,7 +38,9 @@ def test_every_block_of_a_right_model_is_clean(measured: dict[str, Record]) -> N
         *(f"accelerometer {j}" for j in (1, 2, 3)), *(f"storey {j}" for j in (1, 2, 3)), "damper",
     ]  # fmt: skip
     for b in found[:-1]:
-        assert 0.6 * b.noise < b.gap < 1.35 * b.noise, b  # all of the gap is noise, and the noise is no larger
+        assert 0.6 * b.noise < b.gap < 1.35 * b.noise, (
+            b
+        )  # all of the gap is noise, and the noise is no larger
 
 
 @pytest.mark.parametrize(
@@ -85,7 +87,10 @@ def test_settings_with_a_place_reach_the_simulator(measured: dict[str, Record]) 
     assert structure is not None
     heavy = replace(structure, mass=np.array([98.3, 98.3, 120.0]))
     want = replace(
-        model, structure=heavy, effects=(*model.effects, *effects), parameters={**model.parameters, "alpha_b": 5e4}
+        model,
+        structure=heavy,
+        effects=(*model.effects, *effects),
+        parameters={**model.parameters, "alpha_b": 5e4},
     )
     inputs = dict(measured["steps"].channels)
     expected = want.simulate(DT, inputs)
@@ -132,7 +137,9 @@ def test_clean_blocks_rule_causes_out(measured: dict[str, Record]) -> None:
     case = case_of(believed(stiffness=(5.16e5, 8.0e5, 6.84e5)), measured)
     _, rig = reduced(case, blocks(case))
     placed = {t.cause for t in rig.terms if t.place is not None}
-    assert placed == {f"{e}@2" for e in ("storey_stiffness", "storey_damping", "joint_friction", "floor_mass")}
+    assert placed == {
+        f"{e}@2" for e in ("storey_stiffness", "storey_damping", "joint_friction", "floor_mass")
+    }
     assert {t.effect for t in rig.terms if t.place is None} >= {"driver_lag", "seal_friction", "moving_mass"}
     assert not any(t.stage == "sensor" for t in rig.terms)
 
@@ -154,7 +161,9 @@ def test_a_number_that_stands_out_is_told_as_an_effect(measured: dict[str, Recor
         problem, hypothesis = Problem(rig, coarse=True), Hypothesis(rig.nominal)
         right = believed().structure
         assert right is not None
-        true = {f"{k}@{j}": getattr(right, k)[j - 1] for k in ("mass", "stiffness", "damping") for j in (1, 2, 3)}
+        true = {
+            f"{k}@{j}": getattr(right, k)[j - 1] for k in ("mass", "stiffness", "damping") for j in (1, 2, 3)
+        }
         q = np.array([c.point(true.get(c.name, c.start)) for c in rig.nominal])
         residual = problem.residuals(hypothesis, q)[0]
         jacobian = problem.jacobian(hypothesis, q, residual)
@@ -228,7 +237,9 @@ def test_the_cause_is_named(
 def test_a_lag_beside_wrong_numbers_is_one_cause(measured: dict[str, Record]) -> None:
     """Wrong numbers are freed before another cause is brought in for them."""
     model = believed(lag=False)
-    wrong = {name: factor * LAW[name] for name, factor in {"alpha_b": 0.8, "c0a": 1.25, "alpha_a": 1.2}.items()}
+    wrong = {
+        name: factor * LAW[name] for name, factor in {"alpha_b": 0.8, "c0a": 1.25, "alpha_a": 1.2}.items()
+    }
     case = case_of(replace(model, parameters=LAW | wrong), measured)
     fitted: list[str] = []
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from mrdamp.diagnosis.fits import alternative_forms as forms
+from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -52,7 +53,7 @@ def alone(search: Search, name: str) -> Fit:
     term = next(t for t in search.problem.rig.terms if t.name == name)
     base = Hypothesis((), ())
     none = Fit(base, base.start(), *search_start(search, base))
-    promise = search.screen(none, [term])[0]
+    promise = screening.screen(search, none, [term])[0]
     return search.fitted(*search.start_from(none, promise.term, promise.start, promise.by), most=12)
 
 

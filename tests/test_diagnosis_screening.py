@@ -51,13 +51,13 @@ def test_what_is_foretold_is_what_runs_of_their_own_say(
     """In a sum of parts a change is the same on top of anything: exactly, and without a run."""
     whole, told = made(), made()
     for search in (whole, told):
-        search.screen(search.fits[False, frozenset()], search.problem.rig.terms)
+        screening.screen(search, search.fits[False, frozenset()], search.problem.rig.terms)
     others = whole.beside(("sign",))
-    want = whole.screen(held_with(whole, "sign"), others)
+    want = screening.screen(whole, held_with(whole, "sign"), others)
     monkeypatch.setattr(screening, "_LOOKED_AT", 1)
     beside = held_with(told, "sign")
     simulated.clear()
-    got = told.screen(beside, others)
+    got = screening.screen(told, beside, others)
     assert sum(simulated) == 2 * len(told.problem.records)  # the fit's own and one term's
     assert [p.term.name for p in got] == [p.term.name for p in want]
     assert np.allclose([p.cost for p in got], [p.cost for p in want], rtol=1e-9)
@@ -70,10 +70,10 @@ def test_a_term_that_was_not_seen_alone_gets_a_run_of_its_own(
     monkeypatch.setattr(screening, "_LOOKED_AT", 0)
     search = made()
     terms = search.beside(("sign",))
-    search.screen(search.fits[False, frozenset()], terms[:1])
+    screening.screen(search, search.fits[False, frozenset()], terms[:1])
     beside = held_with(search, "sign")
     simulated.clear()
-    assert len(search.screen(beside, terms)) == len(terms)
+    assert len(screening.screen(search, beside, terms)) == len(terms)
     assert sum(simulated) == len(terms) * len(search.problem.records)  # the fit's own and all but one
 
 
@@ -106,12 +106,12 @@ def test_nothing_is_foretold_where_numbers_moved_far(
     monkeypatch.setattr(screening, "_LOOKED_AT", 0)
     search = made()
     terms = list(search.problem.rig.terms)
-    search.screen(search.fits[False, frozenset()], terms)
+    screening.screen(search, search.fits[False, frozenset()], terms)
     asked = []
     for by in (0.3, 0.5):
         moved = search.fitted(search.base.hypothesis, np.array([by / 0.1]), most=0, stage=f" {by}")
         assert moved.move == pytest.approx(by)
         simulated.clear()
-        search.screen(moved, terms)
+        screening.screen(search, moved, terms)
         asked.append(sum(simulated))
     assert asked == [0, (len(terms) + 1) * len(search.problem.records)]  # the fit's own and every term's

@@ -8,6 +8,7 @@ import pytest
 from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.constants import UNSTEADY
+from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
 from mrdamp.diagnosis.fits.final import Settled
 from mrdamp.diagnosis.fits.least_squares import fit
@@ -71,10 +72,10 @@ def test_nothing_is_fitted_or_screened_twice() -> None:
     (sign,) = (t for t in problem.rig.terms if t.effect == "sign")
     hypothesis = Hypothesis((), (sign,))
     first = search.fitted(hypothesis, hypothesis.start(), most=5)
-    promised = search.screen(first, search.beside(("sign",)))
+    promised = screening.screen(search, first, search.beside(("sign",)))
     runs = problem.runs
     assert search.fitted(hypothesis, hypothesis.start(), most=5) is first
-    assert search.screen(first, search.beside(("sign",))) is promised
+    assert screening.screen(search, first, search.beside(("sign",))) is promised
     assert problem.runs == runs
     free = search.fitted(Hypothesis(problem.rig.nominal, (sign,)), np.zeros(2), most=5)
     assert set(map(id, search.seen.held().fits.values())) == {id(first)}

@@ -13,10 +13,9 @@ from mrdamp.between import between, mended_ends
 from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.noise import channel_noise
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.constants import UNKNOWN_ABOVE
-from mrdamp.diagnosis.evidence.ceiling import ceiling, memory, of_fit, stroke_since_reversal
+from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit, stroke_since_reversal
 from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, of_cause, shapley, with_lapse
 from mrdamp.diagnosis.fits.least_squares import fit, leave_out
 from mrdamp.diagnosis.fits.limits import Limits
@@ -24,11 +23,13 @@ from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
+from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import judge, with_nearest
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import Record
+from mrdamp.sampling import memory
 from toy_rig import DT, ToyRig, parts, toy
 
 RNG = np.random.default_rng(5)

@@ -13,7 +13,7 @@ from mrdamp import cli
 from mrdamp.commands import diagnose as command
 from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import read_case
-from mrdamp.diagnosis.fits import search as searching
+from mrdamp.diagnosis.fits import table
 from mrdamp.diagnosis.fits.least_squares import Fit, fit, taken_up
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -93,7 +93,7 @@ def test_a_fit_that_fails_is_told_and_the_others_go_on(
             raise np.linalg.LinAlgError("singular matrix")
         return fit(problem, hypothesis, *a, **more)
 
-    monkeypatch.setattr(searching, "fit", fails)
+    monkeypatch.setattr(table, "fit", fails)
     found = diagnose(
         read_case(write(tmp_path / "case", offset=60.0)), limits=Limits(singles=20, forms=1, depth=1)
     )
@@ -139,7 +139,7 @@ def test_an_interrupted_run_goes_on_to_the_same_answer(
         again.append(hypothesis.name)
         return taken_up(problem, hypothesis, *a, **more)
 
-    monkeypatch.setattr(searching, "taken_up", counted)
+    monkeypatch.setattr(table, "taken_up", counted)
     assert cli.main(["diagnose", str(case), "-o", str(halved), "--jobs", "1"]) == 0
     assert len(again) >= len(kept)
     assert answer(halved) == answer(whole)

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.frame_blocks import Block, intervals_by_stage, shares_by_stage
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
+from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stage_columns import columns_of, play
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, wavering
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
@@ -24,7 +25,6 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Measured
 from mrdamp.model import Model
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame

@@ -17,12 +17,12 @@ import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import Case, read_case
-from mrdamp.diagnosis.channels.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.constants import REDUCIBLE
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.run import make_rig
 from mrdamp.errors import InputError

@@ -27,6 +27,13 @@ def lowpass(x: Array, sample_time: float, cutoff_hz: float) -> Array:
     return np.asarray(signal.sosfiltfilt(sos, x, padlen=pad), dtype=np.float64)
 
 
+def memory(x: Array, sample_time: float, tau: float) -> Array:
+    """First-order low-pass of a signal (n,) with time constant `tau` (s), causal, from its first value."""
+    decay = float(np.exp(-sample_time / tau))
+    out, _ = signal.lfilter([1 - decay], [1, -decay], x, zi=[decay * x[0]])
+    return np.asarray(out)
+
+
 def derivative(x: Array, sample_time: float) -> Array:
     """First derivative by central differences, second order to the ends. Needs three samples."""
     return np.asarray(np.gradient(x, sample_time, edge_order=2), dtype=np.float64)

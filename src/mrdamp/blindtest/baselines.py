@@ -21,10 +21,11 @@ from mrdamp.blindtest import score, sparse
 from mrdamp.blindtest.run import Folders, predicted
 from mrdamp.blindtest.score import Row
 from mrdamp.diagnosis.case.folder import Case, read_case
-from mrdamp.diagnosis.channels.noise import channel_noise, floors
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.noise import channel_noise, floors
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import make_rig
 from mrdamp.errors import InputError
@@ -91,7 +92,7 @@ def _forward(case: Case, search: Search, start: Fit) -> Answer:
         terms = [t for t in search.problem.rig.terms if t.cause not in taken]
         # A recalibration that stands at its bounds hides what the nominal numbers would show: both are asked.
         asked = [best, held] if best is search.base else [best]
-        promising = {p.term.name: (p.term, p.start) for f in asked for p in search.screen(f, terms)[:_TRIED]}
+        promising = {p.term.name: (p.term, p.start) for f in asked for p in screen(search, f, terms)[:_TRIED]}
         tries = []
         for term, k in promising.values():
             hypothesis, point = search.start_from(best, term, k)

@@ -25,7 +25,6 @@ from mrdamp.diagnosis.attribution.frame_blocks import (
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
@@ -39,6 +38,7 @@ from mrdamp.diagnosis.fits.second_cause import try_lesser
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
+from mrdamp.diagnosis.problem.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis

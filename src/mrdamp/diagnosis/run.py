@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.attribution.interfaces import Parts, parts
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.attribution.stages import (
     LAW_STAGE,
@@ -23,8 +24,6 @@ from mrdamp.diagnosis.attribution.stages import (
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
-from mrdamp.diagnosis.channels.interfaces import Parts, parts
-from mrdamp.diagnosis.channels.noise import Noise, channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.ceiling import of_fit
@@ -48,6 +47,7 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.outside import plain
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.noise import Noise, channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig, models_of
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps

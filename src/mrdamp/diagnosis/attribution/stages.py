@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.core import Array
+from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
 from mrdamp.diagnosis.evidence.verdict import shapley
@@ -16,7 +17,6 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Measured, Regime
 
 #: Without a cause that explains it, a stage counts by this power of what its effects explain best.
 _SHARPNESS = 3.0

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.sampling import memory
 
 #: Random features and the ridge's strength over the number of samples.
 _WIDTH, _RIDGES = 240, (1e-4, 1e-2, 1.0)
@@ -32,13 +32,6 @@ class Ceiling:
 
     predictable: float
     corrected: tuple[Array, ...]
-
-
-def memory(x: Array, sample_time: float, tau: float) -> Array:
-    """First-order low-pass of a signal (n,), from its first value."""
-    decay = float(np.exp(-sample_time / tau))
-    out, _ = lfilter([1 - decay], [1, -decay], x, zi=[decay * x[0]])
-    return np.asarray(out)
 
 
 def stroke_since_reversal(x: Array, back: float) -> Array:

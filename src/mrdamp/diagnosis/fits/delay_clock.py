@@ -8,17 +8,14 @@ long: a fit from any other period would not find it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term, positive
 from mrdamp.diagnosis.problem.residuals import Problem
-
-if TYPE_CHECKING:
-    from mrdamp.diagnosis.fits.search import Search
 
 #: Lines tried, each the highest away from the others; points of the spectrum in the width of a line.
 _LINES, _FINE = 3, 8
@@ -26,19 +23,19 @@ _LINES, _FINE = 3, 8
 _SHORTEST, _WORTH = 0.05, 0.02
 
 
-def try_clock(search: Search, found: Fit | None) -> None:
+def try_clock(table: FitTable, found: Fit | None) -> None:
     """Fits a clock in the plain delay of a fit, where the records show one, and keeps it."""
     if (
         found is None
-        or search.solved(found)
+        or table.solved(found)
         or "command_delay" not in (t.name for t in found.hypothesis.terms)
     ):
         return
-    starts = list(clocked(search.problem, found))
-    costs = [float(np.sum(search.problem.residuals(h, q) ** 2)) for h, q in starts]
+    starts = list(clocked(table.problem, found))
+    costs = [float(np.sum(table.problem.residuals(h, q) ** 2)) for h, q in starts]
     if costs and min(costs) < (1 - _WORTH) * found.cost:
         hypothesis, start = starts[int(np.argmin(costs))]
-        search.keep(search.fitted(hypothesis, start, most=8, stage=" clocked"))
+        table.keep(table.fitted(hypothesis, start, most=8, stage=" clocked"))
 
 
 def clocked(problem: Problem, found: Fit) -> Iterator[tuple[Hypothesis, Array]]:

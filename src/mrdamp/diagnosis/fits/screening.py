@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fits.beam import Promise
 from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Term
-
-if TYPE_CHECKING:
-    from mrdamp.diagnosis.fits.search import Search
 
 #: A signature is stretched by no more than this when it is screened.
 _STRETCH = 4.0
@@ -29,10 +26,21 @@ _LOOKED_AT = 16
 _MOVED = 0.4
 
 
-def screened(search: Search, found: Fit, terms: Sequence[Term]) -> list[Promise]:
-    """What each term promises on top of a fit, best first; see `Search.screen`."""
+def screen(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[Promise]:
+    """What each term promises on top of a fit, best first.
+
+    A score test with a signature of finite size: the change that the term makes at a start, less what the free
+    coordinates can make themselves, stretched to the residual (backwards too, where the term has two signs).
+    """
+    key = (found.name, found.point.tobytes(), tuple(t.name for t in terms))
+    if key not in table.seen.screens:
+        table.seen.screens[key] = _screened(table, found, terms)
+    return table.seen.screens[key]
+
+
+def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[Promise]:
     left = _Left(found)
-    known = search.seen.signatures
+    known = table.seen.signatures
     nominal = not found.hypothesis.nominal and not found.hypothesis.terms
     foretold: dict[str, Promise] = {}
     if not nominal and found.move <= _MOVED:
@@ -50,16 +58,16 @@ def screened(search: Search, found: Fit, terms: Sequence[Term]) -> list[Promise]
         for k in range(len(term.starts))
         if not (nominal and (term.name, k) in known)
     ]
-    rough = search.problem.rougher(found.hypothesis)
+    rough = table.problem.rougher(found.hypothesis)
     before = found.residual
-    if rough is not search.problem and asked:
+    if rough is not table.problem and asked:
         before = rough.residuals(found.hypothesis, found.point)[0]
 
     def change(term: Term, k: int) -> Array:
-        hypothesis, point = search.start_from(found, term, k)
+        hypothesis, point = table.start_from(found, term, k)
         return np.asarray(rough.residuals(hypothesis, point)[0] - before)
 
-    changes = {(term.name, k): d for (term, k), d in zip(asked, search.map(change, asked), strict=True)}
+    changes = {(term.name, k): d for (term, k), d in zip(asked, table.map(change, asked), strict=True)}
     if nominal:
         known.update(changes)
         changes = known

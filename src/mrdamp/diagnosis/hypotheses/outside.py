@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.evidence.ceiling import memory
 from mrdamp.diagnosis.hypotheses.terms import Settings, Sizes, Term, linear, positive
+from mrdamp.sampling import memory
 
 #: What the settings' names begin with.
 PREFIX = "outside_"

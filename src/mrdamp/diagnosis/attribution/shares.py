@@ -1,0 +1,44 @@
+"""Shares of the gap, by part of the chain and by regime, and their JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A part of the chain between measured channels: its share of the nominal simulator's gap with measured signals
+    put in at its ends, and the interval (95 %). The parts of a chain add up to 1; one may be below 0, where it undoes
+    another's error. part_by: the channel that would part its stages, where one would."""
+
+    between: str
+    stages: tuple[str, ...]
+    share: float
+    interval: tuple[float, float]
+    part_by: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "between": self.between,
+            "stages": list(self.stages),
+            "share": self.share,
+            "interval": list(self.interval),
+            "part_by": self.part_by,
+        }
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A region of the records with more than its share of the gap."""
+
+    what: str
+    share_of_gap: float
+    share_of_samples: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "what": self.what,
+            "share_of_gap": self.share_of_gap,
+            "share_of_samples": self.share_of_samples,
+        }

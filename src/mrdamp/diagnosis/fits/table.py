@@ -1,0 +1,216 @@
+"""The table of fits of one problem: what was fitted, the best of each set of terms, and how another fit is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.constants import INEXACT
+from mrdamp.diagnosis.fits.beam import FLOOR_DOUBT
+from mrdamp.diagnosis.fits.cache import Seen
+from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
+from mrdamp.diagnosis.problem.residuals import Problem
+
+#: Nothing material is left for another cause below this unexplained share.
+SOLVED = 0.001
+#: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
+NEARLY = 0.02
+
+
+@dataclass
+class FitTable:
+    """Fits of hypotheses on one problem, the best of each set of terms with the nominal parameters held and free.
+
+    floor: the cost that noise alone leaves. failed: notes on fits that could not be made. seen: what was fitted and
+    screened so far.
+    """
+
+    problem: Problem
+    floor: float
+    limits: Limits = field(default_factory=Limits)
+    jobs: int = 1
+    store: Store = field(default_factory=Store)
+    fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+    seen: Seen = field(default_factory=Seen)
+    _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        rig = self.problem.rig
+        self.residual = self.problem.residuals(Hypothesis(()), np.zeros(0))[0]
+        self.nominal_cost = float(self.residual @ self.residual)
+        held = Hypothesis(())
+        self.keep(
+            Fit(held, np.zeros(0), self.nominal_cost, self.residual, np.zeros((self.problem.samples, 0)))
+        )
+        free = Hypothesis(rig.nominal)
+        self.keep(fit(self.problem, free, np.zeros(len(rig.nominal)), most=self.limits.base))
+
+    @property
+    def excess(self) -> float:
+        """Cost of the nominal simulator beyond the noise."""
+        return max(self.nominal_cost - self.floor, 1e-3 * self.floor, 1e-12)
+
+    @property
+    def base(self) -> Fit:
+        """The nominal parameters alone, fitted."""
+        return self.fits[True, frozenset()]
+
+    @property
+    def inexact(self) -> bool:
+        """True where no fit so far meets the noise: the law is not the rig's, or the cause is not in the catalogue."""
+        return min(f.cost for f in self.fits.values()) > INEXACT * self.floor
+
+    def unexplained(self, found: Fit) -> float:
+        """Share of the excess that a fit leaves."""
+        return max(found.cost - self.floor, 0.0) / self.excess
+
+    def beside(self, taken: Collection[str]) -> list[Term]:
+        """Terms of the catalogue that may be added to causes."""
+        return [t for t in self.problem.rig.terms if t.cause not in taken and not t.later]
+
+    def start_from(self, found: Fit, term: Term, k: int, by: float = 1.0) -> tuple[Hypothesis, Array]:
+        """A fit with a term added at one of its starts, its linear numbers stretched by a factor."""
+        q = [
+            c.point(v if c.log else c.start + by * (v - c.start))
+            for c, v in zip(term.coordinates, term.starts[k], strict=True)
+        ]
+        return found.hypothesis.plus(term), np.concatenate([found.point, q])
+
+    def solved(self, found: Fit) -> bool:
+        """True where nothing material is left for another cause to explain.
+
+        A piston between a mount and a damper is stepped too coarsely in a search to tell: what comes near is looked at
+        with the full step.
+        """
+        if self._little(found.cost):
+            return True
+        mounted = any(t.stage == "mount" for t in found.hypothesis.terms)
+        if not (mounted and self.problem.coarse and self.unexplained(found) < NEARLY):
+            return False
+        key = (found.name, found.point.tobytes())
+        if key not in self._fine_costs:
+            p = self.problem
+            fine = Problem(p.rig, p.records, stride=p.stride, trust=p.trust)
+            r = fine.residuals(found.hypothesis, found.point)[0]
+            self._fine_costs[key] = float(r @ r)
+        return self._little(self._fine_costs[key])
+
+    def _little(self, cost: float) -> bool:
+        return cost - self.floor < SOLVED * self.excess + FLOOR_DOUBT * self.floor
+
+    @staticmethod
+    def law_columns(found: Fit) -> Array | None:
+        """Columns of a fit's Jacobian for the nominal parameters; None where they are held."""
+        count = len(found.hypothesis.nominal)
+        return found.jacobian[:, :count] if count else None
+
+    def tried(self, hypothesis: Hypothesis, start: Array, known: Array | None, bar: float) -> Fit | None:
+        """A fit as far as a comparison of causes needs it; None, with a note, where it fails. Arguments as `fitted`."""
+        try:
+            most = 8 if hypothesis.nominal else 15  # evidence goes by the logarithm of what is left
+            return self.fitted(hypothesis, start, most=most, known=known, bar=bar, tolerance=ROUGHLY)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            self.failed.append(f"{hypothesis.name}: the fit failed ({error})")
+            return None
+
+    def fitted(
+        self,
+        hypothesis: Hypothesis,
+        start: Array,
+        *,
+        most: int,
+        known: Array | None = None,
+        stage: str = "",
+        bar: float = np.inf,
+        tolerance: float = TOLERANCE,
+    ) -> Fit:
+        """A fit from a start, or what an interrupted run had found for it. known: columns of the Jacobian that stay as
+        they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below. tolerance: see
+        `fit`."""
+        name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
+        if (name, start.tobytes()) not in self.seen.fits:
+            found = self._fitted(name, hypothesis, start, most, known, bar, tolerance)
+            self.seen.fits[name, start.tobytes()] = found
+        return self.seen.fits[name, start.tobytes()]
+
+    def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
+        """True where a fit of a held law from this very start went so many steps: again it would come no further."""
+        found = self.seen.fits.get((f"held {hypothesis.name}", start.tobytes()))
+        return not hypothesis.nominal and found is not None and found.iterations >= steps
+
+    def _fitted(
+        self,
+        name: str,
+        hypothesis: Hypothesis,
+        start: Array,
+        most: int,
+        known: Array | None,
+        bar: float,
+        tolerance: float,
+    ) -> Fit:
+        if known is None and hypothesis.nominal:
+            # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
+            rough = self.problem.rougher(hypothesis)
+            known = rough.jacobian(
+                hypothesis,
+                start,
+                rough.residuals(hypothesis, start)[0],
+                range(len(hypothesis.nominal)),
+            )
+        kept = self.store.get(name)
+        if kept is not None and kept.point.shape == start.shape:
+            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
+            return replace(ended, iterations=kept.iterations)
+        found = fit(
+            self.problem,
+            hypothesis,
+            start,
+            most=most,
+            tolerance=tolerance,
+            known=known,
+            frozen=known is not None,
+            bar=bar,
+        )
+        self.store.put(name, found.point, found.converged, found.at, found.iterations)
+        return found
+
+    def keep(self, found: Fit) -> None:
+        """Takes a fit in, where it is the best of its terms."""
+        key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))
+        if key not in self.fits or found.cost < self.fits[key].cost:
+            self.fits[key] = found
+
+    def ranked(self, free: bool) -> list[Fit]:
+        """Fits of a flavour by cost."""
+        return sorted(
+            (f for (is_free, _), f in self.fits.items() if is_free == free),
+            key=lambda f: (f.cost, f.hypothesis.name),
+        )
+
+    def smallest(self, free: bool, causes: Iterable[str]) -> Fit | None:
+        """The best fit of exactly these causes."""
+        wanted = set(causes)
+        return next((f for f in self.ranked(free) if set(f.hypothesis.causes) == wanted), None)
+
+    def best(self, free: bool, causes: int | None = None) -> Fit | None:
+        """The best fit of a flavour, with so many causes."""
+        return next(
+            (f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None
+        )
+
+    def map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
+        """What a function gives for each tuple of arguments, side by side in threads."""
+        tasks = list(jobs)
+        if self.jobs == 1 or len(tasks) < 2:
+            return [function(*task) for task in tasks]
+        # The work is done in the C entry, outside the interpreter's lock.
+        return list(Parallel(n_jobs=self.jobs, prefer="threads")(delayed(function)(*task) for task in tasks))
