@@ -40,6 +40,7 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.noise import Noise, channel_noise, floors, repeatable
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.assembly import assemble
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.records import Record
@@ -120,7 +121,7 @@ def diagnose_frame(
     settled = settle(search, chosen, mend=decision.verdict != "none")
     decision = run.carried_over(search, settled, decision)
     progress("looking at what is tied and unseen", 0.85)
-    answer = run.assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    answer = assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
     evidence = damper_evidence(case, found) if decision.verdict == "unknown" else None
     where = replace(
         answer.where,

@@ -85,7 +85,7 @@ class Store:
 def content_key(case: Case) -> str:
     """Hash of a case's nominal model and records."""
     h = hashlib.sha256(f"{_VERSION} {json.dumps(case.model.to_dict(), sort_keys=True)}".encode())
-    for record in (*case.records, *(r for r, _ in case.repeats)):
+    for record in (*case.records, *(r for r, _ in case.repeats), *case.baseline):
         for name, values in record.channels.items():
             h.update(name.encode())
             h.update(np.ascontiguousarray(values).tobytes())

@@ -1,0 +1,288 @@
+"""From a search and its final fit to the answer: figures on whole records, causes with numbers, where the gap lies."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from mrdamp.core import Array
+from mrdamp.diagnosis.attribution.interfaces import Parts, parts
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
+from mrdamp.diagnosis.attribution.stages import (
+    LAW_STAGE,
+    cause_shares,
+    record_shares,
+    regimes,
+    stage_intervals,
+    stage_shares,
+)
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE
+from mrdamp.diagnosis.evidence.ceiling import of_fit
+from mrdamp.diagnosis.evidence.resample import Interval, spread
+from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
+from mrdamp.diagnosis.evidence.verdict import (
+    Decision,
+    Scored,
+    by_causes,
+    of_cause,
+    with_lapse,
+)
+from mrdamp.diagnosis.fits.final import Settled, heldout
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.outside import plain
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.noise import Noise
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.rig import Rig, models_of
+from mrdamp.diagnosis.report.next_test import next_test
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, Where
+
+#: Simulators with parameters drawn within their intervals.
+_DRAWN = 20
+_RESAMPLES, _SEED = 2000, 3
+
+
+def assemble(
+    case: Case,
+    rig: Rig,
+    search: Search,
+    fits: list[Fit],
+    decision: Decision,
+    settled: Settled,
+    noise: Noise,
+    floor: Array,
+    notes: list[str],
+    begun: float,
+) -> Diagnosis:
+    chosen = fits[decision.chosen.index]
+    known = by_causes([_scored_of(f) for f in fits], decision.probabilities)
+    if decision.verdict == "none":
+        known = {(): 1.0}
+    sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {
+        ("unknown",): decision.unknown
+    }
+    sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
+    weighed = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
+    sets = with_lapse(sets)
+    causes = of_cause(sets)
+    rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
+    whole = settled.problem
+    nominal = whole.of_settings([{}])[0]
+    nominal_gaps = whole.gaps(nominal)
+    recalibrated = heldout(whole, _on_whole(search, whole, search.base))
+    waterfall = [_step("nominal", nominal_gaps), _step("recalibrated", recalibrated)]
+    free = bool(chosen.hypothesis.nominal)
+    for k in range(1, len(chosen.hypothesis.causes)):
+        part = search.smallest(free, chosen.hypothesis.causes[:k])
+        if part is not None:
+            part = _on_whole(search, whole, part)
+            waterfall.append(_step("+ " + " + ".join(part.hypothesis.causes), heldout(whole, part)))
+    label = " + ".join(chosen.hypothesis.causes) or "recalibrated"
+    last = _step(f"+ {label}" if chosen.hypothesis.causes else label, settled.heldout)
+    waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
+    around = spread(settled.problem, settled.fit)
+    intervals = around.intervals() if decision.verdict != "none" else {}
+    named = _named(search, chosen, settled.fit, causes, intervals) if decision.verdict == "effect" else ()
+    for name in settled.fit.at_bounds:
+        notes.append(f"{name} stands at an end of its range")
+    if not settled.fit.converged:
+        notes.append("the final fit was still moving when its iterations were used up")
+    notes += search.failed
+    if noise.source != "repeat":
+        notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
+    predictable = _predictable(settled, search.floor)
+    gap = Gap(
+        nominal=pooled(nominal_gaps),
+        recalibrated=pooled(recalibrated),
+        corrected=rms["heldout"],
+        noise_floor=rms["floor"],
+        interval=last.interval,
+        ceiling=_ceiling(settled, predictable, rms["floor"]),
+    )
+    residual = settled.fit.residual
+    conditions, halves = _conditions(whole)
+    put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
+    unknown = decision.verdict == "unknown"
+    level, near = float(noise.levels[-1]), of_one_stage(search)
+    evidence = StageEvidence.of(search.problem, level, near, search.base) if unknown else None
+    where = Where(
+        stages=stage_shares(search, chosen, decision.verdict, put_in.found, evidence),
+        intervals=stage_intervals(search, chosen, decision.verdict, put_in.found, put_in.drawn, evidence),
+        measured=put_in.found,
+        records=record_shares(whole, nominal),
+        regimes=regimes(conditions, nominal, halves),
+    )
+    candidates = tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed)
+    pictures: dict[str, Any] = {
+        "nominal": nominal / whole.weights,
+        "corrected": residual / whole.weights,
+        "measured": whole.measured(),
+        **{f"condition {k}": v for k, v in conditions.items()},
+        "blocks": [[b.record, b.channel, b.span.start, b.span.stop] for b in whole.blocks],
+        "records": [r.name for r in rig.records],
+        "channels": list(rig.channels),
+    }
+    model = rig.model(settled.fit.settings if decision.verdict != "none" else {})
+    ties = tie_classes(search, chosen, known) if decision.verdict == "effect" else ()
+    hidden = unseen(search, chosen)
+    test, signal = next_test(search, chosen, fits, decision, ties, hidden, noise.levels)
+    found = Diagnosis(
+        case=case.name,
+        rig=case.model.rig,
+        verdict=decision.verdict,
+        sentence="",
+        effects=named,
+        candidates=candidates,
+        indistinguishable=ties,
+        where=where,
+        gap=gap,
+        waterfall=tuple(waterfall),
+        next_experiment=test,
+        next_signal=signal,
+        corrected=model,
+        unseen=hidden,
+        notes=tuple(notes),
+        corrections=settled.corrections,
+        intervals=intervals,
+        drawn=models_of(rig, around.settings(), _DRAWN) if intervals else (),
+        probabilities=causes,
+        seconds=time.monotonic() - begun,
+        outside=_outside(search, chosen),
+        remainder=None
+        if decision.verdict == "none"
+        else _remainder(search, settled, conditions, halves, rms, predictable),
+        standing=None if decision.standing is None else asdict(decision.standing),
+        pictures=pictures,
+    )
+    return found
+
+
+def _on_whole(search: Search, whole: Problem, found: Fit) -> Fit:
+    """A fit of a search's excerpts, as it stands, with the residuals of the whole records."""
+    return found if whole.rig is search.problem.rig else fit(whole, found.hypothesis, found.point, most=0)
+
+
+def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
+    """The cause outside the catalogue that the gap looks like, where the verdict went by one; gaps on the records that
+    it and the catalogue's nearest causes (`chosen`) were fitted to."""
+    found = search.looks_like
+    if found is None:
+        return None
+    (term,) = found.hypothesis.terms
+    return {
+        "cause": term.cause,
+        "form": term.form,
+        "stage": term.stage,
+        "what": plain(term),
+        "gap": pooled(search.problem.gaps(found.residual)),
+        "nearest_gap": pooled(search.problem.gaps(chosen.residual)),
+    }
+
+
+def _predictable(settled: Settled, floor: float) -> float:
+    """Share of what the corrected simulator leaves beyond the noise that a model of any form would predict."""
+    return of_fit(settled.problem, settled.fit.residual, floor).predictable
+
+
+def _ceiling(settled: Settled, predictable: float, noise: float) -> float:
+    """Gap that a model of any form would leave on records left out. noise: gap of it."""
+    left = pooled(settled.heldout)
+    return float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
+
+
+def _remainder(
+    search: Search,
+    settled: Settled,
+    conditions: Mapping[str, Array],
+    halves: Array,
+    rms: Mapping[str, float],
+    predictable: float,
+) -> Remainder | None:
+    """What is left beyond the noise; None where that is no gap."""
+    left, noise = rms["heldout"], rms["floor"]
+    if left**2 <= NONE_ABOVE * noise**2:
+        return None
+    whole = settled.problem
+    nominal = pooled(whole.gaps(whole.of_settings([{}])[0]))
+    share = (left**2 - noise**2) / max(nominal**2 - noise**2, 1e-12)
+    if search.looks_like is not None:
+        (term,) = search.looks_like.hypothesis.terms
+        of, stage = "outside", term.stage
+    elif predictable >= PREDICTABLE:
+        of, stage = "law", LAW_STAGE
+    else:
+        of, stage = "unpredictable", None
+    return Remainder(left, share, of, stage, regimes(conditions, settled.fit.residual, halves)[:3])
+
+
+def _named(
+    search: Search,
+    chosen: Fit,
+    final: Fit,
+    probabilities: dict[str, float],
+    intervals: dict[str, Interval],
+) -> tuple[Named, ...]:
+    shares = cause_shares(search, chosen, lambda f: f.cost)
+    settings, out = final.settings, []
+    for term in chosen.hypothesis.terms:
+        names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
+        short = {names[n]: settings[n] for n in names if n in settings}
+        out.append(
+            Named(
+                term.effect,
+                term.stage,
+                term.place,
+                min(probabilities.get(term.cause, 0.0), 1.0),
+                short,
+                shares[term.cause] / search.excess,
+                {names[n]: intervals[n] for n in names if n in intervals},
+            )
+        )
+    return tuple(out)
+
+
+def _scored_of(f: Fit) -> Scored:
+    return Scored(f.hypothesis.causes, bool(f.hypothesis.nominal), f.cost, 0)
+
+
+def _candidate_gap(search: Search, fits: list[Fit], causes: tuple[str, ...]) -> float:
+    if causes == ("unknown",):
+        return pooled(search.problem.gaps(search.residual))
+    wanted = set() if causes == ("parameters",) else set(causes)
+    alike = [f for f in fits if set(f.hypothesis.causes) == wanted]
+    if not wanted:  # the nominal simulator as it is, or recalibrated
+        alike = [f for f in alike if bool(f.hypothesis.nominal) == bool(causes)]
+    found = min(alike, key=lambda f: f.cost)
+    return pooled(heldout(search.problem, found))
+
+
+def pooled(gaps: Array) -> float:
+    """Gap of all blocks together: records and channels count the same."""
+    return float(np.sqrt(np.mean(gaps**2)))
+
+
+def _step(name: str, gaps: Array) -> Step:
+    """A bar with its interval by resampling blocks of records."""
+    rng = np.random.default_rng(_SEED)
+    picks = rng.integers(0, len(gaps), (_RESAMPLES, len(gaps)))
+    low, high = np.percentile(np.sqrt(np.mean(gaps[picks] ** 2, axis=1)), [2.5, 97.5])
+    return Step(name, pooled(gaps), (float(low), float(high)))
+
+
+def _conditions(problem: Problem) -> tuple[dict[str, Array], Array]:
+    """Conditions in the order of the residuals (samples,), and one half of the samples: every other second."""
+    parts: dict[str, list[Array]] = {}
+    halves = []
+    for b in problem.blocks:
+        record = problem.rig.records[b.record]
+        take = problem.taken(b.record)
+        for name, values in problem.rig.conditions(b.record).items():
+            parts.setdefault(name, []).append(values[take])
+        halves.append(np.floor(record.time[take]) % 2 == 0)
+    return {name: np.concatenate(v) for name, v in parts.items()}, np.concatenate(halves)
