@@ -170,9 +170,9 @@ def test_a_number_that_stands_out_is_told_as_an_effect(measured: dict[str, Recor
         return problem, Fit(hypothesis, q, float(residual @ residual), residual, jacobian), rig
 
     problem, one, rig = at_truth(believed(stiffness=(5.16e5, 6.84e5 / 1.25, 6.84e5)))
-    best, doubt = min(promoted(rig, one, 3.5), key=lambda item: item[1])
+    best, penalty = min(promoted(rig, one, 3.5), key=lambda item: item[1])
     assert best.hypothesis.causes == ("storey_stiffness@2",)
-    assert doubt < deviations(one).doubt() - 3.5
+    assert penalty < deviations(one).penalty() - 3.5
     assert best.settings["storey_stiffness_e@2"] == pytest.approx(0.25, abs=0.01)
     # The same simulator, told in other words.
     np.testing.assert_allclose(problem.residuals(best.hypothesis, best.point)[0], one.residual, atol=1e-9)

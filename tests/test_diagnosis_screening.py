@@ -10,7 +10,7 @@ import pytest
 from mrdamp.core import Array
 from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits import search as searching
-from mrdamp.diagnosis.fits.beam import Promise
+from mrdamp.diagnosis.fits.beam import ScoreTest
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Settings
@@ -80,10 +80,10 @@ def test_a_term_that_was_not_seen_alone_gets_a_run_of_its_own(
 def test_what_is_hopeless_beside_a_lesser_cause_is_not_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     """And what is found is the same."""
 
-    def all_of_them(ranked: list[Promise], cost: float, *, beside: bool = False) -> list[Promise]:
+    def all_of_them(ranked: list[ScoreTest], cost: float, *, beside: bool = False) -> list[ScoreTest]:
         return ranked
 
-    monkeypatch.setattr(searching, "promising", all_of_them)
+    monkeypatch.setattr(searching, "worth_a_look", all_of_them)
     monkeypatch.setattr(searching, "parents", lambda ranked, *_: ranked[:2])
     found = []
     for hopeless in (searching._HOPELESS, np.inf):

@@ -10,7 +10,7 @@ from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.constants import UNSTEADY
 from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
-from mrdamp.diagnosis.fits.final import Settled
+from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import take_through
@@ -78,9 +78,9 @@ def test_nothing_is_fitted_or_screened_twice() -> None:
     assert screening.screen(search, first, search.beside(("sign",))) is promised
     assert problem.runs == runs
     free = search.fitted(Hypothesis(problem.rig.nominal, (sign,)), np.zeros(2), most=5)
-    assert set(map(id, search.seen.held().fits.values())) == {id(first)}
-    assert id(free) in set(map(id, search.seen.fits.values()))
-    assert list(search.seen.held().screens) == list(search.seen.screens)
+    assert set(map(id, search.cache.held().fits.values())) == {id(first)}
+    assert id(free) in set(map(id, search.cache.fits.values()))
+    assert list(search.cache.held().screens) == list(search.cache.screens)
 
 
 def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:
@@ -105,8 +105,8 @@ def test_a_cause_that_does_not_carry_over_is_unknown_where_tests_do_not_repeat()
     fits, decision = judge(search)
     assert decision.verdict == "effect"
     chosen = fits[decision.chosen.index]
-    well = Settled(chosen, (), problem.gaps(chosen.residual), problem)
-    badly = Settled(chosen, (), 0.9 * problem.gaps(search.residual), problem)
+    well = FinalFit(chosen, (), problem.gaps(chosen.residual), problem)
+    badly = FinalFit(chosen, (), 0.9 * problem.gaps(search.residual), problem)
     assert (
         carried_over(search, badly, decision) is decision
     )  # a cause in a steady rig: the records may just be few
@@ -126,11 +126,11 @@ def test_numbers_that_come_to_their_end_late_are_no_unknown_cause() -> None:
     decision = judge(search)[1]
     assert decision.verdict == "unknown"
     assert decision.chosen.free
-    ended = Settled(done, (), problem.gaps(done.residual), problem)
+    ended = FinalFit(done, (), problem.gaps(done.residual), problem)
     told = carried_over(search, ended, decision)
     assert told.verdict == "parameters"
     assert told.unknown < 0.1
-    still = Settled(halfway, (), problem.gaps(halfway.residual), problem)
+    still = FinalFit(halfway, (), problem.gaps(halfway.residual), problem)
     assert carried_over(search, still, decision) is decision
 
 

@@ -30,11 +30,11 @@ from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.evidence.verdict import Decision, decide
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
-from mrdamp.diagnosis.fits.final import settle
+from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.second_cause import try_lesser
+from mrdamp.diagnosis.fits.second_cause import try_second_cause
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
@@ -118,10 +118,10 @@ def diagnose_frame(
     decision = run.with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
-    settled = settle(search, chosen, mend=decision.verdict != "none")
-    decision = run.carried_over(search, settled, decision)
+    final = final_fit(search, chosen, mend=decision.verdict != "none")
+    decision = run.carried_over(search, final, decision)
     progress("looking at what is tied and unseen", 0.85)
-    answer = assemble(small, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    answer = assemble(small, rig, search, fits, decision, final, noise, floor, notes, begun)
     evidence = damper_evidence(case, found) if decision.verdict == "unknown" else None
     where = replace(
         answer.where,
@@ -131,30 +131,28 @@ def diagnose_frame(
         place_intervals=place_intervals(found),
     )
     answer = replace(answer, where=where)
-    return with_file_gaps(
-        answer, small, settled.problem, settled.fit.residual, base if case.baseline else None
-    )
+    return with_file_gaps(answer, small, final.problem, final.fit.residual, base if case.baseline else None)
 
 
 def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:
     """All fits, those with the structure's numbers told as effects among them, and the decision over them. baseline:
     records of the rig as it was."""
-    doubts: dict[int, float] = {}
+    penalties: dict[int, float] = {}
     if rig.free_structure:
         free = search.ranked(True)
-        doubts = {id(f): deviations(f).doubt() for f in free}
+        penalties = {id(f): deviations(f).penalty() for f in free}
         for count in {len(f.hypothesis.causes) for f in free}:
             for f in [f for f in free if len(f.hypothesis.causes) == count][:_LOOKED_AT]:
-                for told, doubt in promoted(rig, f, CAUSE_PRICE + NUMBER_PRICE):
-                    key = (True, frozenset(t.name for t in told.hypothesis.terms))
-                    if key not in search.fits or told.cost < search.fits[key].cost:
-                        search.fits[key] = told
-                        doubts[id(told)] = doubt
+                for named, penalty in promoted(rig, f, CAUSE_PRICE + NUMBER_PRICE):
+                    key = (True, frozenset(t.name for t in named.hypothesis.terms))
+                    if key not in search.fits or named.cost < search.fits[key].cost:
+                        search.fits[key] = named
+                        penalties[id(named)] = penalty
     fits = [*search.ranked(False), *search.ranked(True)]
     for one, nats in ({} if baseline is None else of_baseline(baseline, fits)).items():
-        doubts[one] = doubts.get(one, 0.0) + nats
+        penalties[one] = penalties.get(one, 0.0) + nats
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
-    weighed = [replace(s, move=0.0) for s in run.scored(fits, doubts)]
+    weighed = [replace(s, move=0.0) for s in run.scored(fits, penalties)]
     rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
     decision = decide(
         weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own
@@ -193,7 +191,7 @@ def _search(
     search.own = run.own_cost(problem, base)
     search.steady = noise.steady
     if before is not None:
-        search.seen = before.seen.held()
+        search.cache = before.cache.held()
         for found in before.ranked(False):
             if len(found.hypothesis.causes) == 1:
                 search.keep(found)
@@ -246,7 +244,7 @@ def _search(
         reform(search, best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if len(best.hypothesis.causes) == 1 and not search.solved(best):
-        try_lesser(search, best)
+        try_second_cause(search, best)
         best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     drop(search, best)
     take_through(search, best)

@@ -22,7 +22,7 @@ from mrdamp.diagnosis.evidence.verdict import (
     beyond,
     decide,
 )
-from mrdamp.diagnosis.fits.final import Settled, heldout, settle
+from mrdamp.diagnosis.fits.final import FinalFit, final_fit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
@@ -113,14 +113,12 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     decision = with_nearest(search, fits, decision)
     chosen = fits[decision.chosen.index]
     progress("fitting the corrected simulator", 0.7)
-    settled = settle(search, chosen, mend=decision.verdict != "none", rig=rig)
-    decision = carried_over(search, settled, decision)
+    final = final_fit(search, chosen, mend=decision.verdict != "none", rig=rig)
+    decision = carried_over(search, final, decision)
     progress("looking at what is tied and unseen", 0.85)
-    answer = assemble(case, rig, search, fits, decision, settled, noise, floor, notes, begun)
+    answer = assemble(case, rig, search, fits, decision, final, noise, floor, notes, begun)
     answer = replace(answer, compared=tuple(c.to_dict() for c in channels))
-    return with_file_gaps(
-        answer, case, settled.problem, settled.fit.residual, base if case.baseline else None
-    )
+    return with_file_gaps(answer, case, final.problem, final.fit.residual, base if case.baseline else None)
 
 
 def _baseline(rig: DamperRig) -> Problem:
@@ -168,14 +166,14 @@ def judge(
     """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does;
     baseline: records of the rig as it was."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    doubts = {
+    penalties = {
         id(f): of_damper(search.problem.rig, f, search.base, agrees=agrees, inexact=search.inexact)
         for f in fits
     }
     for one, nats in ({} if baseline is None else of_baseline(baseline, fits)).items():
-        doubts[one] += nats
+        penalties[one] += nats
     decision = decide(
-        scored(fits, doubts, search.direct),
+        scored(fits, penalties, search.direct),
         search.floor,
         scored(search.rivals),
         steady=search.steady,
@@ -208,13 +206,13 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
     return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
 
 
-def carried_over(search: Search, settled: Settled, decision: Decision) -> Decision:
+def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decision:
     """The decision; `unknown` where two runs of one test differ by more than their noise and the cause that fits the
     records says little of those left out: what changes from run to run is fitted by anything with numbers enough.
     `parameters` where free numbers alone came to their end after the search, and leave noise of records left out."""
     if search.inexact:
         return decision
-    left = max(search.problem.cost(settled.heldout) - decision.floor, 0.0) / decision.excess
+    left = max(search.problem.cost(final.heldout) - decision.floor, 0.0) / decision.excess
     law = decision.chosen.free and not decision.chosen.causes
     if decision.verdict == "unknown" and law and search.steady and decision.outside is None:
         unknown = beyond(left, decision.excess, decision.floor, causes=False)
@@ -227,10 +225,10 @@ def carried_over(search: Search, settled: Settled, decision: Decision) -> Decisi
 
 def scored(
     fits: Sequence[Fit],
-    doubts: Mapping[int, float] | None = None,
+    penalties: Mapping[int, float] | None = None,
     direct: Mapping[str, float] | None = None,
 ) -> list[Scored]:
-    """What the verdict goes by. doubts: by id of a fit, direct: by cause (see `Scored`)."""
+    """What the verdict goes by. penalties: by id of a fit, direct: by cause (see `Scored`)."""
     return [
         Scored(
             f.hypothesis.causes,
@@ -238,7 +236,7 @@ def scored(
             f.cost,
             len(f.point) - len(f.hypothesis.nominal),
             index,
-            (doubts or {}).get(id(f), 0.0) + of_itself(f),
+            (penalties or {}).get(id(f), 0.0) + of_itself(f),
             f.move,
             sum((direct or {}).get(cause, 0.0) for cause in f.hypothesis.causes),
         )

@@ -23,12 +23,12 @@ def of_damper(rig: Rig, found: Fit, law: Fit, *, agrees: bool = False, inexact: 
     agrees: the force sensor reads what the load cell does, which none of its effects would leave so. inexact: the law
     is not the rig's, and its numbers are no plainer statement than a gain: the two are told as tied.
     """
-    doubt = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
+    penalty = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
     if agrees and any(c.startswith("sensor_") for c in found.hypothesis.causes):
-        doubt += SENSOR_AGREES
+        penalty += SENSOR_AGREES
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * law.cost:
-        doubt += idle_price(found.move)
-    return doubt
+        penalty += idle_price(found.move)
+    return penalty
 
 
 def gone(found: Fit) -> bool:

@@ -37,7 +37,7 @@ class Deviations:
     scale: Array
     error: Array
 
-    def doubt(self, without: tuple[int, ...] = ()) -> float:
+    def penalty(self, without: tuple[int, ...] = ()) -> float:
         """Nats against these deviations, at the scatter that makes it least; `without` are not counted."""
         keep = [k for k in range(len(self.names)) if k not in without]
         scatters = _SCATTER * np.geomspace(1.0, 30.0, 25)
@@ -72,9 +72,9 @@ def deviations(found: Fit) -> Deviations:
 
 
 def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]:
-    """The fit with one or two of the structure's numbers told as effects, with the doubt that is left.
+    """The fit with one or two of the structure's numbers told as effects, with the penalty that is left.
 
-    Only where each takes more than `price` nats off the doubt. The simulator is the same.
+    Only where each takes more than `price` nats off the penalty. The simulator is the same.
     """
     d = deviations(found)
     out: list[tuple[Fit, float]] = []
@@ -87,12 +87,12 @@ def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]
         and _cause(d.names[k]) not in taken
     ]
     far.sort(key=lambda k: -abs(d.values[k]) / d.scale[k])
-    whole = d.doubt()
+    whole = d.penalty()
     for count in range(1, _MOST + 1):
         for chosen in combinations(far[:4], count):
-            doubt = d.doubt(chosen)
-            if doubt < whole - count * price:
-                out.append((_told(rig, found, d, chosen), doubt))
+            penalty = d.penalty(chosen)
+            if penalty < whole - count * price:
+                out.append((_told(rig, found, d, chosen), penalty))
     return out
 
 

@@ -35,7 +35,7 @@ class Scored:
     """A fitted set of causes.
 
     cost: sum of squares of its residuals; numbers: free coordinates of its effects; index: place in the list of
-    fits; doubt: nats against the nominal parameters that it needs; move: RMS of what the law's numbers move by, as
+    fits; penalty: nats against the nominal parameters that it needs; move: RMS of what the law's numbers move by, as
     shares of themselves; direct: nats that channels which see the same thing speak for its causes.
     """
 
@@ -44,7 +44,7 @@ class Scored:
     cost: float
     numbers: int
     index: int = -1
-    doubt: float = 0.0
+    penalty: float = 0.0
     move: float = 0.0
     direct: float = 0.0
 
@@ -154,7 +154,9 @@ def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
     freed = _beside(found.move) if found.causes else LAW_PRICE
-    price = freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.doubt
+    price = (
+        freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.penalty
+    )
     return -0.5 * INDEPENDENT * math.log(left + resolution) - price + found.direct
 
 

@@ -1,4 +1,4 @@
-"""Other forms of the causes that were found in their place, and other causes in place of the lesser one."""
+"""Other forms of the causes that were found in their place, and other causes in place of the weaker one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STEPS, _HOPELESS = 8, 2.0
 
 
 def reform(table: FitTable, found: Fit, causes: Collection[str] | None = None) -> None:
-    """Other forms of each cause of a fit in its place, the most promising; of those given alone."""
+    """Other forms of each cause of a fit in its place, those with the largest predicted gain; of those given alone."""
     tasks = []
     for term in found.hypothesis.terms:
         if causes is not None and term.cause not in causes:
@@ -30,8 +30,8 @@ def reform(table: FitTable, found: Fit, causes: Collection[str] | None = None) -
         if not others:
             continue
         parent = lacking(table, found, term)
-        for promise in screen(table, parent, others)[: table.limits.reformed]:
-            task = table.start_from(parent, promise.term, promise.start, promise.by)
+        for test in screen(table, parent, others)[: table.limits.reformed]:
+            task = table.start_from(parent, test.term, test.start, test.by)
             if not table.went(*task, _STEPS):
                 tasks.append(task)
     # Of a cause in another form the law's signatures are nearly the same.
@@ -88,7 +88,7 @@ def lacking(table: FitTable, found: Fit, term: Term) -> Fit:
 
 
 def exchange(table: FitTable) -> None:
-    """Other causes in place of the lesser one of the best pair, from where the pair's fit stands: what was added
+    """Other causes in place of the weaker one of the best pair, from where the pair's fit stands: what was added
     on top of a law that was held, or of the other cause in another form, may have mended those."""
     pairs = [f for free in (False, True) for f in table.ranked(free)[:1] if len(f.hypothesis.terms) > 1]
     if not pairs or not table.limits.exchanged or any(table.solved(f) for f in table.ranked(True)[:1]):

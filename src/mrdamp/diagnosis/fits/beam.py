@@ -11,18 +11,18 @@ from mrdamp.diagnosis.hypotheses.terms import Term
 
 #: A fit that leaves more than so many times what the best of its size leaves gets no cause added.
 _BEHIND = 4.0
-#: A term is fitted where its signature promises at least this relative fall of the cost.
-_PROMISE = 0.03
+#: A term is fitted where its score test predicts at least this relative fall of the cost.
+_GAIN = 0.03
 #: The same beside another cause. Its evidence asks for half of what that leaves; of 63 pairs on opened cases of the
-#: blind test that promised less, one took as much off.
+#: blind test of which less was predicted, one took as much off.
 _BESIDE = 0.2
 #: The noise floor is known to about this share of itself (sampling of the motion, start states).
-FLOOR_DOUBT = 0.3
+FLOOR_UNCERTAINTY = 0.3
 
 
 @dataclass(frozen=True)
-class Promise:
-    """Cost that a term promises, with its start and the factor that its signature is stretched by."""
+class ScoreTest:
+    """Predicted cost with a term added, with its start and the factor that its signature is stretched by."""
 
     cost: float
     term: Term
@@ -30,15 +30,15 @@ class Promise:
     by: float
 
 
-def first_forms(ranked: Sequence[Promise]) -> list[Promise]:
-    """Of what is promised, best first, the best form of each cause."""
+def first_forms(ranked: Sequence[ScoreTest]) -> list[ScoreTest]:
+    """Of score tests, best first, the best form of each cause."""
     first = {p.term.cause: p for p in reversed(ranked)}
     return [p for p in ranked if first[p.term.cause] is p]
 
 
-def promising(ranked: Sequence[Promise], cost: float, *, beside: bool = False) -> list[Promise]:
-    """Of promises, best first, on top of a fit of this cost, those worth a look. beside: another cause."""
-    share = _BESIDE if beside else _PROMISE
+def worth_a_look(ranked: Sequence[ScoreTest], cost: float, *, beside: bool = False) -> list[ScoreTest]:
+    """Of score tests, best first, on top of a fit of this cost, those worth a look. beside: another cause."""
+    share = _BESIDE if beside else _GAIN
     return [p for p in ranked if p.cost <= (1 - share) * cost]
 
 
@@ -49,29 +49,29 @@ def parents(ranked: Sequence[Fit], beam: int, floor: float, little: float) -> li
     if not ranked:
         return []
     least = max(ranked[0].cost - floor, 0.0)
-    most = floor * (1 + FLOOR_DOUBT) + max(_BEHIND * least, little)
+    most = floor * (1 + FLOOR_UNCERTAINTY) + max(_BEHIND * least, little)
     first: dict[frozenset[str], Fit] = {}
     for f in ranked:
         first.setdefault(frozenset(f.hypothesis.causes), f)
     return [f for f in list(first.values())[:beam] if f is ranked[0] or f.cost <= most]
 
 
-def worth_a_fit(ranked: Sequence[Promise], depth: int, limits: Limits) -> list[Promise]:
-    """The most promising causes in their best forms; of singles also the best of every stage."""
+def worth_a_fit(ranked: Sequence[ScoreTest], depth: int, limits: Limits) -> list[ScoreTest]:
+    """The causes with the largest predicted gain in their best forms; of singles also the best of every stage."""
     count = limits.singles if depth == 1 else limits.additions
     causes = list(dict.fromkeys(p.term.cause for p in ranked))
     wanted = set(causes[:count])
     if depth == 1:
         stages = {p.term.stage for p in ranked if p.term.cause in wanted}
-        for promise in ranked:
-            if promise.term.stage not in stages:
-                stages.add(promise.term.stage)
-                wanted.add(promise.term.cause)
+        for test in ranked:
+            if test.term.stage not in stages:
+                stages.add(test.term.stage)
+                wanted.add(test.term.cause)
     forms: dict[str, int] = {}
     chosen = []
-    for promise in ranked:
-        cause = promise.term.cause
+    for test in ranked:
+        cause = test.term.cause
         if cause in wanted and forms.get(cause, 0) < limits.forms:
             forms[cause] = forms.get(cause, 0) + 1
-            chosen.append(promise)
+            chosen.append(test)
     return chosen

@@ -19,7 +19,7 @@ from mrdamp.diagnosis.problem.residuals import Problem
 
 #: Lines tried, each the highest away from the others; points of the spectrum in the width of a line.
 _LINES, _FINE = 3, 8
-#: A period is no shorter than this share of the mean delay, and a fit from it has to promise this fall of the cost.
+#: A period is no shorter than this share of the mean delay, and its start has to show this fall of the cost.
 _SHORTEST, _WORTH = 0.05, 0.02
 
 

@@ -19,7 +19,7 @@ from mrdamp.diagnosis.problem.rig import Rig
 #: A correction of form stays where it takes this share off the held-out excess.
 _WORTH = 0.15
 _ROUNDS = 2
-#: Other fits of the same causes that are settled where the chosen one is worse than nothing.
+#: Other fits of the same causes that are fitted with the full step where the chosen one is worse than nothing.
 _OTHERS = 3
 #: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
 _SAME, _NOTHING = 0.02, 1e-5
@@ -32,7 +32,7 @@ _SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
-class Settled:
+class FinalFit:
     """The final fit, the names of terms that mend a form and are not named, gaps (blocks,) on records left out."""
 
     fit: Fit
@@ -59,15 +59,15 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
             free = Hypothesis(search.problem.rig.nominal, best.hypothesis.terms)
             start = np.concatenate([np.zeros(len(free.nominal)), best.point])
             trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
-        for promise in others(search, best)[:2]:
-            if promise.cost > (1 - _WORTH / 3) * best.cost:
+        for test in others(search, best)[:2]:
+            if test.cost > (1 - _WORTH / 3) * best.cost:
                 continue
-            hypothesis, start = search.start_from(best, promise.term, promise.start, promise.by)
+            hypothesis, start = search.start_from(best, test.term, test.start, test.by)
             key = (bool(hypothesis.nominal), frozenset(t.name for t in hypothesis.terms))
             found = search.fits.get(key) or search.fitted(
                 hypothesis, start, most=8, known=search.law_columns(best), stage=" mended"
             )
-            trials.append((found, (*corrections, promise.term.name)))
+            trials.append((found, (*corrections, test.term.name)))
         scored = [(_cost(search, f), f, c) for f, c in trials]
         if not scored:
             break
@@ -78,18 +78,18 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
     return best, corrections
 
 
-def settle(
+def final_fit(
     search: Search,
     chosen: Fit,
     tell: Callable[[str], None] = lambda text: None,
     *,
     mend: bool = True,
     rig: Rig | None = None,
-) -> Settled:
+) -> FinalFit:
     """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs.
 
     Where that is worse than the nominal simulator (a form that the full step cannot follow), the same causes in other
-    forms or with the law held or free are settled in its place, and the least bad is handed over.
+    forms or with the law held or free are fitted in its place, and the least bad is handed over.
 
     rig: with the whole records, where the search went by excerpts. Where nothing meets the noise, nothing is mended: of
     the fits of the chosen causes, with the law held and free, the one that leaves least of regimes left out is taken.
@@ -105,20 +105,20 @@ def settle(
     whole = None if rig is None or rig is search.problem.rig else rig
     if whole is not None:
         return _of_whole(search, _through(search, best), whole)
-    settled = _settled(search, _through(search, best), corrections)
+    final = _with_full_step(search, _through(search, best), corrections)
     nominal = _square(search.problem.gaps(search.residual))
-    if not mend or _square(settled.heldout) <= nominal:
-        return settled
+    if not mend or _square(final.heldout) <= nominal:
+        return final
     causes = set(chosen.hypothesis.causes)
     fits = sorted((f for free in (False, True) for f in search.ranked(free)), key=lambda f: f.cost)
     others = [f for f in fits if set(f.hypothesis.causes) == causes and f is not best]
     for other in others[:_OTHERS]:
-        again = _settled(search, other, ())
-        if _square(again.heldout) < _square(settled.heldout):
-            settled = again
-        if _square(settled.heldout) <= nominal:
+        again = _with_full_step(search, other, ())
+        if _square(again.heldout) < _square(final.heldout):
+            final = again
+        if _square(final.heldout) <= nominal:
             break
-    return settled
+    return final
 
 
 def steadiest(search: Search, chosen: Fit) -> Fit:
@@ -140,13 +140,13 @@ def steadiest(search: Search, chosen: Fit) -> Fit:
     return free if better else held
 
 
-def _of_whole(search: Search, found: Fit, rig: Rig) -> Settled:
+def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
     """A fit of excerpts taken on with the whole records and the chain's own step."""
     stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
     problem = Problem(rig, stride=stride, trust=search.problem.trust)
     steps = 0 if not found.hypothesis.coordinates else _WHOLE_STEPS
     final = fit(problem, found.hypothesis, found.point, most=steps)
-    return Settled(final, (), heldout(problem, final), problem)
+    return FinalFit(final, (), heldout(problem, final), problem)
 
 
 def _through(search: Search, found: Fit) -> Fit:
@@ -157,7 +157,7 @@ def _through(search: Search, found: Fit) -> Fit:
     return min(further, found, key=lambda f: f.cost)
 
 
-def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settled:
+def _with_full_step(search: Search, found: Fit, corrections: tuple[str, ...]) -> FinalFit:
     coarse = search.problem
     fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
     final = replace(fit(fine, found.hypothesis, found.point, most=0), converged=found.converged)
@@ -165,7 +165,7 @@ def _settled(search: Search, found: Fit, corrections: tuple[str, ...]) -> Settle
     if abs(final.cost - found.cost) > max(_SAME * found.cost, _NOTHING * search.excess):
         known = search.law_columns(found)
         final = fit(fine, found.hypothesis, found.point, most=2, known=known, frozen=known is not None)
-    return Settled(final, corrections, heldout(fine, final), fine)
+    return FinalFit(final, corrections, heldout(fine, final), fine)
 
 
 def _square(gaps: Array) -> float:

@@ -13,7 +13,7 @@ class Limits:
     to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
     that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base:
     iterations for the nominal parameters alone; rivals: causes outside the catalogue fitted; exchanged: causes tried in
-    place of the lesser one of the best pair; reformed: other forms of a cause tried in the place of its best one.
+    place of the weaker one of the best pair; reformed: other forms of a cause tried in the place of its best one.
     """
 
     singles: int = 8

@@ -1,7 +1,7 @@
-"""What each term of the catalogue promises on top of a fit, by the change that it makes to a run.
+"""The predicted gain of each term of the catalogue on top of a fit, by the change that it makes to a run.
 
 A change on top of another cause is nearly the one that the term makes to the nominal simulator, which is known from
-the first screening: it foretells which terms are worth a run of their own.
+the first screening: it predicts which terms are worth a run of their own.
 """
 
 from __future__ import annotations
@@ -12,44 +12,44 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamp.core import Array
-from mrdamp.diagnosis.fits.beam import Promise
+from mrdamp.diagnosis.fits.beam import ScoreTest
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Term
 
 #: A signature is stretched by no more than this when it is screened.
 _STRETCH = 4.0
-#: So many of the terms that are foretold to promise most get runs of their own, the others stand with what is foretold.
+#: So many of the terms with the largest predicted gain get runs of their own, the others stand with the prediction.
 #: Of 70 screenings on opened cases of the blind test the best term was among the first two in all but one.
 _LOOKED_AT = 16
-#: Nothing is foretold where free numbers have moved by more than this (RMS share): the simulator is another one then.
+#: Nothing is predicted where free numbers have moved by more than this (RMS share): the simulator is another one then.
 _MOVED = 0.4
 
 
-def screen(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[Promise]:
-    """What each term promises on top of a fit, best first.
+def screen(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreTest]:
+    """Score test of each term on top of a fit, best first.
 
     A score test with a signature of finite size: the change that the term makes at a start, less what the free
     coordinates can make themselves, stretched to the residual (backwards too, where the term has two signs).
     """
     key = (found.name, found.point.tobytes(), tuple(t.name for t in terms))
-    if key not in table.seen.screens:
-        table.seen.screens[key] = _screened(table, found, terms)
-    return table.seen.screens[key]
+    if key not in table.cache.screens:
+        table.cache.screens[key] = _screened(table, found, terms)
+    return table.cache.screens[key]
 
 
-def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[Promise]:
+def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreTest]:
     left = _Left(found)
-    known = table.seen.signatures
+    known = table.cache.signatures
     nominal = not found.hypothesis.nominal and not found.hypothesis.terms
-    foretold: dict[str, Promise] = {}
+    predicted: dict[str, ScoreTest] = {}
     if not nominal and found.move <= _MOVED:
         for term in terms:
             if all((term.name, k) in known for k in range(len(term.starts))):
-                foretold[term.name] = left.promise(
+                predicted[term.name] = left.score_test(
                     term, [known[term.name, k] for k in range(len(term.starts))]
                 )
-    order = sorted(foretold.values(), key=lambda p: (p.cost, p.term.name))
+    order = sorted(predicted.values(), key=lambda p: (p.cost, p.term.name))
     passed = {p.term.name for p in order[_LOOKED_AT:]}
     asked = [
         (term, k)
@@ -71,13 +71,13 @@ def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[Promis
     if nominal:
         known.update(changes)
         changes = known
-    promises = [
-        foretold[term.name]
+    tests = [
+        predicted[term.name]
         if term.name in passed
-        else left.promise(term, [changes[term.name, k] for k in range(len(term.starts))])
+        else left.score_test(term, [changes[term.name, k] for k in range(len(term.starts))])
         for term in terms
     ]
-    return sorted(promises, key=lambda p: (p.cost, p.term.name))
+    return sorted(tests, key=lambda p: (p.cost, p.term.name))
 
 
 class _Left:
@@ -91,9 +91,9 @@ class _Left:
     def _own(self, change: Array) -> Array:
         return np.asarray(change - self.basis @ (self.basis.T @ change))
 
-    def promise(self, term: Term, changes: Sequence[Array]) -> Promise:
+    def score_test(self, term: Term, changes: Sequence[Array]) -> ScoreTest:
         """Of a term with the change that it makes from each of its starts, from the best of those."""
-        best: Promise | None = None
+        best: ScoreTest | None = None
         nearest = (np.inf, 0)
         for k, d in enumerate(changes):
             own = self._own(d)
@@ -103,7 +103,7 @@ class _Left:
                 by = min(max(-along / size, -_STRETCH if term.two_sided else 0.0), _STRETCH)
                 cost += by * (2 * along + by * size)
             if best is None or cost < best.cost:
-                best = Promise(cost, term, k, by)
+                best = ScoreTest(cost, term, k, by)
             nearest = min(nearest, (2 * along + size, k))
         assert best is not None
         # Nothing of a start whose numbers go by their logarithm can be stretched: the one that comes nearest.

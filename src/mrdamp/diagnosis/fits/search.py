@@ -1,4 +1,4 @@
-"""Which causes explain the gap: screening by signatures, fits of what is promising, forward steps, drops, a beam.
+"""Which causes explain the gap: score tests, fits of what has a predicted gain, forward steps, drops, a beam.
 
 Every set of causes is tried twice: with the nominal parameters held where their owner believes them, and with all of
 them free. Held is the simpler statement by as many numbers as the law has, and where the owner is right it parts
@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
-from mrdamp.diagnosis.fits.beam import first_forms, parents, promising, worth_a_fit
+from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.delay_clock import try_clock
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.screening import screen
@@ -26,10 +26,10 @@ Progress = Callable[[str, float], None]
 
 #: Free numbers alone may stand in for a cause: where they take most of a gap, but leave this share of the floor more
 #: than it, causes are tried beside them.
-_LAW_DOUBT, _STANDS_IN = 0.1, 0.3
+_LAW_UNCERTAINTY, _STANDS_IN = 0.1, 0.3
 #: Turns that a fit with free numbers is polished for, and the share that one has to take off for another.
 _POLISHED, _GAINS = 4, 0.3
-#: Beside a lesser parent, what promises to leave more than so many times what was found beside a better one is left.
+#: Beside a worse parent, what is predicted to leave more than so many times what was found beside a better one is left.
 _HOPELESS = 10.0
 #: A second cause's price is paid where half is left (exp(-2 (CAUSE_PRICE + NUMBER_PRICE) / INDEPENDENT)); a pair that
 #: leaves more than this share of what the best single cause leaves is not followed.
@@ -65,7 +65,7 @@ class Search(FitTable):
         """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
         for number, (free, depth) in enumerate(product((False, True), range(1, self.limits.depth + 1))):
             if self.solved(self.base) and (free or depth > 1):
-                if (1 + _LAW_DOUBT) * self.floor < self.base.cost < _STANDS_IN * self.nominal_cost:
+                if (1 + _LAW_UNCERTAINTY) * self.floor < self.base.cost < _STANDS_IN * self.nominal_cost:
                     self.extend(True, 1)
                 break
             if free and depth > 1 and self.inexact and not self.pair_pays(False):
@@ -162,13 +162,13 @@ class Search(FitTable):
         return any(self.solved(f) for f in self.rivals)
 
     def outside(self) -> None:
-        """Causes outside the catalogue, the most promising alone, with the nominal parameters held and free; asked for
-        once."""
+        """Causes outside the catalogue, those with the largest predicted gain alone, with the nominal parameters held
+        and free; asked for once."""
         if self._asked:
             return
         self._asked = True
         held = self.fits[False, frozenset()]
-        ranked = promising(screen(self, held, self.problem.rig.rivals), held.cost)
+        ranked = worth_a_look(screen(self, held, self.problem.rig.rivals), held.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
         tasks = [(*self.start_from(held, p.term, p.start, p.by), None, np.inf) for p in chosen]
         self.rivals = [f for f in self.map(self.tried, tasks) if f is not None]
@@ -185,14 +185,12 @@ class Search(FitTable):
         for parent in parents(smaller, self.limits.beam, self.floor, SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)
             ranked = screen(self, parent, self.beside(taken))
-            ranked = promising(ranked, parent.cost, beside=depth > 1)
+            ranked = worth_a_look(ranked, parent.cost, beside=depth > 1)
             tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
-            for promise in worth_a_fit(ranked, depth, self.limits):
-                hypothesis, start = self.start_from(parent, promise.term, promise.start, promise.by)
+            for test in worth_a_fit(ranked, depth, self.limits):
+                hypothesis, start = self.start_from(parent, test.term, test.start, test.by)
                 key = frozenset(t.name for t in hypothesis.terms)
-                hopeless = promise.cost - self.floor > _HOPELESS * max(
-                    least - self.floor, SOLVED * self.excess
-                )
+                hopeless = test.cost - self.floor > _HOPELESS * max(least - self.floor, SOLVED * self.excess)
                 if (free, key) not in self.fits and not hopeless:
                     tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
             for found in self.map(self.tried, list(tasks.values())):

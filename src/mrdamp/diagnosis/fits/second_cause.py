@@ -1,28 +1,28 @@
-"""A lesser cause beside one that explains most: what a fit leaves may be little, and yet more than noise."""
+"""A second cause beside one that explains most: what a fit leaves may be little, and yet more than noise."""
 
 from __future__ import annotations
 
-from mrdamp.diagnosis.fits.beam import Promise
+from mrdamp.diagnosis.fits.beam import ScoreTest
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import FitTable
 
-#: A cause is fitted where it promises this relative fall of what the fit leaves, and so many of them, the best first.
-_PROMISE, _MOST = 0.2, 2
+#: A cause is fitted where its score test predicts this relative fall of what the fit leaves; so many, best first.
+_GAIN, _MOST = 0.2, 2
 
 
-def others(table: FitTable, found: Fit) -> list[Promise]:
-    """What every cause that a fit has not promises on top of it, best first."""
+def others(table: FitTable, found: Fit) -> list[ScoreTest]:
+    """Score tests of every cause that a fit has not, best first."""
     return screen(table, found, table.beside(found.hypothesis.causes))
 
 
-def try_lesser(table: FitTable, found: Fit) -> None:
-    """Fits the most promising causes beside those of a fit, and keeps what is found."""
-    seen: set[str] = set()
-    for promise in others(table, found):
-        if len(seen) == _MOST or promise.cost > (1 - _PROMISE) * found.cost:
+def try_second_cause(table: FitTable, found: Fit) -> None:
+    """Fits the causes with the largest predicted gain beside those of a fit, and keeps what is found."""
+    tried: set[str] = set()
+    for test in others(table, found):
+        if len(tried) == _MOST or test.cost > (1 - _GAIN) * found.cost:
             break
-        if promise.term.cause not in seen:
-            seen.add(promise.term.cause)
-            hypothesis, start = table.start_from(found, promise.term, promise.start, promise.by)
+        if test.term.cause not in tried:
+            tried.add(test.term.cause)
+            hypothesis, start = table.start_from(found, test.term, test.start, test.by)
             table.keep(table.fitted(hypothesis, start, most=8, stage=" beside"))

@@ -11,8 +11,8 @@ from joblib import Parallel, delayed
 
 from mrdamp.core import Array
 from mrdamp.diagnosis.constants import INEXACT
-from mrdamp.diagnosis.fits.beam import FLOOR_DOUBT
-from mrdamp.diagnosis.fits.cache import Seen
+from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
+from mrdamp.diagnosis.fits.cache import Cache
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
@@ -29,7 +29,7 @@ NEARLY = 0.02
 class FitTable:
     """Fits of hypotheses on one problem, the best of each set of terms with the nominal parameters held and free.
 
-    floor: the cost that noise alone leaves. failed: notes on fits that could not be made. seen: what was fitted and
+    floor: the cost that noise alone leaves. failed: notes on fits that could not be made. cache: what was fitted and
     screened so far.
     """
 
@@ -40,7 +40,7 @@ class FitTable:
     store: Store = field(default_factory=Store)
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
-    seen: Seen = field(default_factory=Seen)
+    cache: Cache = field(default_factory=Cache)
     _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -105,7 +105,7 @@ class FitTable:
         return self._little(self._fine_costs[key])
 
     def _little(self, cost: float) -> bool:
-        return cost - self.floor < SOLVED * self.excess + FLOOR_DOUBT * self.floor
+        return cost - self.floor < SOLVED * self.excess + FLOOR_UNCERTAINTY * self.floor
 
     @staticmethod
     def law_columns(found: Fit) -> Array | None:
@@ -137,14 +137,14 @@ class FitTable:
         they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below. tolerance: see
         `fit`."""
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
-        if (name, start.tobytes()) not in self.seen.fits:
+        if (name, start.tobytes()) not in self.cache.fits:
             found = self._fitted(name, hypothesis, start, most, known, bar, tolerance)
-            self.seen.fits[name, start.tobytes()] = found
-        return self.seen.fits[name, start.tobytes()]
+            self.cache.fits[name, start.tobytes()] = found
+        return self.cache.fits[name, start.tobytes()]
 
     def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
         """True where a fit of a held law from this very start went so many steps: again it would come no further."""
-        found = self.seen.fits.get((f"held {hypothesis.name}", start.tobytes()))
+        found = self.cache.fits.get((f"held {hypothesis.name}", start.tobytes()))
         return not hypothesis.nominal and found is not None and found.iterations >= steps
 
     def _fitted(

@@ -50,7 +50,7 @@ def told_by_the_log(settings: Mapping[str, float]) -> dict[str, str]:
 
 
 @dataclass
-class Remembered:
+class CommandMemory:
     """Runs of a rig, those with a memory of the command without its log's waves. base: the nominal settings."""
 
     base: Mapping[str, float]

@@ -24,7 +24,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
     read,
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
-from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.excerpts import STEP, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
@@ -181,7 +181,7 @@ class DamperRig:
             return self._run(some, replace(fine, u=command), pieces=pieces)
 
         command = np.asarray(self.records[record].command)
-        return self._remembered.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
+        return self._command_memory.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
 
     def driven(self, record: int) -> Record:
         return self.records[record]
@@ -229,8 +229,8 @@ class DamperRig:
         return self._inputs[record, factor]
 
     @cached_property
-    def _remembered(self) -> Remembered:
-        return Remembered(self._base)
+    def _command_memory(self) -> CommandMemory:
+        return CommandMemory(self._base)
 
     @cached_property
     def _inputs(self) -> dict[tuple[int, int], Fine]:

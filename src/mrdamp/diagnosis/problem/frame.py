@@ -20,7 +20,7 @@ from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coord
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
-from mrdamp.diagnosis.problem.command_memory import Remembered, base_settings, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.errors import InputError
 from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
@@ -212,7 +212,7 @@ class FrameRig:
             return np.array([[o[c] for c in self.columns] for o in runs])
 
         clock = (record, factor, self._step(record, coarse))
-        out = self._remembered.channels(run, settings, np.asarray(r.command), fine, clock)
+        out = self._command_memory.channels(run, settings, np.asarray(r.command), fine, clock)
         if factor > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
@@ -316,8 +316,8 @@ class FrameRig:
         return base_settings(self.nominal_model)
 
     @cached_property
-    def _remembered(self) -> Remembered:
-        return Remembered(self._base)
+    def _command_memory(self) -> CommandMemory:
+        return CommandMemory(self._base)
 
     def _run(
         self, settings: Sequence[Settings], record: int, *, coarse: bool, command: Array | None = None

@@ -32,7 +32,7 @@ from mrdamp.diagnosis.evidence.verdict import (
     of_cause,
     with_lapse,
 )
-from mrdamp.diagnosis.fits.final import Settled, heldout
+from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import plain
@@ -54,7 +54,7 @@ def assemble(
     search: Search,
     fits: list[Fit],
     decision: Decision,
-    settled: Settled,
+    final: FinalFit,
     noise: Noise,
     floor: Array,
     notes: list[str],
@@ -71,8 +71,8 @@ def assemble(
     weighed = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
     sets = with_lapse(sets)
     causes = of_cause(sets)
-    rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", settled.heldout))}
-    whole = settled.problem
+    rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", final.heldout))}
+    whole = final.problem
     nominal = whole.of_settings([{}])[0]
     nominal_gaps = whole.gaps(nominal)
     recalibrated = heldout(whole, _on_whole(search, whole, search.base))
@@ -84,28 +84,28 @@ def assemble(
             part = _on_whole(search, whole, part)
             waterfall.append(_step("+ " + " + ".join(part.hypothesis.causes), heldout(whole, part)))
     label = " + ".join(chosen.hypothesis.causes) or "recalibrated"
-    last = _step(f"+ {label}" if chosen.hypothesis.causes else label, settled.heldout)
+    last = _step(f"+ {label}" if chosen.hypothesis.causes else label, final.heldout)
     waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
-    around = spread(settled.problem, settled.fit)
+    around = spread(final.problem, final.fit)
     intervals = around.intervals() if decision.verdict != "none" else {}
-    named = _named(search, chosen, settled.fit, causes, intervals) if decision.verdict == "effect" else ()
-    for name in settled.fit.at_bounds:
+    named = _named(search, chosen, final.fit, causes, intervals) if decision.verdict == "effect" else ()
+    for name in final.fit.at_bounds:
         notes.append(f"{name} stands at an end of its range")
-    if not settled.fit.converged:
+    if not final.fit.converged:
         notes.append("the final fit was still moving when its iterations were used up")
     notes += search.failed
     if noise.source != "repeat":
         notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
-    predictable = _predictable(settled, search.floor)
+    predictable = _predictable(final, search.floor)
     gap = Gap(
         nominal=pooled(nominal_gaps),
         recalibrated=pooled(recalibrated),
         corrected=rms["heldout"],
         noise_floor=rms["floor"],
         interval=last.interval,
-        ceiling=_ceiling(settled, predictable, rms["floor"]),
+        ceiling=_ceiling(final, predictable, rms["floor"]),
     )
-    residual = settled.fit.residual
+    residual = final.fit.residual
     conditions, halves = _conditions(whole)
     put_in = parts(rig, float(noise.levels[0])) if isinstance(rig, DamperRig) else Parts.none()
     unknown = decision.verdict == "unknown"
@@ -128,7 +128,7 @@ def assemble(
         "records": [r.name for r in rig.records],
         "channels": list(rig.channels),
     }
-    model = rig.model(settled.fit.settings if decision.verdict != "none" else {})
+    model = rig.model(final.fit.settings if decision.verdict != "none" else {})
     ties = tie_classes(search, chosen, known) if decision.verdict == "effect" else ()
     hidden = unseen(search, chosen)
     test, signal = next_test(search, chosen, fits, decision, ties, hidden, noise.levels)
@@ -148,7 +148,7 @@ def assemble(
         corrected=model,
         unseen=hidden,
         notes=tuple(notes),
-        corrections=settled.corrections,
+        corrections=final.corrections,
         intervals=intervals,
         drawn=models_of(rig, around.settings(), _DRAWN) if intervals else (),
         probabilities=causes,
@@ -156,7 +156,7 @@ def assemble(
         outside=_outside(search, chosen),
         remainder=None
         if decision.verdict == "none"
-        else _remainder(search, settled, conditions, halves, rms, predictable),
+        else _remainder(search, final, conditions, halves, rms, predictable),
         standing=None if decision.standing is None else asdict(decision.standing),
         pictures=pictures,
     )
@@ -185,20 +185,20 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
     }
 
 
-def _predictable(settled: Settled, floor: float) -> float:
+def _predictable(final: FinalFit, floor: float) -> float:
     """Share of what the corrected simulator leaves beyond the noise that a model of any form would predict."""
-    return of_fit(settled.problem, settled.fit.residual, floor).predictable
+    return of_fit(final.problem, final.fit.residual, floor).predictable
 
 
-def _ceiling(settled: Settled, predictable: float, noise: float) -> float:
+def _ceiling(final: FinalFit, predictable: float, noise: float) -> float:
     """Gap that a model of any form would leave on records left out. noise: gap of it."""
-    left = pooled(settled.heldout)
+    left = pooled(final.heldout)
     return float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
 
 
 def _remainder(
     search: Search,
-    settled: Settled,
+    final: FinalFit,
     conditions: Mapping[str, Array],
     halves: Array,
     rms: Mapping[str, float],
@@ -208,7 +208,7 @@ def _remainder(
     left, noise = rms["heldout"], rms["floor"]
     if left**2 <= NONE_ABOVE * noise**2:
         return None
-    whole = settled.problem
+    whole = final.problem
     nominal = pooled(whole.gaps(whole.of_settings([{}])[0]))
     share = (left**2 - noise**2) / max(nominal**2 - noise**2, 1e-12)
     if search.looks_like is not None:
@@ -218,7 +218,7 @@ def _remainder(
         of, stage = "law", LAW_STAGE
     else:
         of, stage = "unpredictable", None
-    return Remainder(left, share, of, stage, regimes(conditions, settled.fit.residual, halves)[:3])
+    return Remainder(left, share, of, stage, regimes(conditions, final.fit.residual, halves)[:3])
 
 
 def _named(

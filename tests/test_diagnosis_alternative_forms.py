@@ -79,10 +79,10 @@ def test_a_form_is_not_tried_again_from_where_it_set_out_before(
     search: Search, asked: list[tuple[str, float]]
 ) -> None:
     alone(search, "cubic:fifth")
-    key = next(k for k in search.seen.fits if k[0] == "held cubic:fifth")
+    key = next(k for k in search.cache.fits if k[0] == "held cubic:fifth")
     found = alone(search, "cubic")
     for iterations, tried in ((7, ["cubic:fifth"]), (8, [])):
-        search.seen.fits[key] = replace(search.seen.fits[key], iterations=iterations)
+        search.cache.fits[key] = replace(search.cache.fits[key], iterations=iterations)
         asked.clear()
         forms.reform(search, found)
         assert [name for name, _ in asked] == tried

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.fits import final as module
-from mrdamp.diagnosis.fits.final import Settled, settle
+from mrdamp.diagnosis.fits.final import FinalFit, final_fit
 
 
 def fit_of(name: str, causes: tuple[str, ...], cost: float) -> Any:
@@ -33,13 +33,13 @@ def settled_by(gaps: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> tuple
     )
     tried: list[str] = []
 
-    def final(search: Any, found: Any, corrections: tuple[str, ...]) -> Settled:
+    def final(search: Any, found: Any, corrections: tuple[str, ...]) -> FinalFit:
         tried.append(found.name)
-        return Settled(found, corrections, np.full(3, gaps[found.name]), cast(Any, problem))
+        return FinalFit(found, corrections, np.full(3, gaps[found.name]), cast(Any, problem))
 
-    monkeypatch.setattr(module, "_settled", final)
+    monkeypatch.setattr(module, "_with_full_step", final)
     monkeypatch.setattr(module, "refine", lambda search, chosen: (chosen, ()))
-    return cast(Any, settle(cast(Any, search), fits[0]).fit).name, tried
+    return cast(Any, final_fit(cast(Any, search), fits[0]).fit).name, tried
 
 
 def test_a_final_fit_that_is_better_than_nothing_stays(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,5 +70,7 @@ def test_a_fit_that_was_still_moving_is_taken_on(
         fitted=lambda hypothesis, start, *, most, stage: fit_of("further", ("backlash",), further),
     )
     monkeypatch.setattr(module, "refine", lambda search, chosen: (chosen, ()))
-    monkeypatch.setattr(module, "_settled", lambda _, f, c: Settled(f, c, np.zeros(3), cast(Any, None)))
-    assert cast(Any, settle(cast(Any, search), chosen).fit).name == kept
+    monkeypatch.setattr(
+        module, "_with_full_step", lambda _, f, c: FinalFit(f, c, np.zeros(3), cast(Any, None))
+    )
+    assert cast(Any, final_fit(cast(Any, search), chosen).fit).name == kept

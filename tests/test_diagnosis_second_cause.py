@@ -6,7 +6,7 @@ import pytest
 
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.second_cause import others, try_lesser
+from mrdamp.diagnosis.fits.second_cause import others, try_second_cause
 from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import toy
 
@@ -27,7 +27,7 @@ def test_a_lesser_cause_is_found_beside_the_greater_one() -> None:
     search, found = greater({"cubic": 1.0, "sign": 0.06})
     assert found.hypothesis.causes == ("cubic",)
     assert 1e-3 < search.unexplained(found) < 0.02
-    try_lesser(search, found)
+    try_second_cause(search, found)
     pair = search.best(False)
     assert pair is not None
     assert set(pair.hypothesis.causes) == {"cubic", "sign"}
@@ -38,7 +38,7 @@ def test_a_lesser_cause_is_found_beside_the_greater_one() -> None:
 def test_nothing_is_fitted_beside_a_cause_that_leaves_noise() -> None:
     search, found = greater({"cubic": 1.0})
     before = set(search.fits)
-    try_lesser(search, found)
+    try_second_cause(search, found)
     assert set(search.fits) == before
 
 

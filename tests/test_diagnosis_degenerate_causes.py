@@ -20,7 +20,12 @@ def rig_with(*others: str) -> DamperRig:
     """A damper with other channels that read the force beside the force sensor."""
     t = 0.002 * np.arange(1000)
     x, force = 0.01 * np.sin(2 * np.pi * 2 * t), 500 * np.cos(2 * np.pi * 2 * t)
-    channels = {"displacement_m": x, "command": np.ones(1000), "force_N": force, **dict.fromkeys(others, force)}
+    channels = {
+        "displacement_m": x,
+        "command": np.ones(1000),
+        "force_N": force,
+        **dict.fromkeys(others, force),
+    }
     law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
     return DamperRig(Model("bingham", law), (Record("sine", None, 0.002, channels),))
 
@@ -74,7 +79,9 @@ def test_a_lag_without_its_times_is_none(
 
 
 @pytest.mark.parametrize("channels", [(), ("reference_force_N",)])
-def test_a_gain_without_a_reference_is_numbers_of_the_law(terms: dict[str, Term], channels: tuple[str, ...]) -> None:
+def test_a_gain_without_a_reference_is_numbers_of_the_law(
+    terms: dict[str, Term], channels: tuple[str, ...]
+) -> None:
     """Both leave nothing but noise: the gain by one number, the law by all of its own."""
     rig = rig_with(*channels)
     gain, mass = terms["sensor_gain"], terms["moving_mass"]
@@ -85,8 +92,8 @@ def test_a_gain_without_a_reference_is_numbers_of_the_law(terms: dict[str, Term]
         made(gain, Hypothesis((), (gain,)).start(), 0.0101),
     ]
     assert [unreferenced(rig, f) for f in fits] == [False, False, not channels]
-    doubts = {id(f): of_damper(rig, f, fits[1]) for f in fits}
-    decision = decide(scored(fits, doubts), 0.01)
+    penalties = {id(f): of_damper(rig, f, fits[1]) for f in fits}
+    decision = decide(scored(fits, penalties), 0.01)
     assert decision.verdict == ("effect" if channels else "parameters")
     assert not unreferenced(rig, made(mass, Hypothesis((), (mass,)).start(), 0.01))
 
@@ -106,6 +113,6 @@ def test_a_cause_that_takes_nothing_off_what_the_law_leaves_is_idle(
         return Fit(hypothesis, point, cost, np.zeros(10), np.zeros((10, len(point))))
 
     fits = [fitted(Hypothesis(()), 1.0), fitted(law, 0.02), fitted(both, left)]
-    doubts = {id(f): of_damper(rig, f, fits[1]) for f in fits}
+    penalties = {id(f): of_damper(rig, f, fits[1]) for f in fits}
     assert decide(scored(fits), 0.01).chosen.causes == ("moving_mass",)
-    assert decide(scored(fits, doubts), 0.01).verdict == verdict
+    assert decide(scored(fits, penalties), 0.01).verdict == verdict

@@ -21,7 +21,7 @@ def fit_of(cost: float, *causes: str) -> Fit:
         ([(0.1, "a"), (0.3, "b"), (0.5, "c")], [0, 1]),  # what leaves five times as much
         ([(0.1, "a"), (0.11, "a"), (0.14, "a"), (0.2, "b")], [0, 3]),  # other forms take no place in the beam
         ([(0.1, "a"), (0.11, "b"), (0.12, "c"), (0.13, "d")], [0, 1, 2]),
-        ([(0.0101, "a"), (0.0125, "b"), (0.014, "c")], [0, 1]),  # within the noise floor's doubt
+        ([(0.0101, "a"), (0.0125, "b"), (0.014, "c")], [0, 1]),  # within the noise floor's penalty
         ([(0.0101, "a"), (0.0101, "b"), (0.0101, "c")], [0, 1, 2]),
         ([], []),
     ],
