@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
 from mrdamp.cables import StayCable
+from mrdamp.envs.weights import Weights
 from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -20,7 +22,7 @@ PARTS = ("motion", "acceleration", "current", "power", "energy")
 
 
 @dataclass(frozen=True)
-class CableReward:
+class CableReward(Weights):
     """Weights of the reward's parts.
 
     With m and a the RMS of motion and acceleration over the cable's length and the control period, each over its RMS
@@ -42,21 +44,7 @@ class CableReward:
     energy: float = 0.0
     exponent: float = 2.0
 
-    def __post_init__(self) -> None:
-        for part in PARTS:
-            if not 0 <= getattr(self, part) < math.inf:
-                raise InputError(f"reward: weight {part} is {getattr(self, part)}; allowed: >= 0")
-        if not 0 < self.exponent <= 20:
-            raise InputError(f"reward: exponent is {self.exponent}; allowed: above 0 to 20")
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, float]) -> CableReward:
-        """From names and values, as in YAML. Raises InputError for an unknown one."""
-        known = {f.name for f in fields(cls)}
-        for name in data:
-            if name not in known:
-                raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
-        return replace(cls(), **data)
+    parts: ClassVar[tuple[str, ...]] = PARTS
 
 
 def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
@@ -105,8 +93,7 @@ class CableScore:
     def __init__(self, weights: CableReward, n: int) -> None:
         self.weights = weights
         self.values = np.ones((n, 8))
-        self._signed = np.array([-getattr(weights, part) for part in PARTS])
-        self._signed[PARTS.index("energy")] *= -1.0
+        self._signed = weights.signed
         self._signs: list[float] = self._signed.tolist()
         self._parts = np.zeros(len(PARTS))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,7 +12,7 @@ from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import modal_xml
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_rows import DamperSums, currents, work
-from mrdamp.envs.plants import Moment, Plants, whole_steps
+from mrdamp.envs.plants import EngineRows, Moment, Plants, whole_steps
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -26,7 +25,7 @@ Array = NDArray[np.float64]
 PERIOD = ("motion", "acceleration", "share", "power", "current", "energy")
 
 
-class CableRows:
+class CableRows(EngineRows):
     """n cables, each under its own load.
 
     places: (p,) x / L, where motion is measured. Attributes: names of the measurements, in the order of the columns
@@ -83,8 +82,7 @@ class CableRows:
         return np.asarray(load.force @ self.cable.load_matrix(load.places))
 
     def _pushes(self, row: int, load: CableLoad, forces: Array) -> Array:
-        self.steps[row] = math.floor(load.duration / self.period + 1e-9) + 1
-        time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
+        time = self._clock(row, load.duration)
         samples = load.sample_time * np.arange(len(forces))
         return np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
 
@@ -135,17 +133,6 @@ class CableRows:
         A matrix product might add up in another order for another number of rows.
         """
         return np.asarray((coordinates[:, None, :] * self._at).sum(axis=-1))
-
-    def position(self, row: int) -> Array:
-        """The coordinates of its drawing."""
-        return np.asarray(self.plants.position(row))
-
-    def add_noise(self, deviation: Array) -> bool:
-        """Whether the rows add noise by themselves: the engine's do not."""
-        return False
-
-    def seed(self, row: int, rng: np.random.Generator) -> None:
-        """Of noise of their own, which they have not."""
 
     def save(self, row: int) -> Moment:
         return self.plants.save(row)

@@ -16,8 +16,9 @@ from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.chain_rows import CABLES, of_engine
-from mrdamp.envs.frame_rows import as_mapping, command_range
-from mrdamp.envs.task import References, Task
+from mrdamp.envs.frame_rows import command_range
+from mrdamp.envs.plant import RowPlant
+from mrdamp.envs.task import References, Task, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -32,13 +33,12 @@ def cable_damper() -> Model:
     return Model(found.law, dict(found.parameters), name=found.id)
 
 
-class CablePlant:
+class CablePlant(RowPlant):
     """A stay cable with a damper, in MuJoCo or on the chain (engine), for any controller to run on, without rewards.
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
-    first is the damper's own by default. Attribute mean_square: int v^2 dx / L over the last period, m2. period: of
-    control, s; timestep: the largest of the engine, s. Raises InputError.
+    first is the damper's own by default. period: of control, s; timestep: the largest of the engine, s. Raises InputError.
     """
 
     def __init__(
@@ -58,29 +58,12 @@ class CablePlant:
         maximum = command_range([damper], command_max)
         self.period, self.command_max = period, float(maximum[0])
         places = measured_at or default_places(self.cable)
-        self.mean_square = 0.0
         self.rows = structures(self.cable, damper, places, period, step if timestep is None else timestep, maximum)
 
     @property
-    def time(self) -> float:
-        """Of the last measurements, s."""
-        return float(self.rows.plants.step[0] // self.rows.plants.inner) * self.period
-
-    @property
-    def finished(self) -> bool:
-        """Whether the load is over; a plant may be stepped on without one."""
-        return bool(self.rows.plants.step[0] >= self.rows.steps[0] * self.rows.plants.inner)
-
-    def reset(self, load: CableLoad) -> Mapping[str, float]:
-        """At rest under a load; the measurements at time 0."""
-        self.rows.start(0, load)
-        return as_mapping(self.rows.names, self.rows.measure([0])[0].tolist())
-
-    def step(self, command: float) -> Mapping[str, float]:
-        """One control period with the command held; the measurements at its end."""
-        period, values = self.rows.advance_one(np.array([[command]], dtype=np.float64))
-        self.mean_square = period[0]
-        return as_mapping(self.rows.names, values)
+    def mean_square(self) -> float:
+        """int v^2 dx / L over the last period, m2."""
+        return self.of_period[0]
 
 
 def default_places(cable: StayCable) -> tuple[float, ...]:
@@ -127,17 +110,14 @@ class CableTask(Task):
             self.cable, self.model, places, period, step if timestep is None else timestep, maximum, n, threads
         )
         self._references = References[Array]()
-        if isinstance(observer, Mapping):
-            observer = Observer.from_dict(observer)
-        if observer is None:
-            observer = cable_observer(
-                self.cable, places, float(maximum[0]), signals, history, action_in_observation, memory, full_state,
-                peaks,
-            )  # fmt: skip
+        seen = observer_of(
+            observer, cable_observer, self.cable, places, float(maximum[0]), signals, history,
+            action_in_observation, memory, full_state, peaks,
+        )  # fmt: skip
         self.weights = reward if isinstance(reward, CableReward) else CableReward.from_dict(reward or {})
         self.loads = WindLoads() if loads is None else loads
         self.cable_score = CableScore(self.weights, n)
-        super().__init__(self.cable_rows, self.cable_score, observer, maximum, noise)
+        super().__init__(self.cable_rows, self.cable_score, seen, maximum, noise)
 
     drawn_size = 0.45
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_xml import actuator_name, frame_xml, sensor_name
-from mrdamp.envs.plants import Moment, Plants, whole_steps
+from mrdamp.envs.plants import EngineRows, Moment, Plants, whole_steps
 from mrdamp.envs.sensors import FloorSensors
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -35,7 +35,7 @@ class RowState:
     sensors: Sequence[Array]
 
 
-class FrameRows:
+class FrameRows(EngineRows):
     """n frames of `frame_models`, each with its own ground motion.
 
     Attributes: names of the measurements, in the order of the columns of `measure`; plants; steps (n,), how many
@@ -95,9 +95,7 @@ class FrameRows:
         return ground
 
     def _ground(self, row: int, motion: GroundMotion) -> Array:
-        self.steps[row] = math.floor(motion.duration / self.period + 1e-9) + 1
-        time = self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
-        return np.asarray(np.interp(time, motion.time, motion.acceleration))
+        return np.asarray(np.interp(self._clock(row, motion.duration), motion.time, motion.acceleration))
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) what the sensors of rows that have just started read."""
@@ -153,17 +151,6 @@ class FrameRows:
             ],
             axis=1,
         )
-
-    def position(self, row: int) -> Array:
-        """The coordinates of its drawing."""
-        return np.asarray(self.plants.position(row))
-
-    def add_noise(self, deviation: Array) -> bool:
-        """Whether the rows add noise by themselves: the engine's do not."""
-        return False
-
-    def seed(self, row: int, rng: np.random.Generator) -> None:
-        """Of noise of their own, which they have not."""
 
     def save(self, row: int) -> RowState:
         return RowState(self.plants.save(row), self.sensors.save(row))

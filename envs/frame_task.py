@@ -18,7 +18,7 @@ from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
 from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
-from mrdamp.envs.task import References, Task
+from mrdamp.envs.task import References, Task, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, read_motion
@@ -63,19 +63,17 @@ class FrameTask(Task):
         maximum = command_range(self.models, command_max)
         self.frame_rows = structures(self.models, period, step if timestep is None else timestep, maximum, n, threads)
         self._references = References[Reference]()
-        if isinstance(observer, Mapping):
-            observer = Observer.from_dict(observer)
-        if observer is None:
-            observer = frame_observer(
-                self.models, maximum, signals, history, action_in_observation, memory, full_state, peaks
-            )
+        seen = observer_of(
+            observer, frame_observer, self.models, maximum, signals, history, action_in_observation, memory,
+            full_state, peaks,
+        )  # fmt: skip
         weights = reward if isinstance(reward, FrameReward) else FrameReward.from_dict(reward or {})
         if weights.reference == "passive-on" and len(self.models) > 1:
             raise InputError("reward: reference passive-on is for one damper; allowed here: uncontrolled")
         self.motions = SyntheticMotions() if motions is None else motions
         self.weights, self.duration = weights, duration
         self.frame_score = Score(weights, n)
-        super().__init__(self.frame_rows, self.frame_score, observer, maximum, noise)
+        super().__init__(self.frame_rows, self.frame_score, seen, maximum, noise)
 
     @property
     def structure(self) -> ShearFrame:

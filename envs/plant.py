@@ -13,7 +13,6 @@ from mrdamp.envs.frame_rows import as_mapping, command_range
 from mrdamp.envs.frame_xml import Position, frame_models
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
-from mrdamp.motions import GroundMotion
 from mrdamp.structures import ShearFrame
 
 
@@ -52,7 +51,42 @@ def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, 
     return tuple((int(a), int(b)) for a, b in pairs.reshape(-1, 2))
 
 
-class FramePlant:
+class RowPlant:
+    """One row as a `Plant`.
+
+    Attributes: rows, of the structure; period, s; command_max, A or V; of_period, what `Rows.advance_one` said of the
+    last control period.
+    """
+
+    rows: Any
+    period: float
+    command_max: float
+    of_period: Sequence[float]
+    _dampers = 1
+
+    @property
+    def time(self) -> float:
+        """Of the last measurements, s."""
+        return float(self.rows.plants.step[0] // self.rows.plants.inner) * self.period
+
+    @property
+    def finished(self) -> bool:
+        """Whether the load is over; a plant may be stepped on without one."""
+        return bool(self.rows.plants.step[0] >= self.rows.steps[0] * self.rows.plants.inner)
+
+    def reset(self, load: Any) -> Mapping[str, float]:
+        """At rest under a load; the measurements at time 0."""
+        self.rows.start(0, load)
+        return as_mapping(self.rows.names, self.rows.measure([0])[0].tolist())
+
+    def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
+        """One control period with the command (or one a damper) held; the measurements at its end."""
+        commands = np.broadcast_to(np.asarray(command, dtype=np.float64), (1, self._dampers))
+        self.of_period, values = self.rows.advance_one(commands)
+        return as_mapping(self.rows.names, values)
+
+
+class FramePlant(RowPlant):
     """A shear frame on a moving ground, in MuJoCo or on the chain (engine), with a damper or several.
 
     model: any identified one (any law, with or without effects; None: `default_damper`), or one a damper.
@@ -80,26 +114,7 @@ class FramePlant:
         self.rows = structures(models, period, step if timestep is None else timestep, self.commands_max)
         self.command_max = float(self.commands_max[0])
         self.structure = self.rows.structure
-
-    @property
-    def time(self) -> float:
-        """Of the last measurements, s."""
-        return float(self.rows.plants.step[0] // self.rows.plants.inner) * self.period
-
-    @property
-    def finished(self) -> bool:
-        """Whether the motion is over; a plant may be stepped on, on a ground at rest."""
-        return bool(self.rows.plants.step[0] >= self.rows.steps[0] * self.rows.plants.inner)
-
-    def reset(self, load: GroundMotion) -> Mapping[str, float]:
-        """At rest under a ground motion; the measurements at time 0."""
-        self.rows.start(0, load)
-        return as_mapping(self.rows.names, self.rows.measure([0])[0].tolist())
-
-    def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
-        """One control period with the command (or one a damper) held; the measurements at its end."""
-        commands = np.broadcast_to(np.asarray(command, dtype=np.float64), (1, len(self.commands_max)))
-        return as_mapping(self.rows.names, self.rows.advance_one(commands)[1])
+        self._dampers = len(models)
 
 
 def placed(

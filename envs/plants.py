@@ -150,6 +150,31 @@ class Plants:
         self._last[row] = len(load) - 1
 
 
+class EngineRows:
+    """What all rows in the engine have in common. Attributes: plants; period, s; steps (n,), how many control periods
+    each row's load lasts."""
+
+    plants: Plants
+    period: float
+    steps: NDArray[np.int64]
+
+    def position(self, row: int) -> Array:
+        """The coordinates of its drawing."""
+        return np.asarray(self.plants.position(row))
+
+    def add_noise(self, deviation: Array) -> bool:
+        """Whether the rows add noise by themselves: the engine's do not."""
+        return False
+
+    def seed(self, row: int, rng: np.random.Generator) -> None:
+        """Of noise of their own, which they have not."""
+
+    def _clock(self, row: int, duration: float) -> Array:
+        """(samples,) s, the engine's steps in the whole control periods of a load, which are the row's `steps`."""
+        self.steps[row] = math.floor(duration / self.period + 1e-9) + 1
+        return self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
+
+
 def _columns(ids: Sequence[int]) -> slice | NDArray[np.intp]:
     """Of an array's last axis: a slice where they stand together, which is quicker."""
     if list(ids) == list(range(ids[0], ids[0] + len(ids))):

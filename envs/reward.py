@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import core
+from mrdamp.envs.weights import Weights
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -21,7 +22,7 @@ PARTS = ("drift", "acceleration", "drift_peak", "acceleration_peak", "current", 
 
 
 @dataclass(frozen=True)
-class FrameReward:
+class FrameReward(Weights):
     """Weights of the reward's parts.
 
     With d and a the largest |drift| and |absolute acceleration| within a control period, over storeys, floors and
@@ -52,12 +53,10 @@ class FrameReward:
     exponent: float = 2.0
     reference: Literal["uncontrolled", "passive-on"] = "uncontrolled"
 
+    parts: ClassVar[tuple[str, ...]] = PARTS
+
     def __post_init__(self) -> None:
-        for part in PARTS:
-            if not 0 <= getattr(self, part) < math.inf:
-                raise InputError(f"reward: weight {part} is {getattr(self, part)}; allowed: >= 0")
-        if not 0 < self.exponent <= 20:
-            raise InputError(f"reward: exponent is {self.exponent}; allowed: above 0 to 20")
+        super().__post_init__()
         if self.reference not in ("uncontrolled", "passive-on"):
             raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
 
@@ -67,15 +66,6 @@ class FrameReward:
         return cls(
             drift=1.0, acceleration=1.0, drift_peak=20.0, acceleration_peak=20.0, current=0.01, exponent=4.0
         )
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, float | str]) -> FrameReward:
-        """From names and values, as in YAML. Raises InputError for an unknown one."""
-        known = {f.name for f in fields(cls)}
-        for name in data:
-            if name not in known:
-                raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
-        return replace(cls(), **data)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -136,8 +126,7 @@ class Score:
     def __init__(self, weights: FrameReward, n: int) -> None:
         self.weights = weights
         self.values = np.ones((n, 9))
-        self._signed = np.array([-getattr(weights, part) for part in PARTS])
-        self._signed[PARTS.index("energy")] *= -1.0
+        self._signed = weights.signed
         self._signs: list[float] = self._signed.tolist()
         self._parts = np.zeros(len(PARTS))
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -115,27 +115,28 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return infos
 
 
-class FrameVectorEnv(PlantVectorEnv):
+class _TaskVectorEnv(PlantVectorEnv):
+    """Rows of `made`, num_envs of them."""
+
+    made: ClassVar[Callable[..., Task]]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **arguments: Any,
+    ) -> None:
+        super().__init__(type(self).made(num_envs, **arguments), autoreset_mode)
+
+
+class FrameVectorEnv(_TaskVectorEnv):
     """num_envs frames at once; arguments as in `FrameEnv`, threads: of the engine."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **arguments: Any,
-    ) -> None:
-        super().__init__(FrameTask(num_envs, **arguments), autoreset_mode)
+    made = FrameTask
 
 
-class CableVectorEnv(PlantVectorEnv):
+class CableVectorEnv(_TaskVectorEnv):
     """num_envs cables at once; arguments as in `CableEnv`, threads: of the engine."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **arguments: Any,
-    ) -> None:
-        super().__init__(CableTask(num_envs, **arguments), autoreset_mode)
+    made = CableTask
