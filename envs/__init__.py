@@ -4,10 +4,11 @@
 |---|---|
 | `mrdamp/Frame-v0` | a shear frame under ground motions (`FrameEnv`) |
 | `mrdamp/Cable-v0` | a stay cable under wind (`CableEnv`) |
+| `mrdamp/QuarterCar-v0` | a quarter car on a road (`CarEnv`) |
 
-`import mrdamp` registers both ids; `gymnasium.make("mrdamp:mrdamp/Frame-v0")` needs no import. The same structures for
-a controller, without rewards and episodes: `FramePlant`, `CablePlant`. Vector environments: `mrdamp.envs.vector`, and
-for stable-baselines3 `mrdamp.envs.sb3`.
+`import mrdamp` registers the ids; `gymnasium.make("mrdamp:mrdamp/Frame-v0")` needs no import. The same structures for
+a controller, without rewards and episodes: `FramePlant`, `CablePlant`, `CarPlant`. Vector environments:
+`mrdamp.envs.vector`, and for stable-baselines3 `mrdamp.envs.sb3`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,10 @@ from mrdamp.envs.cable import CableEnv
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import CableReward
 from mrdamp.envs.cable_task import CablePlant, CableTask, cable_damper
+from mrdamp.envs.car import CarEnv
+from mrdamp.envs.car_reward import CarReward
+from mrdamp.envs.car_roads import Bumps, IsoRoads, RecordedRoads
+from mrdamp.envs.car_task import CarPlant, CarTask, car_damper
 from mrdamp.envs.frame import FrameEnv
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
@@ -27,22 +32,30 @@ from mrdamp.registration import ENVIRONMENTS, register
 __all__ = [
     "ENVIRONMENTS",
     "AmbientLoads",
+    "Bumps",
     "CableEnv",
     "CableLoad",
     "CablePlant",
     "CableReward",
     "CableTask",
+    "CarEnv",
+    "CarPlant",
+    "CarReward",
+    "CarTask",
     "FrameEnv",
     "FramePlant",
     "FrameReward",
     "FrameTask",
+    "IsoRoads",
     "MixedMotions",
     "Observer",
     "Plant",
     "RecordedMotions",
+    "RecordedRoads",
     "SyntheticMotions",
     "WindLoads",
     "cable_damper",
+    "car_damper",
     "default_damper",
     "register",
 ]

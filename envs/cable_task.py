@@ -38,7 +38,8 @@ class CablePlant(RowPlant):
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
-    first is the damper's own by default. period: of control, s; timestep: the largest of the engine, s. Raises InputError.
+    first is the damper's own by default. period: of control, s; timestep: the largest of the engine, s. Raises
+    InputError.
     """
 
     def __init__(

@@ -8,9 +8,8 @@ import numpy as np
 
 from mrdamp import models_xml
 from mrdamp.cables import StayCable
-from mrdamp.envs.damper_sensors import SIGNALS, add_sensor
+from mrdamp.envs.damper_sensors import add_damper, get, remove_damper
 from mrdamp.errors import InputError
-from mrdamp.mjcf import damper_config
 from mrdamp.model import Model
 from mrdamp.structures import GRAVITY, FloatArray
 
@@ -26,7 +25,7 @@ def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
     option = ET.SubElement(root, "option", timestep=repr(timestep), gravity="0 0 0", integrator="Euler")
     # No limits, no equalities: the engine need not look for any.
     ET.SubElement(option, "flag", contact="disable", constraint="disable", autoreset="disable")
-    extension = ET.SubElement(root, "extension")
+    ET.SubElement(root, "extension")
     world, actuator = ET.SubElement(root, "worldbody"), ET.SubElement(root, "actuator")
     stroke = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", name="stroke")
     here = cable.at(cable.damper_at)
@@ -45,30 +44,8 @@ def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
         ET.SubElement(actuator, "motor", name=f"load_{k}", joint=f"mode_{k}")
         ET.SubElement(stroke, "joint", joint=f"mode_{k}", coef=repr(float(here[k - 1])))
     if damper is not None:
-        add_damper(root, extension, actuator, damper, "stroke")
+        add_damper(root, damper, tendon="stroke")
     return ET.tostring(root, encoding="unicode")
-
-
-def add_damper(
-    root: ET.Element, extension: ET.Element, actuator: ET.Element, damper: Model, tendon: str
-) -> None:
-    """The plugin as actuator `damper` on a tendon, and its sensors."""
-    plugin = ET.SubElement(extension, "plugin", plugin="mrdamp.damper")
-    instance = ET.SubElement(plugin, "instance", name="damper")
-    for key, value in damper_config(damper).items():
-        ET.SubElement(instance, "config", key=key, value=value)
-    if damper.weights is not None:
-        custom = ET.SubElement(root, "custom")
-        ET.SubElement(custom, "text", name="damper_weights", data=" ".join(damper.weights.split()))
-    ET.SubElement(extension, "plugin", plugin="mrdamp.force_sensor")
-    ET.SubElement(actuator, "plugin", name="damper", tendon=tendon, plugin="mrdamp.damper", instance="damper")
-    sensor = root.find("sensor")
-    sensor = ET.SubElement(root, "sensor") if sensor is None else sensor
-    for name in ("stroke", "stroke_velocity"):
-        for item in sensor.findall(f"*[@name='{name}']"):
-            sensor.remove(item)
-    for signal in SIGNALS:
-        add_sensor(sensor, signal, signal, "damper", damper)
 
 
 def chain_xml(
@@ -83,18 +60,18 @@ def chain_xml(
     if segments < 4:
         raise InputError(f"cable: {segments} segments; allowed: 4 or more")
     root = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
-    _get(root, "option").set("timestep", repr(timestep))
+    get(root, "option").set("timestep", repr(timestep))
     step = cable.length / segments
     weight = cable.mass * GRAVITY
     x = step * np.arange(segments + 1)
     # In balance with one tension all along the path: the sine of the slope rises by the same at every node.
     sine = weight * step / cable.tension * (np.arange(segments) - 0.5 * (segments - 1))
     z = np.append(0.0, np.cumsum(step * sine / np.sqrt(1 - sine**2)))
-    world, tendon = _get(root, "worldbody"), _get(root, "tendon")
+    world, tendon = get(root, "worldbody"), get(root, "tendon")
     for body in world.findall("body"):
         if (body.get("name") or "").startswith("node"):
             world.remove(body)
-    path = _get(tendon, "spatial")
+    path = get(tendon, "spatial")
     path[:] = []
     ET.SubElement(path, "site", site="anchor_low")
     for k in range(1, segments):
@@ -106,14 +83,14 @@ def chain_xml(
         ET.SubElement(body, "site", name=f"node{k}")
         ET.SubElement(path, "site", site=f"node{k}")
     ET.SubElement(path, "site", site="anchor_high")
-    _get(root, ".//site[@name='anchor_high']").set("pos", f"{cable.length:.9g} 0 0")
+    get(root, ".//site[@name='anchor_high']").set("pos", f"{cable.length:.9g} 0 0")
     curved = float(np.hypot(np.diff(x), np.diff(z)).sum())
     least = (weight * cable.length / cable.tension) ** 2
     # Nodes that only move across the chord: the pull along it is the tension.
     stiffness = max(cable.sag, least) / least * cable.tension / cable.length
     path.set("stiffness", f"{stiffness:.15g}")
     path.set("springlength", f"{max(curved - cable.tension / stiffness, 0.0):.15g}")
-    stroke = _get(tendon, "fixed[@name='stroke']")
+    stroke = get(tendon, "fixed[@name='stroke']")
     stroke[:] = []
     position = cable.damper_at * segments
     low = int(position + 1e-9)
@@ -121,7 +98,7 @@ def chain_xml(
     for node, part in ((low, 1 - share), (low + 1, share)):
         if part > 1e-9 and 0 < node < segments:
             ET.SubElement(stroke, "joint", joint=f"node{node}", coef=f"{part:.9g}")
-    default = _get(root, ".//default[@class='node']/joint")
+    default = get(root, ".//default[@class='node']/joint")
     default.set("damping", f"{2 * cable.ratio * cable.first * cable.mass * step:.9g}")
     _place_damper(root, damper, cable, max(low, 1), z)
     for sensor in root.iter("jointpos"):
@@ -131,27 +108,18 @@ def chain_xml(
 
 def _place_damper(root: ET.Element, damper: Model | None, cable: StayCable, node: int, z: FloatArray) -> None:
     """The plugin's attributes, and what is drawn, under the damper's place; without it, none of both."""
-    world, actuator, extension = (_get(root, tag) for tag in ("worldbody", "actuator", "extension"))
+    world = get(root, "worldbody")
     template = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
-    drawn = [_get(template, f".//geom[@name='{name}']") for name in ("rod", "clamp")]
-    for group in (extension, actuator, _get(root, "sensor")):
-        for item in group.findall("plugin"):
-            group.remove(item)
+    drawn = [get(template, f".//geom[@name='{name}']") for name in ("rod", "clamp")]
+    remove_damper(root)
     if damper is None:
         for name in ("foot", "cylinder"):
-            world.remove(_get(world, f"geom[@name='{name}']"))
+            world.remove(get(world, f"geom[@name='{name}']"))
         return
     x = cable.damper_at * cable.length
-    _get(world, "geom[@name='foot']").set("pos", f"{x:.6g} 0 -0.66")
-    _get(world, "geom[@name='cylinder']").set("fromto", f"{x:.6g} 0 -0.42 {x:.6g} 0 -0.2")
-    body = _get(world, f"body[@name='node{node}']")
+    get(world, "geom[@name='foot']").set("pos", f"{x:.6g} 0 -0.66")
+    get(world, "geom[@name='cylinder']").set("fromto", f"{x:.6g} 0 -0.42 {x:.6g} 0 -0.2")
+    body = get(world, f"body[@name='node{node}']")
     for geom in drawn:
         body.append(geom)
-    add_damper(root, extension, actuator, damper, "stroke")
-
-
-def _get(root: ET.Element, path: str) -> ET.Element:
-    found = root.find(path)
-    if found is None:
-        raise InputError(f"the cable's file has no <{path}>; reinstall mrdamp")
-    return found
+    add_damper(root, damper, tendon="stroke")

@@ -1,4 +1,4 @@
-"""Frames and cables on the C++ chain (`mrdamp.rows`) in place of the engine, with the same measurements.
+"""Frames, cables and quarter cars on the C++ chain (`mrdamp.rows`) in place of the engine, with the same measurements.
 
 The structure is stepped exactly and the damper solved for within the step, so that the steps may be longer than the
 engine's. White noise on the measurements is the chain's own, a function of a seed that a row draws at its start.
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableRows
+from mrdamp.envs.car_rows import CarRows, road_acceleration
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.plants import whole_steps
 from mrdamp.errors import InputError
@@ -21,7 +22,7 @@ from mrdamp.motions import GroundMotion
 from mrdamp.rows import ChainRows
 
 Array = NDArray[np.float64]
-Kind = TypeVar("Kind", FrameRows, CableRows)
+Kind = TypeVar("Kind", FrameRows, CableRows, CarRows)
 
 #: s: how far apart peaks are looked for within longer steps; the engine's own step in the frame.
 _INSTANT = 5e-4
@@ -29,7 +30,7 @@ _SEEDS = 2**53  # whole numbers that a double holds
 
 
 class Chained:
-    """What both have in common. Attributes: plants, seeds (n,) of the rows' noise."""
+    """What they have in common. Attributes: plants, seeds (n,) of the rows' noise."""
 
     plants: Any
     seeds: NDArray[np.int64]
@@ -129,7 +130,37 @@ class CableChain(Chained, CableRows):
         return pushes
 
 
-#: By engine: the rows of frames and of cables, and their largest step unless asked otherwise (s).
+class CarChain(Chained, CarRows):
+    """`CarRows` on the chain."""
+
+    def _build(self, timestep: float, n: int, threads: int) -> None:
+        inner = whole_steps(self.period, timestep)
+        self._hold(ChainRows.car(self.car, self.models[0], self.command_max, self.period, inner, n, threads))
+
+    def start(self, row: int, motion: Any) -> Array:
+        """As `CarRows.start`."""
+        heights = self._heights(row, motion)
+        load = road_acceleration(heights, self.plants.timestep)
+        load[0] *= 2.0  # straight between samples, it is there for half as long as the others
+        self.plants.start(row, load[:, None], self.plants.timestep, len(load), int(self.seeds[row]))
+        return heights[:-1]
+
+    def position(self, row: int) -> Array:
+        """(3,) m: the road, and the deflections of tyre and suspension."""
+        time = self.plants.timestep * self.plants.step[row]
+        return np.append(self.roads[row].at(time), np.diff(self.plants.position(row), prepend=0.0))
+
+    def save(self, row: int) -> Any:
+        """The row's present."""
+        return self.plants.save(row), self.roads[row]
+
+    def restore(self, row: int, state: Any) -> None:
+        """Back to it, exactly."""
+        super().restore(row, state[0])
+        self.roads[row] = state[1]
+
+
+#: By engine: the rows of frames, cables and cars, and their largest step unless asked otherwise (s).
 FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {
     "mujoco": (FrameRows, 5e-4),
     "chain": (FrameChain, 1e-3),
@@ -137,6 +168,10 @@ FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {
 CABLES: Mapping[str, tuple[type[CableRows], float]] = {
     "mujoco": (CableRows, 1e-3),
     "chain": (CableChain, 1e-3),
+}
+CARS: Mapping[str, tuple[type[CarRows], float]] = {
+    "mujoco": (CarRows, 5e-4),
+    "chain": (CarChain, 1e-3),
 }
 
 

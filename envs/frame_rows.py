@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,6 @@ from mrdamp.envs.plants import EngineRows, Moment, Plants, whole_steps
 from mrdamp.envs.sensors import FloorSensors
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.motions import GroundMotion
 
 Array = NDArray[np.float64]
 
@@ -71,8 +71,8 @@ class FrameRows(EngineRows):
         """Makes the plants, and says where their measurements are."""
         inner, many = whole_steps(self.period, timestep), range(len(self.models))
         dampers = [actuator_name(k) for k in many]
-        xml = frame_xml(self.models, self.period / inner)
-        self.plants = Plants(xml, ("ground",), dampers, inner, n, threads)
+        xml, load = self._mjcf(self.period / inner)
+        self.plants = Plants(xml, (load,), dampers, inner, n, threads)
         self.sensors = FloorSensors(self.models[0].frame, self.period, n)
         floors, at = range(1, self.structure.storeys + 1), self.plants.sensors
         # `frame_xml` writes what belongs together side by side.
@@ -85,7 +85,11 @@ class FrameRows(EngineRows):
         self._direct = slice(of["force"].start, of["current"].stop)
         self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
 
-    def start(self, row: int, motion: GroundMotion) -> Array:
+    def _mjcf(self, timestep: float) -> tuple[str, str]:
+        """The structure's MJCF, and the name of its load."""
+        return frame_xml(self.models, timestep), "ground"
+
+    def start(self, row: int, motion: Any) -> Array:
         """Row at rest under a motion; returns the ground's acceleration (samples,) at the engine's steps, m/s2.
 
         The motion runs straight between its samples, within the control period too.
@@ -94,7 +98,7 @@ class FrameRows(EngineRows):
         self.plants.start(row, ground[:, None])
         return ground
 
-    def _ground(self, row: int, motion: GroundMotion) -> Array:
+    def _ground(self, row: int, motion: Any) -> Array:
         return np.asarray(np.interp(self._clock(row, motion.duration), motion.time, motion.acceleration))
 
     def measure(self, rows: Sequence[int]) -> Array:

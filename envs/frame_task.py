@@ -156,7 +156,7 @@ def frame_observer(
         if stem == "current" and which < len(models):
             found.append(float(command_max[which]))
         elif stem in ("force", "true_force") and which < len(models):
-            found.append(_largest_force(models[which], _STRONG / w**2, w, float(command_max[which])))
+            found.append(largest_force(models[which], _STRONG / w**2, w, float(command_max[which])))
         elif stem in scale:
             found.append(scale[stem])
         else:
@@ -167,7 +167,7 @@ def frame_observer(
     )  # fmt: skip
 
 
-def _largest_force(model: Model, stroke: float, w: float, command: float) -> float:
+def largest_force(model: Model, stroke: float, w: float, command: float) -> float:
     """N, of the damper moved by a sine of `stroke` (m) and w (rad/s) at a command."""
     t = np.linspace(0.0, 4 * math.pi / w, 801)
     x, v = stroke * np.sin(w * t), stroke * w * np.cos(w * t)

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrdamp.envs.damper_sensors import SIGNALS, add_sensor
+from mrdamp.envs.damper_sensors import SIGNALS, add_sensor, get
 from mrdamp.errors import InputError
 from mrdamp.mjcf import mjcf
 from mrdamp.model import Model
@@ -54,8 +54,8 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
     for k, model in enumerate(models[1:], 1):
         _add_damper(root, ET.fromstring(mjcf(model, timestep=timestep)), k)
     # No limits, no equalities: the engine need not look for any.
-    _get(root, "option/flag").set("constraint", "disable")
-    sensor = _get(root, "sensor")
+    get(root, "option/flag").set("constraint", "disable")
+    sensor = get(root, "sensor")
     structure = models[0].structure
     assert structure is not None
     for j in range(1, structure.storeys + 1):
@@ -66,22 +66,22 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
         for k, model in enumerate(models):
             add_sensor(sensor, signal, sensor_name(signal, k), actuator_name(k), model)
     if not drawn:
-        _strip(root)
+        strip(root)
     return ET.tostring(root, encoding="unicode")
 
 
 def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
     """Takes the damper of another frame's file, and what is drawn of it, into this one as damper k."""
     name, plugin = actuator_name(k), "extension/plugin[@plugin='mrdamp.damper']"
-    instance = copy.deepcopy(_get(other, f"{plugin}/instance[@name='damper']"))
+    instance = copy.deepcopy(get(other, f"{plugin}/instance[@name='damper']"))
     instance.set("name", name)
-    _get(root, plugin).append(instance)
-    actuator = copy.deepcopy(_get(other, "actuator/plugin[@name='damper']"))
+    get(root, plugin).append(instance)
+    actuator = copy.deepcopy(get(other, "actuator/plugin[@name='damper']"))
     actuator.set("name", name)
     actuator.set("instance", name)
-    _get(root, "actuator").append(actuator)
+    get(root, "actuator").append(actuator)
     for config in instance.findall("config[@key='weights']"):
-        text = copy.deepcopy(_get(other, "custom/text"))
+        text = copy.deepcopy(get(other, "custom/text"))
         text.set("name", f"weights_{k + 1}")
         config.set("value", f"text:weights_{k + 1}")
         custom = root.find("custom")
@@ -89,7 +89,7 @@ def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
     tendon = actuator.get("tendon")
     if tendon is not None:
         actuator.set("tendon", f"{tendon}_{k + 1}")
-        path = copy.deepcopy(_get(other, "tendon/fixed"))
+        path = copy.deepcopy(get(other, "tendon/fixed"))
         path.set("name", f"{tendon}_{k + 1}")
         group = root.find("tendon")
         (ET.SubElement(root, "tendon") if group is None else group).append(path)
@@ -99,11 +99,12 @@ def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
             if drawn in ("bracket", "cylinder", "rod", "brace_left", "brace_right", "clevis"):
                 part = copy.deepcopy(geom)
                 part.set("name", f"{drawn}_{k + 1}")
-                place = _get(root, f".//body[@name='{body.get('name')}']")
-                place.insert(list(place).index(_get(place, "joint")) + 1, part)
+                place = get(root, f".//body[@name='{body.get('name')}']")
+                place.insert(list(place).index(get(place, "joint")) + 1, part)
 
 
-def _strip(root: ET.Element) -> None:
+def strip(root: ET.Element) -> None:
+    """Takes out what is only drawn."""
     for tag in _DRAWN_ONLY:
         for item in root.findall(tag):
             root.remove(item)
@@ -114,10 +115,3 @@ def _strip(root: ET.Element) -> None:
     for default in root.iter("default"):
         for geom in default.findall("geom"):
             default.remove(geom)
-
-
-def _get(root: ET.Element, path: str) -> ET.Element:
-    found = root.find(path)
-    if found is None:
-        raise InputError(f"the frame's file has no <{path}>; reinstall mrdamp")
-    return found

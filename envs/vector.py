@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
 from mrdamp.envs.cable_task import CableTask
+from mrdamp.envs.car_task import CarTask
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
@@ -140,3 +141,9 @@ class CableVectorEnv(_TaskVectorEnv):
     """num_envs cables at once; arguments as in `CableEnv`, threads: of the engine."""
 
     made = CableTask
+
+
+class CarVectorEnv(_TaskVectorEnv):
+    """num_envs quarter cars at once; arguments as in `CarEnv`, threads: of the engine."""
+
+    made = CarTask

@@ -4,6 +4,7 @@
 |---|---|
 | `cable` | stay cable with sag, an MR damper near its anchorage |
 | `frame3` | three-storey shear frame on a shake table, an MR damper under the first floor |
+| `quarter_car` | wheel and body of a quarter car on a moving road, an MR damper between them |
 | `rig` | displacement-driven testing machine with one MR damper |
 
 Each folder has `model.xml` (the mechanics), `scene.xml` (the same with light and ground, for the

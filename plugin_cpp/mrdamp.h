@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 7 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 8 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -148,8 +148,19 @@ typedef struct {
   double mass;             /* kg of the whole, that mean squares are taken over */
 } mrdamp_modes;
 
+/* A quarter car: a frame of two floors, wheel and body, on a ground that is the road, with one damper between the two. What
+ * the tyre pulls with is limited to the weight, where the wheel leaves the road. */
+typedef struct {
+  double body, wheel;                  /* kg */
+  double stiffness, damping;           /* of the suspension: N/m, N s/m */
+  double tyre_stiffness, tyre_damping; /* N/m, N s/m */
+  double weight;                       /* N, what the road carries at rest */
+  int sections;                        /* of the filter of the body's acceleration, 1 or more */
+  const double* weighting;             /* sections x 5: b0 b1 b2 a1 a2, at the rows' step */
+} mrdamp_car;
+
 /* What shakes a row: samples x loads, straight between samples and held behind the last one, none from step `steps` on.
- * Loads: the ground's acceleration (m/s2) of a frame, a force (N) on each coordinate of modes. */
+ * Loads: the ground's acceleration (m/s2) of a frame, the road's of a car, a force (N) on each coordinate of modes. */
 typedef struct {
   const double* values;
   double sample_time; /* s */
@@ -162,6 +173,9 @@ typedef struct {
  * |current| over command_max, its square, |current|; and the energy taken in by the dampers (J). NaN where the motion
  * diverged. */
 enum { MRDAMP_CRITERIA = 6 };
+/* Of a car, over the starts of the period's steps: mean squares of the filtered acceleration (m2/s4), of the load on the tyre
+ * over the weight less one, of the stroke (m2); largest |stroke| (m); share of them without contact; then the last four above. */
+enum { MRDAMP_CAR_CRITERIA = 9 };
 
 /* Measurements of modes: accelerations, displacements, velocities at the places. Of a frame: absolute accelerations
  * through their sensors, displacements and velocities to the ground of every floor, drifts of every storey. Then, by
@@ -172,17 +186,21 @@ MRDAMP_API mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdam
                                           double period, int steps, int instants, char* err, int err_size);
 MRDAMP_API mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
                                           int instants, char* err, int err_size);
+/* Measurements and commands as of a frame of two floors; `instants` does nothing. */
+MRDAMP_API mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* dampers, double period, int steps,
+                                        int instants, char* err, int err_size);
 MRDAMP_API void mrdamp_rows_free(mrdamp_rows* rows);
 MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates stand at 4, then
                                                                    * their velocities */
 MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
+MRDAMP_API int mrdamp_rows_criteria(const mrdamp_rows* rows); /* MRDAMP_CRITERIA or MRDAMP_CAR_CRITERIA */
 /* White noise on every measurement from now on: its standard deviation, mrdamp_rows_measurements() of them. */
 MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
 /* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. The dampers start at
  * the first command that a step gives. */
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,
                                   double* measurements);
-/* One control period of n rows with commands (n x count) held: state n x size, loads n, criteria n x MRDAMP_CRITERIA,
+/* One control period of n rows with commands (n x count) held: state n x size, loads n, criteria n x mrdamp_rows_criteria(),
  * measurements n x mrdamp_rows_measurements(). Results do not depend on the number of threads. One call at a time. */
 MRDAMP_API void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
                                  double* criteria, double* measurements, int threads);

@@ -170,11 +170,11 @@ def test_damper_of_the_models_is_the_published_one(name: str) -> None:
 
 
 def test_paths() -> None:
-    assert models_xml.names() == ("cable", "frame3", "rig")
+    assert models_xml.names() == ("cable", "frame3", "quarter_car", "rig")
     for name in models_xml.names():
         for file in ("model.xml", "scene.xml", "README.md"):
             assert models_xml.path(name, file).is_file()
-    with pytest.raises(InputError, match=r"model 'frame' is unknown; there are: cable, frame3, rig"):
+    with pytest.raises(InputError, match=r"model 'frame' is unknown; there are: cable, frame3, quarter_car, rig"):
         models_xml.path("frame")
     with pytest.raises(
         InputError, match=r"model 'rig' has no file '../__init__.py'; it has: README.md, model.xml"

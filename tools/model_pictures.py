@@ -22,6 +22,7 @@ SIZE = 400, 400  # pixels
 MOMENTS = {
     "cable": ("along", "node7", 1.0, 4.0, 0.02),
     "frame3": ("corner", "storey1", 0.25, 2.25, 0.02),
+    "quarter_car": ("corner", "suspension", 0.5, 2.0, 0.05),
     "rig": ("front", "piston", 0.08, 1.5, 0.1),
 }
 

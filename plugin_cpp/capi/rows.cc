@@ -14,7 +14,7 @@ struct mrdamp_rows {
 
 namespace {
 
-constexpr int kMostDampers = 100;
+constexpr int kMostDampers = 100, kMostSections = 20;
 
 // What frames and modes share; false and a line on failure.
 bool Take(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, char* err, int size) {
@@ -110,9 +110,58 @@ mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* 
   return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
 }
 
+mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* dampers, double period, int steps, int instants,
+                             char* err, int err_size) {
+  RowsPlan plan;
+  const mrdamp_car& c = *car;
+  for (const double v : {c.body, c.wheel, c.stiffness, c.tyre_stiffness, c.weight}) {
+    if (v > 0 && std::isfinite(v)) continue;
+    Fail(err, err_size, "car: masses, stiffnesses and weight must be finite numbers above 0");
+    return nullptr;
+  }
+  if (!(c.damping >= 0 && c.tyre_damping >= 0 && std::isfinite(c.damping) && std::isfinite(c.tyre_damping))) {
+    Fail(err, err_size, "car: damping must be a finite number of at least 0");
+    return nullptr;
+  }
+  if (dampers->count != 1 || c.sections < 1 || c.sections > kMostSections) {
+    Fail(err, err_size, "car: " + std::to_string(dampers->count) + " dampers, " + std::to_string(c.sections) +
+                            " sections of the weighting; allowed are 1, 1 to " + std::to_string(kMostSections));
+    return nullptr;
+  }
+  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
+  plan.system = LinearSystem(2, 1, 2);
+  LinearSystem& s = plan.system;
+  const double k[] = {c.stiffness, c.damping}, tyre[] = {c.tyre_stiffness, c.tyre_damping};
+  for (const int i : {0, 1}) {  // of displacements, then of velocities
+    s.rate(0, 2 * i) = -(k[i] + tyre[i]) / c.wheel;
+    s.rate(0, 2 * i + 1) = k[i] / c.wheel;
+    s.rate(1, 2 * i) = k[i] / c.body;
+    s.rate(1, 2 * i + 1) = -k[i] / c.body;
+    s.load(i, 0) = -1;
+  }
+  s.stroke(0, 0) = -1;
+  s.stroke(0, 1) = s.stroke(1, 0) = 1;
+  s.push(0, 0) = 1 / c.wheel;
+  s.push(1, 0) = -1 / c.body;
+  s.push(0, 1) = -1 / c.wheel;
+  Storey road;
+  road.lift = c.weight;
+  road.stiffness = c.tyre_stiffness;
+  road.damping = c.tyre_damping;
+  plan.storeys = {road};
+  plan.place = plan.drift = Matrix(2, 2);
+  plan.place(0, 0) = plan.place(1, 1) = plan.drift(0, 0) = plan.drift(1, 1) = 1;
+  plan.drift(1, 0) = -1;
+  plan.accelerometers.resize(2);
+  plan.peaks = false;
+  plan.sections.assign(c.weighting, c.weighting + 5 * c.sections);
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
+}
+
 void mrdamp_rows_free(mrdamp_rows* rows) { delete rows; }
 int mrdamp_rows_size(const mrdamp_rows* rows) { return rows->rows.size(); }
 int mrdamp_rows_measurements(const mrdamp_rows* rows) { return rows->rows.measurements(); }
+int mrdamp_rows_criteria(const mrdamp_rows* rows) { return rows->rows.criteria(); }
 
 int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size) {
   for (int i = 0; i < rows->rows.measurements(); i++) {

@@ -27,7 +27,8 @@ double Storey::Force(double x, double v, double dx, double* q) const {
     *q = SealFriction::Follow(*q, dx, friction, sigma);
     dry = sigma * *q;
   }
-  return dry + one_sided * std::max(x, 0.0) + cubic * x * x * x + damping2 * std::fabs(v) * v;
+  const double over = lift > 0 ? std::max(stiffness * x + damping * v - lift, 0.0) : 0;
+  return dry + one_sided * std::max(x, 0.0) + cubic * x * x * x + damping2 * std::fabs(v) * v - over;
 }
 
 Assembly::Assembly(const Linear& linear, const std::vector<Damper>& dampers, const std::vector<Storey>& storeys,

@@ -15,8 +15,11 @@ namespace mrdamp {
 struct Storey {
   double friction = 0, friction_width = 0, presliding = 1e-5;
   double one_sided = 0, cubic = 0, damping2 = 0;
+  // Its stiffness and damping, which the structure holds too, pull with `lift` (N) at most, as a tyre on a road that
+  // carries that load at rest; 0: as much as they do.
+  double lift = 0, stiffness = 0, damping = 0;
 
-  bool Acts() const { return friction > 0 || one_sided != 0 || cubic != 0 || damping2 > 0; }
+  bool Acts() const { return friction > 0 || one_sided != 0 || cubic != 0 || damping2 > 0 || lift > 0; }
   // Force at the end of a step of drift dx that ends at x with velocity v; the dry friction's bristle q follows.
   double Force(double x, double v, double dx, double* q) const;
 };

@@ -45,7 +45,7 @@ Rows::Rows(RowsPlan plan)
   }
   ideal_ = std::all_of(plan_.accelerometers.begin(), plan_.accelerometers.end(), IsIdeal);
   const int elements = linear_.elements();
-  size_ = kHeader + 2 * linear_.n() + 2 * elements + static_cast<int>(plan_.storeys.size());
+  size_ = kHeader + 2 * linear_.n() + 2 * elements + static_cast<int>(plan_.storeys.size() + plan_.sections.size() / 5 * 2);
   for (const Damper& d : plan_.dampers) {
     size_ += 1 + Doubles<ChainState>() + Doubles<Sensor>() + (HasDelay(d.p) ? Doubles<DelayLine>() : 0) +
              (d.law == Law::kNarx ? Doubles<NarxHistory>() : 0);
@@ -60,7 +60,8 @@ Rows::Desk Rows::MakeDesk() const {
   return {Assembly(linear_, plan_.dampers, plan_.storeys, true), std::vector<Sensor>(plan_.dampers.size()),
           std::vector<Sensor>(ideal_ ? 0 : plan_.place.n), std::vector<double>(loads), std::vector<double>(loads),
           std::vector<double>(linear_.elements()), std::vector<double>(n), std::vector<double>(n),
-          std::vector<double>(2 * n), std::vector<double>(plan_.dampers.size())};
+          std::vector<double>(2 * n), std::vector<double>(plan_.dampers.size()),
+          std::vector<double>(plan_.sections.size() / 5 * 2)};
 }
 
 void Rows::Load(const double* state, Desk* w) const {
@@ -72,6 +73,7 @@ void Rows::Load(const double* state, Desk* w) const {
     e.rise = *at++;
   }
   for (double& b : a.bristle) b = *at++;
+  for (double& f : w->filter) f = *at++;
   for (std::size_t k = 0; k < a.sites.size(); k++) {
     Assembly::Site& site = a.sites[k];
     site.acceleration = *at++;
@@ -92,6 +94,7 @@ void Rows::Store(const Desk& w, double* state) const {
     *at++ = e.rise;
   }
   for (const double b : a.bristle) *at++ = b;
+  for (const double f : w.filter) *at++ = f;
   for (std::size_t k = 0; k < a.sites.size(); k++) {
     const Assembly::Site& site = a.sites[k];
     *at++ = site.acceleration;
@@ -123,6 +126,29 @@ void Rows::Rates(Desk* w) const {
   const Assembly& a = w->assembly;
   for (std::size_t j = 0; j < a.elements.size(); j++) w->forces[j] = a.elements[j].force;
   linear_.Rates(a.q.data(), w->forces.data(), plan_.loaded ? w->load0.data() : nullptr, w->rate.data());
+}
+
+// Adds the step's start: square of the filtered acceleration, of the load on the tyre over that at rest less one, of the
+// stroke; the largest |stroke|; whether the tyre is off the road.
+void Rows::Ride(double* sums, Desk* w) const {
+  double y = place_.Row(1, w->before.data());
+  for (std::size_t k = 0; k < plan_.sections.size() / 5; k++) {
+    const double* c = &plan_.sections[5 * k];
+    double* past = &w->filter[2 * k];
+    const double x = y;
+    y = c[0] * x + past[0];
+    past[0] = c[1] * x - c[3] * y + past[1];
+    past[1] = c[2] * x - c[4] * y;
+  }
+  const Storey& tyre = plan_.storeys[0];
+  const double* from = w->from.data();
+  const double pull = tyre.stiffness * drift_.Row(0, from) + tyre.damping * drift_.Row(0, from + linear_.n());
+  const double load = std::max(tyre.lift - pull, 0.0), dynamic = load / tyre.lift - 1, stroke = drift_.Row(1, from);
+  sums[0] += y * y;
+  sums[1] += dynamic * dynamic;
+  sums[2] += stroke * stroke;
+  sums[3] = std::max(sums[3], std::fabs(stroke));
+  sums[4] += load == 0;
 }
 
 // A drift at a share s of the last step, by its values and velocities at both ends.
@@ -215,7 +241,8 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
       a.Command(k, command[k]);
     }
   }
-  double first = 0, second = 0, share = 0, power = 0, current = 0, energy = 0;
+  double first = 0, second = 0, share = 0, power = 0, current = 0, energy = 0, ride[5] = {};
+  const bool rides = !plan_.sections.empty();
   LoadAt(load, begin, w->load0.data());
   Rates(w);
   for (int step = 0; step < plan_.steps; step++) {
@@ -226,7 +253,8 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
     a.Step(w->load0.data(), w->load1.data(), command, command, command);
     w->load0.swap(w->load1);
     Rates(w);
-    if (!plan_.peaks) {
+    if (rides) Ride(ride, w);
+    else if (!plan_.peaks) {
       for (int i = 0; i < n; i++) second += w->before[i] * w->before[i];
       for (int i = 0; i < n; i++) first += a.q[i] * a.q[i];
     }
@@ -257,8 +285,16 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
   }
   // std::max passes over what is no number.
   if (!std::isfinite(a.q[0] + a.q[n])) first = second = kUnset;
-  const double found[] = {first, second, share * of_dampers, power * of_dampers, current * of_dampers, energy};
-  std::copy(std::begin(found), std::end(found), criteria);
+  double* at = criteria;
+  if (rides) {
+    for (const int i : {0, 1, 2}) *at++ = ride[i] * of_steps;
+    *at++ = ride[3];
+    *at++ = ride[4] * of_steps;
+  } else {
+    *at++ = first;
+    *at++ = second;
+  }
+  for (const double each : {share * of_dampers, power * of_dampers, current * of_dampers, energy}) *at++ = each;
   state[kStep] = begin + plan_.steps;
   Measure(state, command, *w, out);
   for (int i = 0; i < static_cast<int>(w->accelerometers.size()); i++) {
@@ -277,7 +313,7 @@ void Rows::Step(int n, double* state, const mrdamp_load* loads, const double* co
   pool_.For(n, threads, kPiece, [&](int first, int last, int worker) {
     for (int row = first; row < last; row++) {
       const auto at = static_cast<std::size_t>(row);
-      StepOne(state + at * size_, loads[at], commands + at * dampers(), criteria + at * MRDAMP_CRITERIA,
+      StepOne(state + at * size_, loads[at], commands + at * dampers(), criteria + at * this->criteria(),
               out + at * measurements_, &desks_[worker]);
     }
   });

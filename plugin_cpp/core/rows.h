@@ -26,8 +26,11 @@ struct RowsPlan {
   std::vector<SensorParams> accelerometers;
   bool loaded = false;
   Matrix drift{0, 0};  // drifts x n, measured too
-  // Criteria: largest |drift| and |acceleration|, or mean squares of the coordinates and of their accelerations.
+  // Criteria: largest |drift| and |acceleration|, or mean squares of the coordinates and of their accelerations, or those
+  // of a ride where there are `sections`: b0 b1 b2 a1 a2 of each section of a filter of the second place's acceleration.
+  // Drift 0 is then the tyre's, on storey 0, and drift 1 the stroke.
   bool peaks = true;
+  std::vector<double> sections;
   double square = 1;  // of those, times this
   std::vector<double> command_max;  // that currents are taken over
 };
@@ -39,6 +42,7 @@ class Rows {
 
   int size() const { return size_; }
   int measurements() const { return measurements_; }
+  int criteria() const { return plan_.sections.empty() ? int{MRDAMP_CRITERIA} : int{MRDAMP_CAR_CRITERIA}; }
   int loads() const { return linear_.loads(); }
   int dampers() const { return static_cast<int>(plan_.dampers.size()); }
   // Standard deviation of each measurement.
@@ -46,7 +50,7 @@ class Rows {
 
   // A row at rest; seed: of its noise. out: its measurements without any command.
   void Start(double seed, const mrdamp_load& load, double* state, double* out) const;
-  // n rows; state n x size(), commands n x dampers, criteria n x MRDAMP_CRITERIA, out n x measurements.
+  // n rows; state n x size(), commands n x dampers, criteria n x criteria(), out n x measurements.
   void Step(int n, double* state, const mrdamp_load* loads, const double* commands, double* criteria, double* out,
             int threads);
 
@@ -57,6 +61,7 @@ class Rows {
     std::vector<Sensor> sensors, accelerometers;
     std::vector<double> load0, load1, forces;
     std::vector<double> rate, before, from, current;  // rates now; those, coordinates, currents at the step's start
+    std::vector<double> filter;  // of a ride: two for each section
   };
   enum Header { kStep, kStarted, kSeed, kDrawn, kHeader };
 
@@ -65,6 +70,7 @@ class Rows {
   void Store(const Desk& w, double* state) const;
   void LoadAt(const mrdamp_load& load, double step, double* out) const;
   void Rates(Desk* w) const;
+  void Ride(double* sums, Desk* w) const;
   double DriftWithin(int j, double s, const Desk& w) const;
   void Measure(const double* header, const double* command, const Desk& w, double* out) const;
   void StepOne(double* state, const mrdamp_load& load, const double* command, double* criteria, double* out, Desk* w) const;

@@ -13,7 +13,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 7
+_ABI = 8
 ERROR_SIZE = 400
 
 
@@ -67,6 +67,16 @@ class Modes(ctypes.Structure):
         ("places", ctypes.c_int),
         ("at", double_p),
         ("mass", ctypes.c_double),
+    )
+
+
+class Car(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("body", "wheel", "stiffness", "damping", "tyre_stiffness")),
+        ("tyre_damping", ctypes.c_double),
+        ("weight", ctypes.c_double),
+        ("sections", ctypes.c_int),
+        ("weighting", double_p),
     )
 
 
@@ -125,11 +135,12 @@ def library() -> ctypes.CDLL:
         *rest,
     )
     lib.mrdamp_rows_modes.argtypes = (ctypes.POINTER(Modes), ctypes.POINTER(Dampers), *rest)
-    for name in ("frame", "modes"):
+    lib.mrdamp_rows_car.argtypes = (ctypes.POINTER(Car), ctypes.POINTER(Dampers), *rest)
+    for name in ("frame", "modes", "car"):
         getattr(lib, f"mrdamp_rows_{name}").restype = c_void_p
     lib.mrdamp_rows_free.argtypes = (c_void_p,)
     lib.mrdamp_rows_free.restype = None
-    for name in ("size", "measurements"):
+    for name in ("size", "measurements", "criteria"):
         getattr(lib, f"mrdamp_rows_{name}").argtypes = (c_void_p,)
     lib.mrdamp_rows_noise.argtypes = (c_void_p, double_p, c_char_p, c_int)
     lib.mrdamp_rows_start.argtypes = (c_void_p, c_double, ctypes.POINTER(Load), c_void_p, c_void_p)

@@ -6,6 +6,7 @@ from __future__ import annotations
 ENVIRONMENTS = {
     "mrdamp/Frame-v0": ("mrdamp.envs.frame:FrameEnv", "mrdamp.envs.vector:FrameVectorEnv"),
     "mrdamp/Cable-v0": ("mrdamp.envs.cable:CableEnv", "mrdamp.envs.vector:CableVectorEnv"),
+    "mrdamp/QuarterCar-v0": ("mrdamp.envs.car:CarEnv", "mrdamp.envs.vector:CarVectorEnv"),
 }
 
 

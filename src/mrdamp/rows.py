@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from mrdamp.attributes import law_number, vector
+from mrdamp.cars import QuarterCar
+from mrdamp.comfort import wk_sections
 from mrdamp.core import FrameInput, Narx, fill_frame
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.native import ERROR_SIZE, Array, Dampers, Frame, Load, Modes, library, pointer
-
-#: Columns of `ChainRows.criteria`; see `mrdamp.h`.
-CRITERIA = 6
+from mrdamp.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, library, pointer
 
 _COORDINATES = 4  # doubles of a row's state before them
 
@@ -34,8 +33,9 @@ class RowMoment:
 class ChainRows:
     """n rows; see `mrdamp.h` for what is measured and what the criteria are.
 
-    Attributes: state (n, doubles), all that a row's future hangs on but for its load and commands; criteria (n, 6)
-    and measured (n, measurements) of the last period, used again by the next; period s, inner: steps in it.
+    Attributes: state (n, doubles), all that a row's future hangs on but for its load and commands; criteria (n, 6),
+    of a car (n, 9), and measured (n, measurements) of the last period, used again by the next; period s, inner: steps
+    in it.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class ChainRows:
         self.n, self.inner, self.period, self.threads = n, inner, period, threads
         self._loads, self._coordinates, self._dampers = loads, coordinates, len(models)
         self.state = np.zeros((n, self._lib.mrdamp_rows_size(self._handle)))
-        self.criteria = np.zeros((n, CRITERIA))
+        self.criteria = np.zeros((n, self._lib.mrdamp_rows_criteria(self._handle)))
         self.measured = np.zeros((n, self._lib.mrdamp_rows_measurements(self._handle)))
         self._given: list[Array] = [np.zeros((1, loads))] * n
         self._load = (Load * n)(*(Load(pointer(each), period, 1, 0) for each in self._given))
@@ -146,6 +146,30 @@ class ChainRows:
 
         many = len(frequency)
         return cls(make, [model], command_max, many, many, period, inner, n, threads)
+
+    @classmethod
+    def car(
+        cls,
+        car: QuarterCar,
+        model: Model,
+        command_max: Array,
+        period: float,
+        inner: int,
+        n: int = 1,
+        threads: int = 1,
+    ) -> ChainRows:
+        """Quarter cars on roads whose vertical acceleration (m/s2) is the load; measured as frames of two floors."""
+        sections = wk_sections(period / inner)
+        weighting = np.ascontiguousarray(sections[:, [0, 1, 2, 4, 5]])
+        given = Car(
+            car.body, car.wheel, car.stiffness, car.damping, car.tyre_stiffness, car.tyre_damping, car.weight,
+            len(weighting), pointer(weighting),
+        )  # fmt: skip
+
+        def make(lib: Any, dampers: Dampers, error: Any) -> int:
+            return int(lib.mrdamp_rows_car(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
+
+        return cls(make, [model], command_max, 1, 2, period, inner, n, threads)
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):

@@ -1,0 +1,127 @@
+"""`mrdamp/QuarterCar-v0`: a quarter car on a road, with an MR damper whose current is the action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mrdamp.envs.car_task import CarTask
+from mrdamp.envs.car_view import CarView
+from mrdamp.envs.plant_env import PlantEnv
+
+
+class CarEnv(PlantEnv):
+    """
+    ## Description
+
+    A quarter of a car drives over a road: a wheel on its tyre, and a body on the suspension's spring, with a
+    magnetorheological damper beside it. What is commanded is the current of the damper's coil, which a driver follows
+    with a lag. The aim is a body that shakes little, as people feel it (ISO 2631-1), on a tyre whose load stays near
+    that at rest, at little current. The tyre cannot pull: the wheel leaves the road where the load on it would fall
+    below zero. The damper is the MuJoCo plugin `mrdamp.damper`, by default the Lord RD-1005 (2 kN, 0 to 2 V) of Lai and
+    Liao (Journal of Vibration and Control 8 (2002) 527-547, doi 10.1177/107754602023712); the car's masses and
+    stiffnesses are those of doi 10.1155/2021/8084343 (`mrdamp.cars.QuarterCar`).
+
+    The physics is that of `models_xml/quarter_car/model.xml`.
+
+    ## Action Space
+
+    `Box(-1, 1, (1,), float32)`.
+
+    | Num | Action | Control Min | Control Max | Name (in the XML file) | Joint | Unit |
+    |-----|--------|-------------|-------------|------------------------|-------|------|
+    | 0 | commanded current, -1 -> 0 and 1 -> the largest | 0 | `command_max` | damper | suspension | A or V |
+
+    ## Observation Space
+
+    `Box(-20, 20, (history (s + 1),), float32)`: what sensors give, each number over its scale
+    (`env.unwrapped.task.observer` has both). With the defaults there are 5:
+
+    | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
+    |-----|-------------|-----|-----|------------------------|-------|------|
+    | 0 | vertical acceleration of the body | -20 | 20 | acceleration_2 | suspension | m/s2 |
+    | 1 | vertical acceleration of the wheel | -20 | 20 | acceleration_1 | tyre | m/s2 |
+    | 2 | stroke of the damper | -20 | 20 | stroke | suspension | m |
+    | 3 | force of the damper, by its own sensor | -20 | 20 | force | suspension | N |
+    | 4 | command held in the period that ended | 0 | 1 | damper | suspension | A or V |
+
+    With `history=h` the last h control periods follow each other, the newest first. Other `signals`: `displacement_j`,
+    `velocity_j` (of wheel, 1, and body, 2, to the road), `drift_1` (deflection of the tyre, m), `drift_2`,
+    `stroke_velocity`, `current`, `true_force`. `full_state=True` adds the stroke's velocity, the
+    tyre's deflection and the current. White `noise` by name.
+
+    ## Rewards
+
+    The sum of the parts of `mrdamp.envs.car_reward.CarReward`, of which each is in `info` as `reward_comfort`,
+    `reward_holding`, `reward_stroke`, `reward_airborne`, `reward_current`, `reward_power`. Comfort is the body's
+    acceleration weighted by Wk of ISO 2631-1, holding the dynamic load on the tyre; both are taken over their RMS on
+    the same road with a linear suspension (a dashpot of .3 of critical), so a reward is of the same size on smooth and
+    rough roads.
+
+    `info` also has, since the episode's start: `weighted_acceleration` (RMS, m/s2), `rms_load` (of the dynamic tyre
+    load, over the weight), `rms_stroke`, `peak_stroke` (m), `comfort_ratio`, `load_ratio`, `stroke_ratio` (over the
+    linear suspension's), `airborne` (share of the time without contact), `mean_current` (A or V), `mean_power` (over
+    that at the largest current), `dissipated_energy` (J). The `info` of `reset`: `road`, `speed` (m/s), `duration` (s),
+    `reference_acceleration` (m/s2), `reference_load`, `reference_stroke` (m).
+
+    ## Starting State
+
+    At rest, the coil's driver at the first command, at the start of a road drawn from `roads`, or given:
+    `reset(options={"road": Road or file, "speed": m/s, "amplitude": factor})`.
+
+    ## Episode End
+
+    Truncated at the end of the road. Never terminated: a simulation that diverges is an error.
+
+    ## Arguments
+
+    | Parameter | Type | Default | Description |
+    |-----------|------|---------|-------------|
+    | `car` | `QuarterCar`, mapping | doi 10.1155/2021/8084343 | masses, stiffnesses, damping |
+    | `model` | `Model`, path | the RD-1005 | any identified one: law, NARX, effects |
+    | `roads` | `RoadSource` | `IsoRoads()` | classes of ISO 8608 by speed, `Bumps`, `RecordedRoads`, your own |
+    | `reward` | `CarReward`, mapping | `CarReward()` | weights of the parts, exponent |
+    | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
+    | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
+    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
+    | `observer` | `Observer`, mapping | from those | takes their place |
+    | `full_state` | bool | False | see above |
+    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 5.0}` |
+    | `period` | s | 0.005 | of control; the road moves within it |
+    | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
+    | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine, 0.002 at most |
+    | `command_max` | A or V | the model's | the largest command |
+    | `render_mode` | str | None | `human`, `rgb_array` |
+    | `camera`, `size` | str, (width, height) | corner, (640, 480) | `front`, `corner`, `damper` |
+    | `exaggeration` | float | by the motion | of the motion as drawn; the damper turns orange with the current |
+
+    Several environments at once: `gymnasium.make_vec("mrdamp/QuarterCar-v0", num_envs=64, engine="chain")`
+    (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(CarTask(64, engine="chain"))`. On the chain observations
+    and rewards are MuJoCo's where both take short steps (`tests/test_env_car.py`), `noise` is drawn from numbers of
+    its own, and `threads` share the rows.
+    `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+
+    ## Version History
+
+    * v0: first version
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        camera: str = "corner",
+        size: tuple[int, int] = (640, 480),
+        exaggeration: float | None = None,
+        **arguments: Any,
+    ) -> None:
+        task = CarTask(1, **arguments)
+
+        def ahead(places: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+            road, plants = task.car_rows.roads[0], task.car_rows.plants
+            return road.at(plants.timestep * plants.step[0] + places / road.speed)
+
+        super().__init__(
+            task, lambda: CarView(task.car, task.model, ahead, camera, size), render_mode, exaggeration
+        )

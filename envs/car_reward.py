@@ -1,0 +1,142 @@
+"""The reward of a quarter car: its parts, their weights, and the linear suspension that they are measured by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.cars import QuarterCar
+from mrdamp.comfort import wk
+from mrdamp.envs.weights import Weights
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
+PARTS = ("comfort", "holding", "stroke", "airborne", "current", "power")
+#: Of critical: the dashpot of the linear suspension. Passenger cars have .2 to .4 (T. D. Gillespie, Fundamentals of
+#: Vehicle Dynamics, SAE 1992, chapter 5).
+CONVENTIONAL = 0.3
+
+
+@dataclass(frozen=True)
+class CarReward(Weights):
+    """Weights of the reward's parts.
+
+    With a, l and s the RMS over a control period of the body's acceleration weighted by Wk (ISO 2631-1), of the dynamic
+    tyre load and of the stroke, each over its RMS on the whole of the same road with a linear suspension (a dashpot of
+    .3 of critical, a tyre that never lifts off), and i the coil current over the largest command:
+
+    | part | per control period |
+    |---|---|
+    | comfort | -comfort a^exponent |
+    | holding | -holding l^exponent |
+    | stroke | -stroke s^exponent |
+    | airborne | -airborne times the share of the period without contact |
+    | current | -current mean(i) |
+    | power | -power mean(i^2), the coil's heat over that at the largest current |
+    """
+
+    comfort: float = 1.0
+    holding: float = 1.0
+    stroke: float = 0.0
+    airborne: float = 0.0
+    current: float = 0.02
+    power: float = 0.0
+    exponent: float = 2.0
+
+    parts: ClassVar[tuple[str, ...]] = PARTS
+
+
+def linear_run(
+    car: QuarterCar, heights: Array, step: float, damping: float | None = None
+) -> tuple[Array, Array, Array]:
+    """Weighted acceleration (m/s2), dynamic tyre load over the weight, stroke (m) of the car with a dashpot, (n,) each.
+
+    heights: (n,) m under the wheel, straight between samples every step (s), from rest; damping: N s/m, None: .3 of
+    critical. In the frequency domain, exact but for what lies above half the sampling frequency.
+    """
+    dashpot = CONVENTIONAL * car.critical_damping if damping is None else damping
+    a, b, c, d = car.passive(dashpot)
+    many = len(heights)
+    rest = float(np.linalg.eigvals(a).real.max())  # of the slowest pole, 1/s
+    behind = int(min(12.0 / max(-rest, 1e-3), 60.0) / step)
+    f = np.fft.rfftfreq(many + behind, step)
+    velocity = np.append(np.diff(heights), 0.0) / step
+    # Held over each step: its spectrum is that of the samples times this.
+    given = np.fft.rfft(velocity, many + behind) * np.sinc(f * step) * np.exp(-1j * np.pi * f * step)
+    resolvent = np.linalg.solve(2j * np.pi * f[:, None, None] * np.eye(4) - a, b.astype(np.complex128))
+    out = (c @ resolvent + d)[:, :, 0].T * given
+    out[0] *= wk(np.maximum(f, 1e-9))
+    found = np.fft.irfft(out, many + behind, axis=1)[:, :many]
+    return found[0], found[1], found[2]
+
+
+def reference_run(car: QuarterCar, heights: Array, step: float) -> Array:
+    """(3,) mean squares of `linear_run`. Raises InputError where the road is flat."""
+    if not np.ptp(heights) > 0:
+        raise InputError("the road is flat throughout; there is nothing to control")
+    return np.array([np.mean(x * x) for x in linear_run(car, heights, step)])
+
+
+class CarScore:
+    """Rewards of n rows, and how each row has done since its start.
+
+    values (n, 12) are all it remembers: the reference's mean squares of weighted acceleration, load and stroke; sums of
+    the row's own three; the largest stroke; sums of the shares without contact, of power shares, of currents (A or V)
+    and of dissipated energy (J); periods.
+    """
+
+    NAMES: tuple[str, ...] = (
+        *(f"reward_{part}" for part in PARTS),
+        "weighted_acceleration",
+        "rms_load",
+        "rms_stroke",
+        "comfort_ratio",
+        "load_ratio",
+        "stroke_ratio",
+        "peak_stroke",
+        "airborne",
+        "mean_power",
+        "mean_current",
+        "dissipated_energy",
+    )
+
+    def __init__(self, weights: CarReward, n: int) -> None:
+        self.weights = weights
+        self.values = np.ones((n, 12))
+        self._signed = weights.signed
+
+    def start(self, row: int, reference: Array) -> None:
+        self.values[row] = 0.0
+        self.values[row, :3] = reference
+
+    def of(self, period: Array) -> tuple[Array, Array]:
+        """Rewards (n,) of a control period, `PERIOD` (n, 9), and what `info` says, (n, names)."""
+        v, parts = self.values, len(PARTS)
+        info = np.empty((len(v), len(self.NAMES)))
+        ratio = period[:, :3] / v[:, :3]
+        info[:, :3] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
+        info[:, 3:parts] = period[:, 4:7]
+        info[:, :parts] *= self._signed
+        v[:, 3:6] += period[:, :3]
+        np.maximum(v[:, 6], period[:, 3], out=v[:, 6])
+        v[:, 7] += period[:, 4]
+        v[:, 8:11] += period[:, 6:9]
+        v[:, 11] += 1.0
+        own = np.sqrt(v[:, 3:6] / v[:, 11:])
+        info[:, parts : parts + 3] = own
+        info[:, parts + 3 : parts + 6] = own / np.sqrt(v[:, :3])
+        info[:, parts + 6] = v[:, 6]
+        info[:, parts + 7 : parts + 10] = v[:, 7:10] / v[:, 11:]
+        info[:, parts + 10] = v[:, 10]
+        return np.add.reduce(info[:, :parts], axis=1), info
+
+    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
+        """`of` a single row in plain numbers, and its `info` by name."""
+        reward, info = self.of(np.array([period]))
+        return float(reward[0]), dict(zip(self.NAMES, info[0].tolist(), strict=True))

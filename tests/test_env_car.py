@@ -1,0 +1,278 @@
+"""The quarter car: its model against SciPy and Lyapunov's equation, MuJoCo against the chain, its contract."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from scipy.integrate import solve_ivp
+from scipy.linalg import solve_continuous_lyapunov
+
+from excitation import Array
+from mrdamp import models_xml
+from mrdamp.cars import QuarterCar
+from mrdamp.comfort import weighted_rms, wk, wk_sections
+from mrdamp.envs import Bumps, CarEnv, CarPlant, CarTask, IsoRoads, RecordedRoads
+from mrdamp.envs.car_reward import linear_run
+from mrdamp.envs.car_xml import car_xml
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.roads import CLASSES, Road, bump, iso8608, read_road
+from networks import random_network
+from test_env_chain import BOUC_WEN, OBSERVED, REWARDED, actions, off
+from test_env_chain import LAWS as FRAME_LAWS
+
+CAR = QuarterCar()
+ROAD = iso8608("D", 25.0, 3.0, 5)
+FINE = 5e-5  # s, of both: the wheel's acceleration in the engine is of first order
+LAWS: Mapping[str, tuple[Mapping[str, float], float]] = {
+    **FRAME_LAWS,
+    "modified_bouc_wen": ({}, 2.0),  # the car's own
+    "bouc_wen": (BOUC_WEN, 1.0),
+}
+SIGNALS = (
+    "acceleration_1",
+    "acceleration_2",
+    "displacement_1",
+    "displacement_2",
+    "stroke",
+    "force",
+    "current",
+)
+
+
+def dashpot(c: float) -> Model:
+    return Model("bingham", {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01, "command_max": 1.0})
+
+
+# --- roads --------------------------------------------------------------------------------
+@pytest.mark.parametrize("road_class", CLASSES)
+def test_a_road_has_the_spectrum_of_its_class(road_class: str) -> None:
+    """By its periodogram, in octaves: G(n) = G(0.1) (n / 0.1)^-2, G(0.1) 4^k 16e-6 m3."""
+    road = iso8608(road_class, 20.0, 100.0, 3, lead=0.0)
+    n = np.fft.rfftfreq(len(road.height), road.spacing)
+    density = 2 * np.abs(np.fft.rfft(road.height)) ** 2 * road.spacing / len(road.height)
+    wanted = 16e-6 * 4.0 ** "ABCD".index(road_class)
+    for centre in (0.022, 0.1, 0.5, 2.0):
+        band = (n > centre / math.sqrt(2)) & (n < centre * math.sqrt(2))
+        assert np.mean(density[band] * (n[band] / 0.1) ** 2) == pytest.approx(wanted, rel=0.02), centre
+    assert density[(n > 0) & (n < 0.01)].max() < 1e-12
+    assert density[n > 3.0].max() < 1e-12
+
+
+def test_bumps_and_files(tmp_path: Path) -> None:
+    road = bump(0.08, 2.0, 5.0, lead=0.5)
+    time = np.array([0.49, 0.6, 0.7, 0.91, 3.0])
+    x = 5.0 * (time - 0.5)
+    wanted = np.where((x > 0) & (x < 2), 0.04 * (1 - np.cos(np.pi * x)), 0.0)
+    np.testing.assert_allclose(road.at(time), wanted, atol=2e-5)
+    file = tmp_path / "lane.csv"
+    file.write_text("position_m,height_m\n0,0.01\n0.5,0.02\n2,0.01\n4,0.05\n")
+    found = read_road(file, 2.0)
+    np.testing.assert_allclose(found.at([0.0, 0.25, 1.0, 1.5, 9.0]), [0.0, 0.01, 0.0, 0.02, 0.04], atol=1e-12)
+    assert RecordedRoads([file], speed=(3.0, 3.0)).draw(np.random.default_rng(0)).speed == 3.0
+    file.write_text("position_m,height_m\n0,0.01\n0,0.02\n2,0.01\n")
+    with pytest.raises(InputError, match=r"lane\.csv: 3 positions"):
+        read_road(file, 2.0)
+    with pytest.raises(InputError, match="road class is 'E'; allowed: A, B, C, D"):
+        iso8608("E", 20.0, 5.0, 1)
+    assert Bumps().draw(np.random.default_rng(1)).height.max() > 0.02
+
+
+# --- comfort ------------------------------------------------------------------------------
+#: ISO 2631-1:1997, table 3, principal weighting Wk in thirds of octaves.
+TABLE = {
+    0.5: 0.418, 1.0: 0.482, 2.0: 0.531, 4.0: 0.967, 6.3: 1.054, 8.0: 1.036, 16.0: 0.768, 31.5: 0.405, 63.0: 0.186,
+    80.0: 0.132,
+}  # fmt: skip
+
+
+def test_the_weighting_is_the_standards() -> None:
+    np.testing.assert_allclose(np.abs(wk(list(TABLE))), list(TABLE.values()), rtol=0.004)
+    time = np.arange(0, 40.0, 1e-3)
+    for f, weight in TABLE.items():
+        if f <= 31.5:
+            found = weighted_rms(np.sqrt(2) * np.sin(2 * np.pi * f * time), 1e-3)
+            assert found == pytest.approx(weight, rel=0.02), f
+    with pytest.raises(InputError, match="sample time"):
+        wk_sections(5e-3)
+
+
+# --- the model ----------------------------------------------------------------------------
+def test_rms_values_are_lyapunovs() -> None:
+    """A long class C road is white noise in velocity, of density (2 pi 0.1)^2 G(0.1) v."""
+    c, speed = 1500.0, 20.0
+    a, b, out, _ = CAR.passive(c)
+    density = (2 * math.pi * 0.1) ** 2 * CLASSES["C"] * speed
+    covariance = solve_continuous_lyapunov(a, -0.5 * density * b @ b.T)
+    wanted = np.sqrt(np.diag(out @ covariance @ out.T))
+    heights = iso8608("C", speed, 400.0, 2).at(1e-3 * np.arange(400_000))
+    _, load, stroke = linear_run(CAR, heights, 1e-3, c)
+    assert np.std(stroke) == pytest.approx(wanted[2], rel=0.05)
+    assert np.std(load) == pytest.approx(wanted[1], rel=0.05)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_a_dashpot_in_place_of_the_damper_is_the_linear_car(engine: str) -> None:
+    plant = CarPlant(model=dashpot(1500.0), timestep=2e-4, engine=engine)
+    road = iso8608("B", 20.0, 4.0, 7)
+    plant.reset(road)
+    total, rows = np.zeros(3), []
+    while not plant.finished:
+        rows.append(plant.step(0.0)["stroke"])
+        total += plant.of_period[:3]
+    n = len(rows)
+    found = linear_run(CAR, road.at(2e-4 * np.arange(25 * n)), 2e-4, 1500.0)
+    np.testing.assert_allclose(total / n, [np.mean(x * x) for x in found], rtol=0.01)
+    assert off(np.array(rows[:-1]), found[2][25::25]) < 0.01
+
+
+def jumping(t: float, s: Array, c: float, road: Road) -> Array:
+    """Rates of wheel, body (m) and their velocities, written out from Newton's law."""
+    w, rate = road.at(t), (road.at(t + 1e-6) - road.at(t - 1e-6)) / 2e-6
+    strut = 20_000.0 * (s[1] - s[0]) + c * (s[3] - s[2])
+    tyre = max(0.0, 440.0 * 9.80665 - 210_000.0 * (s[0] - w) - 120.0 * (s[2] - rate))
+    return np.array([s[2], s[3], (strut + tyre - 440.0 * 9.80665) / 40.0, -strut / 400.0])
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_the_wheel_leaves_the_road_as_in_scipy(engine: str) -> None:
+    road, c, period = bump(0.12, 1.0, 8.0, 1.5, lead=0.2), 800.0, 5e-3
+    plant = CarPlant(model=dashpot(c), timestep=1e-4, period=period, engine=engine)
+    plant.reset(road)
+    rows, off_road = [], 0.0
+    while not plant.finished:
+        y = plant.step(0.0)
+        rows.append([y["stroke"], y["displacement_1"]])
+        off_road += plant.of_period[4]
+    time = period * np.arange(1, len(rows) + 1)
+    solved = solve_ivp(
+        jumping,
+        (0.0, time[-1]),
+        np.zeros(4),
+        args=(c, road),
+        t_eval=time,
+        max_step=5e-4,
+        rtol=1e-8,
+        atol=1e-10,
+    )
+    wheel, body, wheel_rate, _ = solved.y
+    gap = wheel - road.at(time)
+    found = np.array(rows)
+    assert off(found[:, 0], body - wheel) < 0.01
+    assert off(found[:, 1], gap) < 0.01
+    away = 440.0 * 9.80665 - 210_000.0 * gap - 120.0 * wheel_rate <= 0  # behind the bump the road is flat
+    assert away.any()
+    assert off_road / len(rows) == pytest.approx(away.mean(), abs=0.02)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_on_the_chain(law: str) -> None:
+    parameters, largest = LAWS[law]
+    weights = random_network(4, (6,)).text() if law == "narx" else None
+    model = Model(law, dict(parameters), weights=weights) if parameters or weights else None
+    reward = {"stroke": 0.2, "airborne": 1.0, "power": 0.1}
+    found = []
+    for engine in ("mujoco", "chain"):
+        task = CarTask(
+            1, engine=engine, timestep=FINE, model=model, command_max=largest, signals=SIGNALS, reward=reward
+        )
+        task.reset([0], [np.random.default_rng(0)], {"road": ROAD})
+        steps = [task.step(action[None]) for action in actions(300)]
+        names = ("observation", "reward", "info")
+        found.append([np.array([getattr(s, k)[0] for s in steps]).astype(float) for k in names])
+    (seen, rewards, info), (chain_seen, chain_rewards, chain_info) = found
+    apart = [off(chain_seen[:, k], seen[:, k]) for k in range(seen.shape[1])]
+    assert max(apart) < OBSERVED, apart
+    assert off(chain_rewards, rewards) < REWARDED
+    for k, name in enumerate(CarTask(1).score.NAMES):
+        assert off(chain_info[:, k], info[:, k]) < (0.05 if "airborne" in name else REWARDED), name
+    assert info[-1, CarTask(1).score.NAMES.index("airborne")] > 0
+
+
+def test_the_shipped_model_is_the_environments() -> None:
+    ends = []
+    for text in (
+        models_xml.path("quarter_car").read_text(encoding="utf-8"),
+        car_xml(CAR, CarTask(1).model, 5e-4),
+    ):
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        data.actuator("damper").ctrl = 1.0
+        data.joint("tyre").qpos, data.joint("suspension").qvel = -0.01, 0.3
+        for _ in range(200):
+            mujoco.mj_step(model, data)
+        ends.append([*data.qpos[1:], *data.qvel[1:]])
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
+
+
+# --- as an environment --------------------------------------------------------------------
+ARGUMENTS: Mapping[str, Any] = {
+    "roads": IsoRoads(("B", "C"), duration=1.0),
+    "noise": {"acceleration": 0.05, "force": 2.0},
+    "history": 2,
+    "full_state": True,
+}
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_rows_of_make_vec_are_single_environments(engine: str) -> None:
+    own = {**ARGUMENTS, "engine": engine, "roads": IsoRoads(("C",), duration=1.0)}
+    rows: Any = gymnasium.make_vec("mrdamp/QuarterCar-v0", num_envs=3, threads=2, **own)
+    loop = SyncVectorEnv([lambda: CarEnv(**own)] * 3, autoreset_mode=AutoresetMode.NEXT_STEP)
+    np.testing.assert_array_equal(loop.reset(seed=3)[0], rows.reset(seed=3)[0])
+    rng, ends = np.random.default_rng(0), 0
+    for _ in range(230):
+        action = rng.uniform(-1, 1, (3, 1)).astype(np.float32)
+        a, b = loop.step(action), rows.step(action)
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x, y)
+        for name in rows.task.score.NAMES:
+            if name in a[4]:
+                np.testing.assert_array_equal(a[4][name], b[4][name])
+        ends += int(a[3].sum())
+    assert ends == 3
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_contract_and_moments(engine: str) -> None:
+    env = CarEnv(engine=engine, **ARGUMENTS)
+    check_env(env, skip_render_check=True)
+    env.reset(seed=1)
+    given = actions(60).astype(np.float32)
+    for action in given[:30]:
+        env.step(action)
+    kept, here = env.get_state(), env.task.rows.position(0)
+    first = [env.step(action)[:2] for action in given[30:]]
+    env.reset(seed=8)
+    env.set_state(kept)
+    np.testing.assert_array_equal(env.task.rows.position(0), here)
+    for (seen, reward), action in zip(first, given[30:], strict=True):
+        now, same = env.step(action)[:2]
+        np.testing.assert_array_equal(now, seen)
+        assert same == reward
+
+
+def test_faults_are_told() -> None:
+    with pytest.raises(InputError, match="car: wheel is 0"):
+        QuarterCar(wheel=0.0)
+    with pytest.raises(InputError, match="option 'motion' is unknown; allowed: road, amplitude, speed"):
+        CarEnv().reset(options={"motion": 1})
+    with pytest.raises(InputError, match="flat throughout"):
+        CarEnv().reset(options={"road": Road("flat", 0.1, np.zeros(50), 5.0)})
+    with pytest.raises(InputError, match="no measurement 'velocity_9'"):
+        CarTask(1, signals=["velocity_9"])
+    task = CarTask(2, engine="chain")
+    task.reset([0, 1], [np.random.default_rng(k) for k in range(2)])
+    task.step(np.zeros((2, 1)))
+    task.rows.plants.state[1, 5] = math.nan
+    with pytest.raises(InputError, match="diverged"):
+        task.step(np.zeros((2, 1)))
