@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _ENVIRONMENTS = {
     name: kind
-    for kind, identity in (("frame", "Frame-v0"), ("cable", "Cable-v0"))
+    for kind, identity in (("frame", "Frame-v0"), ("cable", "Cable-v0"), ("car", "QuarterCar-v0"))
     for name in (kind, identity, f"mrdamp/{identity}")
 }
 _PRESETS = "dyke1996", "cable"
@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
         "controllers x motions x amplitudes -> one table with intervals, and a page",
         "mrdamp compare frame --motions records/*.AT2 --controllers passive-on best-constant policy:seeds/",
     )
-    p.add_argument("environment", nargs="?", default="frame", help="frame (default) or cable, or mrdamp/Frame-v0 ...")
+    p.add_argument("environment", nargs="?", default="frame", help="frame (default), cable or car, or their ids")
     p.add_argument("--preset", choices=_PRESETS, help="a published table in place of a comparison")
     p.add_argument(
         "--controllers",
@@ -46,12 +46,13 @@ def add_to(commands: Any) -> None:
         metavar="NAME",
         help="names, NAME=KIND:key=value,..., or NAME=policy:FILES; several files are seeds (default: all)",
     )
-    p.add_argument("--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, or folders of them")
+    p.add_argument("--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, folders; roads as CSV")
+    p.add_argument("--speed", type=float, default=20.0, metavar="M/S", help="on road files (default: %(default)g)")
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
     p.add_argument("--compression", type=float, default=5.0, help="speed of the motions (default: %(default)g)")
     p.add_argument("--model", type=Path, help="model file of a damper, or of a frame with one (default: published)")
     p.add_argument("--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)")
-    p.add_argument("--period", type=float, metavar="MS", help="of control (default: 1 ms, 5 ms on the cable)")
+    p.add_argument("--period", type=float, metavar="MS", help="of control (default: 1 ms on the frame, else 5 ms)")
     p.add_argument(
         "--engine", choices=("mujoco", "chain"), default="mujoco",
         help="what the structures run on: MuJoCo, or the plugin's chain without it (default: %(default)s)",
@@ -76,13 +77,16 @@ def run(a: argparse.Namespace) -> int:
 def _compare(a: argparse.Namespace, environment: str) -> int:
     from mrdamp.compare.comparison import compare
     from mrdamp.compare.contenders import contenders, shipped_policies
-    from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
+    from mrdamp.compare.motions import read_motions
     from mrdamp.compare.output import write_comparison
     from mrdamp.compare.tables import mean_rows, to_json
+    from mrdamp.roads import read_road
 
-    bench = _frame_bench(a) if environment == "frame" else _cable_bench(a)
-    loads = read_motions(a.motions) if a.motions else bench.unseen_loads()
-    amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else UNSEEN_AMPLITUDES
+    bench = {"frame": _frame_bench, "cable": _cable_bench, "car": _car_bench}[environment](a)
+    loads: Sequence[Any] = bench.unseen_loads()
+    if a.motions:
+        loads = [read_road(f, a.speed) for f in a.motions] if environment == "car" else read_motions(a.motions)
+    amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else bench.unseen_amplitudes
     shipped = shipped_policies(environment)
     names = a.controllers or [*bench.default, *shipped]
     keep = _keep(a.out)
@@ -102,7 +106,7 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     at = [k for k, m in enumerate(result.measures, start=1) if m.key in bench.headline]
     heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
     print(_aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]))
-    print("mean (worst) over motions or loads and amplitudes; ratios are over the structure without a damper")
+    print(f"mean (worst) over motions or loads and amplitudes; ratios are over {bench.reference}")
     print(about)
     if not settings and not a.controllers:
         print("tuned controllers are left out: there are no settings for this model; add --tune")
@@ -134,6 +138,16 @@ def _cable_bench(a: argparse.Namespace) -> Bench:
     if a.model is None:
         return CableBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
     return CableBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine)
+
+
+def _car_bench(a: argparse.Namespace) -> Bench:
+    from mrdamp.compare.car import CarBench
+    from mrdamp.model import Model
+
+    period = 1e-3 * (a.period or 5.0)
+    if a.model is None:
+        return CarBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
+    return CarBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine)
 
 
 def _settings(

@@ -27,6 +27,9 @@ class Measure:
     ratio: bool = False
 
 
+#: What ratios are over on a structure with a damper more or less.
+WITHOUT = "the structure without a damper"
+
 #: Of the command and the coil, on any bench; NaN for an ideal actuator.
 ELECTRIC: tuple[Measure, ...] = (
     Measure("mean_command", "mean command ({unit})"),
@@ -68,7 +71,8 @@ class Bench(Protocol):
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
-    controllers of the default table. tuning_amplitudes: of the loads that they are tuned on.
+    controllers of the default table. tuning_amplitudes: of the loads that they are tuned on; unseen_amplitudes: of
+    those that they are judged on. reference: what ratios are over, in words.
     """
 
     @property
@@ -94,6 +98,12 @@ class Bench(Protocol):
 
     @property
     def tuning_amplitudes(self) -> tuple[float, ...]: ...
+
+    @property
+    def unseen_amplitudes(self) -> tuple[float, ...]: ...
+
+    @property
+    def reference(self) -> str: ...
 
     @property
     def kinds(self) -> tuple[str, ...]:

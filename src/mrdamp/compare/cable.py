@@ -15,11 +15,12 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.cables import StayCable
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, WITHOUT, Measure
 from mrdamp.compare.frame import file_of, specs
+from mrdamp.compare.motions import UNSEEN_AMPLITUDES
+from mrdamp.compare.plant_run import PlantRun, run_plant
 from mrdamp.control import cable as controllers
 from mrdamp.control import registry
-from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
@@ -75,6 +76,8 @@ class CableBench:
         "skyhook-tuned",
     )
     tuning_amplitudes: ClassVar[tuple[float, ...]] = (0.6, 1.4)
+    unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
+    reference: ClassVar[str] = WITHOUT
 
     def __post_init__(self) -> None:
         for name in ("period", "timestep"):
@@ -99,27 +102,15 @@ class CableBench:
         )
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
-        plant = CablePlant(self.cable, self.model, period=self.period, timestep=self.timestep, engine=self.engine)
+        def plant(period: float) -> CablePlant:
+            return CablePlant(self.cable, self.model, period=period, timestep=self.timestep, engine=self.engine)
+
         scaled = load.scaled(amplitude)
         if spec == UNCONTROLLED:
-            pushes = plant.rows.start(0, scaled)
-            free = free_run(self.cable, pushes, plant.rows.plants.timestep)
+            rows = plant(self.period).rows
+            free = free_run(self.cable, rows.start(0, scaled), rows.plants.timestep)
             return {"motion": math.sqrt(float(free[0]))}
-        controller = controllers.make(spec, self.site)
-        every = round(controller.period / self.period)
-        if abs(every * self.period - controller.period) > 1e-9 * self.period or every < 1:
-            own: dict[str, Any] = {"period": controller.period, "timestep": self.timestep, "engine": self.engine}
-            plant = CablePlant(self.cable, self.model, **own)
-            every = 1
-        held = ZeroOrderHold(controller, every)
-        held.reset()
-        y = plant.reset(scaled)
-        rows = []
-        while not plant.finished:
-            command = held.command(plant.time, y)
-            y = plant.step(command)
-            rows.append((plant.mean_square, command, y["current"], y["true_force"], y["stroke"]))
-        return self._kept(np.array(rows), plant.period)
+        return self._kept(run_plant(plant, scaled, controllers.make(spec, self.site), self.period))
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         return {**kept, "motion": kept["motion"] / uncontrolled["motion"]}
@@ -189,17 +180,11 @@ class CableBench:
             np.abs(self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})["force_N"]).max()
         )
 
-    def _kept(self, rows: np.ndarray[Any, np.dtype[np.float64]], period: float) -> dict[str, Any]:
-        square, command, current, force, stroke = rows.T
-        duration = period * len(rows)
-        way = float(np.abs(np.diff(command)).sum())
-        coil = Coil.of(self.command_unit)
+    def _kept(self, run: PlantRun) -> dict[str, Any]:
+        force = run.force
         return {
-            "motion": math.sqrt(float(square.mean())),
+            "motion": math.sqrt(float(run.of_period[:, 0].mean())),
             "peak_force": float(np.abs(force).max()),
-            "mean_command": float(np.abs(command).mean()),
-            "rms_command": float(np.sqrt(np.mean(command**2))),
-            "switching_rate": way / self.site.command_max / duration,
-            "dissipated_energy": float(np.sum((force[1:] + force[:-1]) / 2 * np.diff(stroke))),
-            **coil.use(float(np.abs(current).mean()), float(np.mean(current**2)), duration),
+            "dissipated_energy": float(np.sum((force[1:] + force[:-1]) / 2 * np.diff(run.stroke))),
+            **run.electric(self.command_unit, self.site.command_max),
         }

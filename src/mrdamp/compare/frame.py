@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Coil, Measure
-from mrdamp.compare.motions import TUNING_AMPLITUDES, tuning_motions, unseen_motions
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, WITHOUT, Coil, Measure
+from mrdamp.compare.motions import TUNING_AMPLITUDES, UNSEEN_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.compare.on_chain import run_chain
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
@@ -81,6 +81,8 @@ class FrameBench:
         "ideal-active-tuned",
     )
     tuning_amplitudes: ClassVar[tuple[float, ...]] = TUNING_AMPLITUDES
+    unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
+    reference: ClassVar[str] = WITHOUT
 
     def __post_init__(self) -> None:
         for name in ("compression", "period", "timestep"):

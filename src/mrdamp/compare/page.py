@@ -11,7 +11,7 @@ from mrdamp.compare.bench import Bench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
-from mrdamp.compare.tables import NOTE, claim_rows, columns, interval_rows, mean_rows
+from mrdamp.compare.tables import claim_rows, columns, interval_rows, mean_rows, note
 from mrdamp.core import Array
 from mrdamp.criteria import Criteria
 from mrdamp.pictures.compare import Bar, by_amplitude, ranking, trade_off
@@ -31,7 +31,7 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
     page.figure(
         "Means",
         ranking({_words(key, titles[key]): _bars(result, key) for key in bench.headline}),
-        "Over motions or loads, amplitudes and seeds. Ratios are over the structure without a damper.",
+        f"Over motions or loads, amplitudes and seeds. Ratios are over {bench.reference}.",
         "Mean, interval and worst case of the main measures by controller.",
     )
     if {"J1", "J2"} <= set(titles):
@@ -42,7 +42,7 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             "Drift against acceleration; better is below and to the left.",
             "Mean peak acceleration over mean peak drift, a point a controller.",
         )
-    page.table("Table", columns(result, bench.command_unit), mean_rows(result), NOTE)
+    page.table("Table", columns(result, bench.command_unit), mean_rows(result), note(bench))
     heads = [_words(key, titles[key]) for key in bench.claimed]
     page.table(
         "",
@@ -153,4 +153,4 @@ def _summary(result: Comparison, bench: Bench) -> str:
     if not rated:
         return f"{text}."
     best = min(rated, key=rated.__getitem__)
-    return f"{text}: the best real one is {best}, at {rated[best]:.0%} of the structure without a damper on average."
+    return f"{text}: the best real one is {best}, at {rated[best]:.0%} of {bench.reference} on average."

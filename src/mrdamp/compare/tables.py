@@ -9,15 +9,21 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from mrdamp.compare.bench import Bench
+from mrdamp.compare.bench import WITHOUT, Bench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.summary import Summary
 
 Row = tuple[str, ...]
-NOTE = (
-    "Mean over motions (or loads), amplitudes and seeds, the worst case in parentheses. J1 to J6, J12 and RMS motion "
-    "are over the structure without a damper, J11 over its weight."
-)
+
+
+def note(bench: Bench) -> str:
+    """What the table of means holds."""
+    over = (
+        "J1 to J6, J12 and RMS motion are over the structure without a damper, J11 over its weight"
+        if bench.reference == WITHOUT
+        else f"Ratios are over {bench.reference}"
+    )
+    return f"Mean over motions (or loads), amplitudes and seeds, the worst case in parentheses. {over}."
 
 
 def short(value: float) -> str:
@@ -68,7 +74,7 @@ def report(result: Comparison, bench: Bench, about: str) -> str:
     """The Markdown page of a comparison."""
     keys = bench.claimed
     parts = [f"# Controllers compared\n\n{about}\n", markdown(columns(result, bench.command_unit), mean_rows(result))]
-    parts.append(f"{NOTE}\n\n## 95 % intervals of the means\n")
+    parts.append(f"{note(bench)}\n\n## 95 % intervals of the means\n")
     parts.append(markdown(("controller", *keys), interval_rows(result, keys)))
     for c in result.contenders:
         if c.learned:

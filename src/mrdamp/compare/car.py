@@ -1,0 +1,207 @@
+"""A quarter car on roads: one run, what is kept of it, and what tuning tries."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrdamp import __version__
+from mrdamp.cars import QuarterCar
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure
+from mrdamp.compare.frame import file_of, specs
+from mrdamp.compare.plant_run import run_plant
+from mrdamp.control import car as controllers
+from mrdamp.control import registry
+from mrdamp.envs.car_reward import linear_run
+from mrdamp.envs.car_rows import PERIOD
+from mrdamp.envs.car_task import CarPlant, car_damper
+from mrdamp.errors import InputError
+from mrdamp.library import library_path
+from mrdamp.model import Model
+from mrdamp.roads import Road, bump, iso8608
+
+_VERSION = 1
+#: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
+_TUNING = (("B", 25.0, 301), ("C", 15.0, 302), ("C", 25.0, 303), ("D", 10.0, 304))
+_UNSEEN = (
+    ("A", 30.0, 9_000_201), ("B", 20.0, 9_000_202), ("B", 30.0, 9_000_203), ("C", 12.0, 9_000_204),
+    ("C", 20.0, 9_000_205), ("C", 28.0, 9_000_206), ("D", 8.0, 9_000_207), ("D", 18.0, 9_000_208),
+)  # fmt: skip
+_DURATION = 12.0  # s
+
+
+@dataclass(frozen=True)
+class CarBench:
+    """A quarter car with its damper. period: of the classical controllers, s; timestep: of the engine, s, at most;
+    engine: `mujoco` or `chain`. Raises InputError."""
+
+    car: QuarterCar = field(default_factory=QuarterCar)
+    model: Model = field(default_factory=car_damper)
+    command_unit: str = "V"
+    period: float = 5e-3
+    timestep: float = 5e-4
+    engine: str = "mujoco"
+
+    environment: ClassVar[str] = "car"
+    reference: ClassVar[str] = "the linear suspension, a dashpot of .3 of critical"
+    measures: ClassVar[tuple[Measure, ...]] = (
+        Measure("comfort", "weighted acceleration", ratio=True),
+        Measure("load", "dynamic tyre load", ratio=True),
+        Measure("stroke", "RMS stroke", ratio=True),
+        Measure("acceleration", "weighted acceleration (m/s2)"),
+        Measure("load_share", "dynamic tyre load over static"),
+        Measure("airborne", "without contact (%)"),
+        Measure("peak_stroke", "peak stroke (mm)"),
+        *ELECTRIC,
+        Measure("dissipated_energy", "dissipated (J)"),
+    )
+    headline: ClassVar[tuple[str, ...]] = (
+        "comfort",
+        "load",
+        "stroke",
+        "airborne",
+        "mean_command",
+        "switching_rate",
+    )
+    claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
+    tuned: ClassVar[Mapping[str, str]] = {
+        "best-constant": "constant",
+        "skyhook-switch-tuned": "skyhook-switch",
+        "skyhook-tuned": "skyhook",
+        "groundhook-tuned": "groundhook",
+        "hybrid-tuned": "hybrid",
+        "add-tuned": "add",
+        "sh-add-tuned": "sh-add",
+        "clipped-lq-tuned": "clipped-lq",
+        "lq-tracking-tuned": "lq-tracking",
+        "clipped-mpc-tuned": "clipped-mpc",
+    }
+    default: ClassVar[tuple[str, ...]] = (
+        "passive-off",
+        "passive-on",
+        "best-constant",
+        "skyhook-switch-tuned",
+        "skyhook-tuned",
+        "groundhook-tuned",
+        "hybrid-tuned",
+        "add-tuned",
+        "sh-add-tuned",
+        "clipped-lq-tuned",
+        "lq-tracking-tuned",
+        "clipped-mpc-tuned",
+    )
+    tuning_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
+    unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
+
+    def __post_init__(self) -> None:
+        for name in ("period", "timestep"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return tuple(controllers.OPTIONS)
+
+    def check(self, spec: str) -> None:
+        registry.parse(spec, controllers.OPTIONS)
+
+    @cached_property
+    def site(self) -> controllers.CarSite:
+        """What controllers are made for."""
+        largest = self.model.attributes.get("command_max", math.nan)
+        if not 0 < largest < math.inf:
+            raise InputError(
+                f"{self.model.name}: no command_max among its parameters; give the largest command"
+            )
+        force = registry.Site(self.car.frame, self.model, largest, self.period).force_max()
+        return controllers.CarSite(self.car, self.model, largest, force, self.period)
+
+    def run(self, spec: str, load: Road, amplitude: float) -> dict[str, Any]:
+        road = load.scaled(amplitude)
+        if spec == UNCONTROLLED:
+            time = np.arange(0.0, road.duration, self.timestep)
+            square = [float(np.mean(x * x)) for x in linear_run(self.car, road.at(time), self.timestep)]
+            return dict(zip(PERIOD[:3], square, strict=True))
+
+        def plant(period: float) -> CarPlant:
+            return CarPlant(self.car, self.model, period=period, timestep=self.timestep, engine=self.engine)
+
+        run = run_plant(plant, road, controllers.make(spec, self.site), self.period)
+        mean = dict(zip(PERIOD, run.of_period.mean(axis=0).tolist(), strict=True))
+        if not all(map(math.isfinite, mean.values())):
+            raise InputError(f"{self.model.name}: the simulation diverged; check the car and the road's unit")
+        return {
+            **{key: mean[key] for key in ("comfort", "load", "stroke", "airborne")},
+            "peak_stroke": 1e3 * float(run.of_period[:, PERIOD.index("stroke_peak")].max()),
+            "dissipated_energy": float(run.of_period[:, PERIOD.index("energy")].sum()),
+            **run.electric(self.command_unit, self.site.command_max),
+        }
+
+    def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
+        ratios = {key: math.sqrt(kept[key] / uncontrolled[key]) for key in PERIOD[:3]}
+        own = {"acceleration": math.sqrt(kept["comfort"]), "load_share": math.sqrt(kept["load"])}
+        return {**kept, **own, **ratios, "airborne": 100 * kept["airborne"]}
+
+    def grid(self, kind: str) -> tuple[str, ...]:
+        largest, critical = self.site.command_max, self.car.critical_damping
+        dampings = [critical * k for k in (0.1, 0.2, 0.35, 0.6, 1.0)]
+        levels = [0.1, 0.2, 0.4, 1.0]
+        weights: Mapping[str, Sequence[float]] = {
+            "holding": [0.1, 0.3, 1.0, 3.0],
+            "stroke": [0.01, 0.1],
+            "r": [1e-3, 1e-1],
+        }
+        choices: Mapping[str, Mapping[str, Sequence[float]]] = {
+            "constant": {"value": [largest * k / 20 for k in (0, 1, 2, 3, 4, 6, 8, 12, 16, 20)]},
+            "skyhook-switch": {"level": levels},
+            "skyhook": {"damping": dampings},
+            "groundhook": {"damping": dampings},
+            "hybrid": {"damping": dampings, "share": [0.25, 0.5, 0.75]},
+            "add": {"level": levels},
+            "sh-add": {"alpha": [6.0, 12.0, 24.0, 48.0], "level": levels},
+            "clipped-lq": {"holding": weights["holding"], "r": weights["r"], "level": levels},
+            "lq-tracking": weights,
+            "clipped-mpc": {"holding": weights["holding"], "stroke": [0.01], "r": [1e-3, 1e-1]},
+        }
+        return specs(kind, choices)
+
+    def score(self, values: Mapping[str, float]) -> float:
+        """The mean of weighted acceleration and dynamic tyre load, over those of the linear suspension."""
+        return (values["comfort"] + values["load"]) / 2
+
+    def tuning_loads(self) -> tuple[Road, ...]:
+        return (*_roads(_TUNING), bump(0.06, 1.5, 8.0))
+
+    def unseen_loads(self) -> tuple[Road, ...]:
+        return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
+
+    def key(self, spec: str, load: Road, amplitude: float) -> str:
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "car")}
+        parts = [_VERSION, __version__, own, asdict(self.car), self.model.to_dict()]
+        digest = hashlib.sha256(json.dumps([*parts, spec, amplitude, load.speed, load.spacing]).encode())
+        digest.update(load.height.tobytes() + Path(library_path()).read_bytes() + file_of(spec))
+        return digest.hexdigest()[:32]
+
+    def identity(self) -> str:
+        loads = [load.name for load in self.tuning_loads()]
+        own = [asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep, loads]
+        return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
+
+    def about(self) -> str:
+        c = self.car
+        return (
+            f"{self.model.name} in a quarter car of {c.body:g} and {c.wheel:g} kg, control period "
+            f"{1e3 * self.period:g} ms; ratios are over {self.reference}"
+        )
+
+
+def _roads(drawn: Sequence[tuple[str, float, int]]) -> tuple[Road, ...]:
+    return tuple(iso8608(road_class, speed, _DURATION, seed) for road_class, speed, seed in drawn)

@@ -1,0 +1,66 @@
+"""A controller on a plant: one run, and what its command and coil took."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.compare.bench import Coil
+from mrdamp.control.base import Controller
+from mrdamp.control.zero_order_hold import ZeroOrderHold
+from mrdamp.envs.plant import RowPlant
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlantRun:
+    """Samples every `period` (s), at the ends of the control periods: what the rows said of each period (n, columns),
+    command and current (A or V), force (N) and stroke (m), (n,) each."""
+
+    period: float
+    of_period: Array
+    command: Array
+    current: Array
+    force: Array
+    stroke: Array
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self.period * len(self.command)
+
+    def electric(self, unit: str, command_max: float) -> dict[str, Any]:
+        """`ELECTRIC` by key."""
+        way = float(np.abs(np.diff(self.command)).sum())
+        return {
+            "mean_command": float(np.abs(self.command).mean()),
+            "rms_command": float(np.sqrt(np.mean(self.command**2))),
+            "switching_rate": way / command_max / self.duration,
+            **Coil.of(unit).use(
+                float(np.abs(self.current).mean()), float(np.mean(self.current**2)), self.duration
+            ),
+        }
+
+
+def run_plant(
+    make: Callable[[float], RowPlant], load: Any, controller: Controller, period: float
+) -> PlantRun:
+    """A controller over a load. make: a plant from its control period, s; period: of the plant, unless the controller's
+    own is no multiple of it."""
+    every = round(controller.period / period)
+    if abs(every * period - controller.period) > 1e-9 * period or every < 1:
+        period, every = controller.period, 1
+    plant, held = make(period), ZeroOrderHold(controller, every)
+    held.reset()
+    y, rows, said = plant.reset(load), [], []
+    while not plant.finished:
+        command = held.command(plant.time, y)
+        y = plant.step(command)
+        rows.append((command, y["current"], y["true_force"], y["stroke"]))
+        said.append(tuple(plant.of_period))
+    return PlantRun(period, np.array(said), *np.array(rows).T)

@@ -1,0 +1,251 @@
+"""Controllers of a quarter car: switching laws of its two accelerations and stroke, and wanted forces that are tracked.
+
+z_b, z_w: heights of body and wheel; the damper's force f is positive where it is being extended, z_b' > z_w'. On/off,
+the field is on where
+
+    skyhook      z_b' (z_b' - z_w') > 0    Karnopp, Crosby and Harwood 1974, doi 10.1115/1.3438373
+    groundhook   -z_w' (z_b' - z_w') > 0   Valasek, Novak, Sika and Vaculin, Vehicle System Dynamics 27 (1997)
+    ADD          z_b'' (z_b' - z_w') > 0   Savaresi, Silani and Bittanti 2005, doi 10.1115/1.1898241
+    SH-ADD       ADD where z_b''^2 > (alpha z_b')^2, else skyhook   Savaresi and Spelta 2007, doi 10.1115/1.2745846
+
+Continuous skyhook, groundhook and their mix want f = share c z_b' - (1 - share) c z_w' and follow it through the
+damper's inverse. Velocities come from the accelerometers by leaky integrators; z_b' - z_w' is measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp.cars import QuarterCar
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.clipped_optimal import plant_force
+from mrdamp.control.force_control import Aim, ForceController, OnOff, Tracking
+from mrdamp.control.passive import Constant, passive_off, passive_on
+from mrdamp.control.plant import Plant
+from mrdamp.control.skyhook import SkyhookForce
+from mrdamp.errors import InputError
+from mrdamp.inverse import LawInverse
+from mrdamp.model import Model
+from mrdamp.structures import FloatArray
+
+#: Of white noise on what the Kalman filter gets, per sample: wheel and body, m/s2, stroke, m.
+MEASURED = {"acceleration_1": 0.5, "acceleration_2": 0.05, "stroke": 2e-4}
+
+
+@dataclass(frozen=True)
+class CarSite:
+    """What a controller is made for: the car, the damper's model, the largest command (A or V), the force then (N) and
+    the control period, s."""
+
+    car: QuarterCar
+    damper: Model
+    command_max: float
+    force_max: float
+    period: float = 5e-3
+
+
+class Velocities:
+    """Absolute velocities of wheel and body from their accelerometers: v' = a - v / leak, m/s."""
+
+    def __init__(self, leak: float, period: float) -> None:
+        self._floors = tuple(SkyhookForce(floor, 1.0, 1.0, leak, period) for floor in (1, 2))
+
+    def reset(self) -> None:
+        for floor in self._floors:
+            floor.reset()
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> tuple[float, float]:
+        """Of wheel and body."""
+        wheel, body = (floor(t, y) for floor in self._floors)
+        return wheel, body
+
+
+class HookForce:
+    """Wanted force share c z_b' - (1 - share) c z_w'. damping: c, N s/m; share: 1 skyhook, 0 groundhook."""
+
+    def __init__(self, damping: float, share: float, leak: float, period: float) -> None:
+        if not 0 <= share <= 1:
+            raise InputError(f"hybrid: share is {share}; allowed: 0 to 1")
+        if not 0 < damping < math.inf:
+            raise InputError(f"hybrid: damping is {damping}; allowed: a finite number > 0")
+        self.damping, self.share = damping, share
+        self._velocities = Velocities(leak, period)
+
+    def reset(self) -> None:
+        self._velocities.reset()
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> float:
+        wheel, body = self._velocities(t, y)
+        return self.damping * (self.share * body - (1 - self.share) * wheel)
+
+
+#: Whether the field is on, from velocities of wheel and body, the stroke's velocity and the body's acceleration.
+Switch = Callable[[float, float, float, float], bool]
+
+
+class Switching:
+    """On/off control by a `Switch`. command_max: A or V; leak, period: s."""
+
+    def __init__(self, name: str, switch: Switch, command_max: float, leak: float, period: float) -> None:
+        self.name, self.period = name, period
+        self._switch, self._on = switch, command_max
+        self._velocities = Velocities(leak, period)
+
+    def reset(self) -> None:
+        self._velocities.reset()
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        wheel, body = self._velocities(t, y)
+        return self._on if self._switch(wheel, body, y["stroke_velocity"], y["acceleration_2"]) else 0.0
+
+
+def skyhook_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
+    return body * stroke > 0
+
+
+def groundhook_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
+    return wheel * stroke < 0
+
+
+def add_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
+    return acceleration * stroke > 0
+
+
+def sh_add_switch(alpha: float) -> Switch:
+    """alpha: rad/s, above which acceleration decides. Raises InputError."""
+    if not 0 < alpha < math.inf:
+        raise InputError(f"sh-add: alpha is {alpha}; allowed: a finite number > 0")
+
+    def switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
+        rules = acceleration**2 > (alpha * body) ** 2
+        return (acceleration if rules else body) * stroke > 0
+
+    return switch
+
+
+def car_plant(car: QuarterCar) -> Plant:
+    """States z_w - w, z_b - z_w, z_w', z_b'; e (4,) per m/s of the road's velocity, which is white noise on a road of
+    ISO 8608."""
+    a, e, _, _ = car.passive(0.0)
+    return Plant(a, np.array([0.0, 0.0, 1 / car.wheel, -1 / car.body]), e[:, 0])
+
+
+def car_outputs(car: QuarterCar, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, 4) and feedthrough d (p,) of measurements by name. Raises InputError."""
+    linear = car_plant(car)
+    rows = {
+        "acceleration_1": (linear.a[2], linear.b[2]),
+        "acceleration_2": (linear.a[3], linear.b[3]),
+        "drift_1": (np.array([1.0, 0.0, 0.0, 0.0]), 0.0),
+        "stroke": (np.array([0.0, 1.0, 0.0, 0.0]), 0.0),
+        "stroke_velocity": (np.array([0.0, 0.0, -1.0, 1.0]), 0.0),
+    }
+    unknown = [name for name in names if name not in rows]
+    if unknown:
+        raise InputError(f"measurement {unknown[0]!r} is unknown; allowed: {', '.join(rows)}")
+    return np.array([rows[name][0] for name in names]), np.array([rows[name][1] for name in names])
+
+
+def regulated(car: QuarterCar, holding: float, stroke: float) -> dict[str, float]:
+    """Weights of body acceleration, tyre deflection and stroke.
+
+    Each of the last two is weighed against an acceleration of 1 m/s2: holding, per (m_b 1 m/s2 / k_t)^2 of deflection;
+    stroke, per (1 m/s2 over the square of the bounce's frequency)^2.
+    """
+    return {
+        "acceleration_2": 1.0,
+        "drift_1": holding * (car.tyre_stiffness / car.body) ** 2,
+        "stroke": stroke * car.bounce**4,
+    }
+
+
+def lq_force(site: CarSite, holding: float, stroke: float, r: float, roughness: float) -> Aim:
+    """LQG force for these weights. r: of (f / m_b)^2; roughness: intensity of the road's velocity, m2/s."""
+    car = site.car
+    deviation = np.array(list(MEASURED.values())) * math.sqrt(site.period)
+    return plant_force(
+        car_plant(car), lambda names: car_outputs(car, names), regulated(car, holding, stroke), r / car.body**2,
+        roughness, site.period, tuple(MEASURED), deviation,
+    )  # fmt: skip
+
+
+def tracked(site: CarSite, aim: Aim, name: str) -> ForceController:
+    """The aim through the inverse of the site's damper."""
+    inverse = LawInverse(site.damper, site.period, commands=(0.0, site.command_max))
+    return ForceController(aim, Tracking(inverse), site.period, name)
+
+
+#: Leak: s, of the integrators, slow against the bounce; level: of on/off switching, command over the largest;
+#: roughness: class C at 20 m/s.
+_LEAK = {"leak": 1.0}
+_SWITCH = {**_LEAK, "level": 1.0}
+_LQ = {"holding": 0.3, "stroke": 0.03, "r": 1e-3, "roughness": 1e-3}
+#: Kind -> options with their defaults; NaN: worked out from the site.
+OPTIONS: Mapping[str, Mapping[str, float]] = {
+    "passive-off": {},
+    "passive-on": {},
+    "constant": {"value": 0.0},
+    "skyhook": {"damping": math.nan, **_LEAK},
+    "skyhook-switch": _SWITCH,
+    "groundhook": {"damping": math.nan, **_LEAK},
+    "hybrid": {"damping": math.nan, "share": 0.5, **_LEAK},
+    "add": _SWITCH,
+    "sh-add": {"alpha": 12.0, **_SWITCH},
+    "clipped-lq": {**_LQ, "level": 1.0},
+    "lq-tracking": _LQ,
+    "clipped-mpc": {**_LQ, "horizon": 0.1},
+}
+
+
+def make(spec: str, site: CarSite) -> Controller:
+    """The controller of a spec (see `mrdamp.control.registry`) for a car. Raises InputError."""
+    kind, path, options = registry.parse(spec, OPTIONS)
+    if kind == registry.POLICY:
+        from mrdamp.control.policy import Policy
+
+        policy: Controller = Policy.read(Path(path))
+        return policy
+    o = {**OPTIONS[kind], **options}
+    # By default as much as would damp the body critically.
+    damping = o.get("damping", math.nan)
+    c = site.car.critical_damping if math.isnan(damping) else damping
+
+    def hook(share: float) -> ForceController:
+        return tracked(site, HookForce(c, share, o["leak"], site.period), kind)
+
+    def switching(switch: Switch) -> Switching:
+        return Switching(kind, switch, o["level"] * site.command_max, o["leak"], site.period)
+
+    def force() -> Aim:
+        return lq_force(site, o["holding"], o["stroke"], o["r"], o["roughness"])
+
+    def mpc() -> ForceController:
+        from mrdamp.control.car_mpc import MpcForce
+
+        return tracked(
+            site, MpcForce(site, o["holding"], o["stroke"], o["r"], o["roughness"], o["horizon"]), kind
+        )
+
+    builders: Mapping[str, Callable[[], Controller]] = {
+        "passive-off": lambda: passive_off(site.period),
+        "passive-on": lambda: passive_on(site.command_max, site.period),
+        "constant": lambda: Constant(o["value"], f"constant {o['value']:g}", site.period),
+        "skyhook": lambda: hook(1.0),
+        "skyhook-switch": lambda: switching(skyhook_switch),
+        "groundhook": lambda: hook(0.0),
+        "hybrid": lambda: hook(o["share"]),
+        "add": lambda: switching(add_switch),
+        "sh-add": lambda: switching(sh_add_switch(o["alpha"])),
+        "clipped-lq": lambda: ForceController(
+            force(), OnOff(o["level"] * site.command_max), site.period, kind
+        ),
+        "lq-tracking": lambda: tracked(site, force(), kind),
+        "clipped-mpc": mpc,
+    }
+    return builders[kind]()
