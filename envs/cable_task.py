@@ -18,7 +18,7 @@ from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.chain_rows import CABLES, of_engine
 from mrdamp.envs.frame_rows import command_range
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, observer_of
+from mrdamp.envs.task import References, Task, check_options, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
@@ -127,9 +127,7 @@ class CableTask(Task):
         return math.sqrt(self.cable_score.values[row, 0])
 
     def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
-        unknown = sorted(set(options) - {"load", "amplitude"})
-        if unknown:
-            raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: load, amplitude")
+        check_options(options, "load", "amplitude")
         load = options.get("load")
         if load is None:
             load = self.loads.draw(rng, self.cable.length)

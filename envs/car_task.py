@@ -20,7 +20,7 @@ from mrdamp.envs.chain_rows import CARS, of_engine
 from mrdamp.envs.frame_rows import command_range
 from mrdamp.envs.frame_task import largest_force
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, observer_of
+from mrdamp.envs.task import References, Task, check_options, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.roads import Road, read_road
@@ -124,9 +124,7 @@ class CarTask(Task):
         }
 
     def _road(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Road:
-        unknown = sorted(set(options) - {"road", "amplitude", "speed"})
-        if unknown:
-            raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: road, amplitude, speed")
+        check_options(options, "road", "amplitude", "speed")
         road, speed = options.get("road"), options.get("speed")
         if road is None:
             road = self.roads.draw(rng)

@@ -18,7 +18,7 @@ from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
 from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
-from mrdamp.envs.task import References, Task, observer_of
+from mrdamp.envs.task import References, Task, check_options, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, read_motion
@@ -108,9 +108,7 @@ class FrameTask(Task):
         )
 
     def _motion(self, rng: np.random.Generator, options: Mapping[str, Any]) -> GroundMotion:
-        unknown = sorted(set(options) - {"motion", "amplitude"})
-        if unknown:
-            raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: motion, amplitude")
+        check_options(options, "motion", "amplitude")
         motion = options.get("motion")
         if motion is None:
             motion = self.motions.draw(rng)

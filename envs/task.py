@@ -102,6 +102,13 @@ class References(Generic[Kept]):
         return self._kept[key]
 
 
+def check_options(options: Mapping[str, Any], *allowed: str) -> None:
+    """InputError for an option of `reset` that there is not."""
+    unknown = sorted(set(options) - set(allowed))
+    if unknown:
+        raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: {', '.join(allowed)}")
+
+
 def observer_of(
     given: Observer | Mapping[str, Any] | None, default: Callable[..., Observer], *about: Any
 ) -> Observer:

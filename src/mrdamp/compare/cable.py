@@ -18,13 +18,11 @@ from mrdamp.cables import StayCable
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, WITHOUT, Measure
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
-from mrdamp.compare.plant_run import PlantRun, run_plant
+from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
 from mrdamp.control import cable as controllers
-from mrdamp.control import registry
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
-from mrdamp.errors import InputError
 from mrdamp.library import library_path
 from mrdamp.model import Model
 
@@ -35,7 +33,7 @@ _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
 
 
 @dataclass(frozen=True)
-class CableBench:
+class CableBench(PlantBench):
     """A cable with its damper. period: of the classical controllers, s; timestep: of the engine, s, at most (at 1 ms
     what switches moves the cable 1 to 2 % less than it should); engine: `mujoco` or `chain`. Raises InputError."""
 
@@ -47,6 +45,7 @@ class CableBench:
     engine: str = "mujoco"
 
     environment: ClassVar[str] = "cable"
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS
     measures: ClassVar[tuple[Measure, ...]] = (
         Measure("motion", "RMS motion", ratio=True),
         Measure("peak_force", "peak force (N)"),
@@ -79,24 +78,10 @@ class CableBench:
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
 
-    def __post_init__(self) -> None:
-        for name in ("period", "timestep"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        return tuple(controllers.OPTIONS)
-
-    def check(self, spec: str) -> None:
-        registry.parse(spec, controllers.OPTIONS)
-
     @cached_property
     def site(self) -> controllers.CableSite:
         """What controllers are made for."""
-        largest = self.model.attributes.get("command_max", math.nan)
-        if not 0 < largest < math.inf:
-            raise InputError(f"{self.model.name}: no command_max among its parameters; give the largest command")
+        largest = self.command_max
         return controllers.CableSite(
             self.cable, largest, default_places(self.cable), self._force_max(largest), self.period, self.model
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from mrdamp import __version__
 from mrdamp.cars import QuarterCar
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure
 from mrdamp.compare.frame import file_of, specs
-from mrdamp.compare.plant_run import run_plant
+from mrdamp.compare.plant_run import PlantBench, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
 from mrdamp.envs.car_reward import linear_run
@@ -36,10 +37,37 @@ _UNSEEN = (
     ("C", 20.0, 9_000_205), ("C", 28.0, 9_000_206), ("D", 8.0, 9_000_207), ("D", 18.0, 9_000_208),
 )  # fmt: skip
 _DURATION = 12.0  # s
+_TUNED = {
+    "best-constant": "constant",
+    "skyhook-switch-tuned": "skyhook-switch",
+    "skyhook-tuned": "skyhook",
+    "groundhook-tuned": "groundhook",
+    "hybrid-tuned": "hybrid",
+    "add-tuned": "add",
+    "sh-add-tuned": "sh-add",
+    "clipped-lq-tuned": "clipped-lq",
+    "lq-tracking-tuned": "lq-tracking",
+    "clipped-mpc-tuned": "clipped-mpc",
+}
+_MPC = "clipped-mpc"
+_DEFAULT = (
+    "passive-off",
+    "passive-on",
+    "best-constant",
+    "skyhook-switch-tuned",
+    "skyhook-tuned",
+    "groundhook-tuned",
+    "hybrid-tuned",
+    "add-tuned",
+    "sh-add-tuned",
+    "clipped-lq-tuned",
+    "lq-tracking-tuned",
+    "clipped-mpc-tuned",
+)
 
 
 @dataclass(frozen=True)
-class CarBench:
+class CarBench(PlantBench):
     """A quarter car with its damper. period: of the classical controllers, s; timestep: of the engine, s, at most;
     engine: `mujoco` or `chain`. Raises InputError."""
 
@@ -51,6 +79,7 @@ class CarBench:
     engine: str = "mujoco"
 
     environment: ClassVar[str] = "car"
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS
     reference: ClassVar[str] = "the linear suspension, a dashpot of .3 of critical"
     measures: ClassVar[tuple[Measure, ...]] = (
         Measure("comfort", "weighted acceleration", ratio=True),
@@ -72,55 +101,22 @@ class CarBench:
         "switching_rate",
     )
     claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
-    tuned: ClassVar[Mapping[str, str]] = {
-        "best-constant": "constant",
-        "skyhook-switch-tuned": "skyhook-switch",
-        "skyhook-tuned": "skyhook",
-        "groundhook-tuned": "groundhook",
-        "hybrid-tuned": "hybrid",
-        "add-tuned": "add",
-        "sh-add-tuned": "sh-add",
-        "clipped-lq-tuned": "clipped-lq",
-        "lq-tracking-tuned": "lq-tracking",
-        "clipped-mpc-tuned": "clipped-mpc",
-    }
-    default: ClassVar[tuple[str, ...]] = (
-        "passive-off",
-        "passive-on",
-        "best-constant",
-        "skyhook-switch-tuned",
-        "skyhook-tuned",
-        "groundhook-tuned",
-        "hybrid-tuned",
-        "add-tuned",
-        "sh-add-tuned",
-        "clipped-lq-tuned",
-        "lq-tracking-tuned",
-        "clipped-mpc-tuned",
-    )
     tuning_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
 
-    def __post_init__(self) -> None:
-        for name in ("period", "timestep"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+    @property
+    def tuned(self) -> Mapping[str, str]:
+        return {name: kind for name, kind in _TUNED.items() if kind != _MPC or _solver()}
 
     @property
-    def kinds(self) -> tuple[str, ...]:
-        return tuple(controllers.OPTIONS)
-
-    def check(self, spec: str) -> None:
-        registry.parse(spec, controllers.OPTIONS)
+    def default(self) -> tuple[str, ...]:
+        """Without clipped MPC where its solver is not installed."""
+        return tuple(name for name in _DEFAULT if _TUNED.get(name) != _MPC or _solver())
 
     @cached_property
     def site(self) -> controllers.CarSite:
         """What controllers are made for."""
-        largest = self.model.attributes.get("command_max", math.nan)
-        if not 0 < largest < math.inf:
-            raise InputError(
-                f"{self.model.name}: no command_max among its parameters; give the largest command"
-            )
+        largest = self.command_max
         force = registry.Site(self.car.frame, self.model, largest, self.period).force_max()
         return controllers.CarSite(self.car, self.model, largest, force, self.period)
 
@@ -152,24 +148,24 @@ class CarBench:
 
     def grid(self, kind: str) -> tuple[str, ...]:
         largest, critical = self.site.command_max, self.car.critical_damping
-        dampings = [critical * k for k in (0.1, 0.2, 0.35, 0.6, 1.0)]
-        levels = [0.1, 0.2, 0.4, 1.0]
+        dampings = [critical * k for k in (0.05, 0.1, 0.2, 0.4, 0.6, 1.0)]
+        levels = [0.025, 0.05, 0.1, 0.2, 0.4, 1.0]
         weights: Mapping[str, Sequence[float]] = {
-            "holding": [0.1, 0.3, 1.0, 3.0],
-            "stroke": [0.01, 0.1],
-            "r": [1e-3, 1e-1],
+            "holding": [0.03, 0.1, 0.3, 1.0],
+            "stroke": [0.01, 0.1, 0.3],
+            "r": [1e-2, 1e-1, 1.0],
         }
         choices: Mapping[str, Mapping[str, Sequence[float]]] = {
-            "constant": {"value": [largest * k / 20 for k in (0, 1, 2, 3, 4, 6, 8, 12, 16, 20)]},
+            "constant": {"value": [largest * k / 20 for k in (0, 0.5, 1, 1.5, 2, 3, 4, 6, 12, 20)]},
             "skyhook-switch": {"level": levels},
             "skyhook": {"damping": dampings},
             "groundhook": {"damping": dampings},
             "hybrid": {"damping": dampings, "share": [0.25, 0.5, 0.75]},
             "add": {"level": levels},
-            "sh-add": {"alpha": [6.0, 12.0, 24.0, 48.0], "level": levels},
-            "clipped-lq": {"holding": weights["holding"], "r": weights["r"], "level": levels},
+            "sh-add": {"alpha": [1.5, 3.0, 6.0, 12.0, 24.0], "level": levels},
+            "clipped-lq": {"holding": weights["holding"], "r": [1e-2, 1.0], "level": levels[1:5]},
             "lq-tracking": weights,
-            "clipped-mpc": {"holding": weights["holding"], "stroke": [0.01], "r": [1e-3, 1e-1]},
+            "clipped-mpc": {"holding": weights["holding"], "stroke": [0.1], "r": [1e-2, 1e-1, 1.0]},
         }
         return specs(kind, choices)
 
@@ -201,6 +197,10 @@ class CarBench:
             f"{self.model.name} in a quarter car of {c.body:g} and {c.wheel:g} kg, control period "
             f"{1e3 * self.period:g} ms; ratios are over {self.reference}"
         )
+
+
+def _solver() -> bool:
+    return importlib.util.find_spec("osqp") is not None
 
 
 def _roads(drawn: Sequence[tuple[str, float, int]]) -> tuple[Road, ...]:

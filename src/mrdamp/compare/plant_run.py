@@ -2,19 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.compare.bench import Coil
+from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
+from mrdamp.errors import InputError
+from mrdamp.model import Model
 
 Array = NDArray[np.float64]
+
+
+class PlantBench:
+    """What benches of a plant share: base of frozen dataclasses with these fields, and `options`, kind of controller ->
+    options with their defaults."""
+
+    model: Model
+    period: float
+    timestep: float
+    options: ClassVar[Mapping[str, Mapping[str, float]]]
+
+    def __post_init__(self) -> None:
+        for name in ("period", "timestep"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return tuple(self.options)
+
+    def check(self, spec: str) -> None:
+        registry.parse(spec, self.options)
+
+    @property
+    def command_max(self) -> float:
+        """A or V. Raises InputError where the model has none."""
+        largest = self.model.attributes.get("command_max", math.nan)
+        if not 0 < largest < math.inf:
+            raise InputError(f"{self.model.name}: no command_max among its parameters; give the largest command")
+        return largest
 
 
 @dataclass(frozen=True)

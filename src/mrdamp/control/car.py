@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -207,10 +206,7 @@ def make(spec: str, site: CarSite) -> Controller:
     """The controller of a spec (see `mrdamp.control.registry`) for a car. Raises InputError."""
     kind, path, options = registry.parse(spec, OPTIONS)
     if kind == registry.POLICY:
-        from mrdamp.control.policy import Policy
-
-        policy: Controller = Policy.read(Path(path))
-        return policy
+        return registry.policy(path)
     o = {**OPTIONS[kind], **options}
     # By default as much as would damp the body critically.
     damping = o.get("damping", math.nan)

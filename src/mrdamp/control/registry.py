@@ -187,14 +187,18 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
     return kind, "", options
 
 
+def policy(path: str) -> Controller:
+    """An exported policy. Raises InputError."""
+    from mrdamp.control.policy import Policy
+
+    return Policy.read(Path(path))
+
+
 def make(spec: str, site: Site) -> Controller:
     """The controller of a spec for a site. Raises InputError."""
     kind, path, options = parse(spec)
     if kind == POLICY:
-        from mrdamp.control.policy import Policy
-
-        policy: Controller = Policy.read(Path(path))
-        return policy
+        return policy(path)
     entry = ENTRIES[kind]
     return entry.build(site, {**entry.options, **options})
 
