@@ -120,6 +120,18 @@ def test_rms_values_are_lyapunovs() -> None:
     assert np.std(load) == pytest.approx(wanted[1], rel=0.05)
 
 
+@pytest.mark.parametrize("command", [-1.0, -0.6])
+def test_what_a_damper_dissipates_is_the_roads(command: float) -> None:
+    """Zuo and Zhang 2013, doi 10.1115/1.4007562: pi^2 G_r V k_t, whatever the damper; G_r = 0.1^2 G(0.1)."""
+    task = CarTask(1, car=QuarterCar(tyre_damping=0.0), engine="chain")
+    road = iso8608("B", 25.0, 120.0, 4)
+    task.reset([0], [np.random.default_rng(0)], {"road": road})
+    for _ in range(round(road.duration / 5e-3)):
+        info = task.step(np.array([[command]])).info[0]
+    found = info[task.score.NAMES.index("dissipated_energy")] / road.duration
+    assert found == pytest.approx(math.pi**2 * 0.01 * CLASSES["B"] * 25.0 * 210e3, rel=0.06)
+
+
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
 def test_a_dashpot_in_place_of_the_damper_is_the_linear_car(engine: str) -> None:
     plant = CarPlant(model=dashpot(1500.0), timestep=2e-4, engine=engine)
