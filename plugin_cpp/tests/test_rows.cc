@@ -291,6 +291,45 @@ TEST(ModesUnderAStepOfForce) {
   mrdamp_rows_free(rows);
 }
 
+// A road that falls away faster than the wheel can follow: in flight nothing but the weight acts on both masses together.
+TEST(CarOffTheRoad) {
+  char err[300] = "";
+  const double plain[] = {1, 0, 0, 0, 0}, largest = 2, u = 0.5;
+  const std::vector<double> params = check::Parameters(kBoucWen);
+  const int law = mrdamp_law_find("bouc_wen");
+  const mrdamp_dampers dampers{1, &law, nullptr, params.data(), &largest}, none{0, &law, nullptr, params.data(), &largest};
+  mrdamp_car car{400, 40, 2e4, 10, 2.1e5, 120, 440 * 9.81, 1, plain};
+  mrdamp_rows* rows = mrdamp_rows_car(&car, &dampers, kPeriod, 5, 1, err, sizeof err);
+  check::That(rows != nullptr, __FILE__, __LINE__, err);
+  CHECK(mrdamp_rows_criteria(rows) == MRDAMP_CAR_CRITERIA);
+  const double road = -150;
+  const mrdamp_load load{&road, 1, 1, 1 << 30};
+  std::vector<double> state(mrdamp_rows_size(rows)), out(mrdamp_rows_measurements(rows)), criteria(MRDAMP_CAR_CRITERIA);
+  mrdamp_rows_start(rows, 0, &load, state.data(), out.data());
+  int flying = 0;
+  for (int k = 0; k < 40; k++) {
+    mrdamp_rows_step(rows, 1, state.data(), &load, &u, criteria.data(), out.data(), 1);
+    // Wheel's and body's accelerations, their deflections to the road.
+    const double tyre = std::max(car.weight - car.tyre_stiffness * out[2] - car.tyre_damping * out[4], 0.0);
+    NEAR(40 * out[0] + 400 * out[1], tyre - car.weight, 2e-2);
+    CHECK(criteria[0] >= 0 && criteria[3] >= 0 && criteria[4] >= 0 && criteria[4] <= 1);
+    if (criteria[4] == 1) {
+      NEAR(criteria[1], 1, 1e-9);
+      flying++;
+    }
+  }
+  CHECK(flying > 30);
+  mrdamp_rows_free(rows);
+  CHECK(!mrdamp_rows_car(&car, &none, kPeriod, 5, 1, err, sizeof err));
+  HAS(err, "0 dampers");
+  car.tyre_damping = -1;
+  CHECK(!mrdamp_rows_car(&car, &dampers, kPeriod, 5, 1, err, sizeof err));
+  HAS(err, "damping must be");
+  car.tyre_stiffness = 0;
+  CHECK(!mrdamp_rows_car(&car, &dampers, kPeriod, 5, 1, err, sizeof err));
+  HAS(err, "masses, stiffnesses");
+}
+
 TEST(BadRowsAreTold) {
   char err[300] = "";
   const Frame frame;
