@@ -16,7 +16,8 @@ from mrdamp.model import Model
 
 Array = NDArray[np.float64]
 
-_ROAD, _COIL = np.array([0.30, 0.32, 0.35, 1.0]), np.array([0.80, 0.47, 0.16, 1.0])
+# No orange but the current's.
+_ROAD, _COIL = np.array([0.30, 0.32, 0.35, 1.0]), np.array([0.45, 0.60, 0.52, 1.0])
 _PLACES = np.linspace(-1.6, 1.6, 81)  # m, from the wheel's centre
 _TURNS, _COIL_RADIUS = 6, 0.065
 

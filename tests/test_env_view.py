@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mrdamp.envs import AmbientLoads, CableEnv, FrameEnv, SyntheticMotions
+from mrdamp.envs import AmbientLoads, CableEnv, CarEnv, FrameEnv, SyntheticMotions
 from mrdamp.envs.view import Image
 from mrdamp.errors import InputError
 from mrdamp.structures import ShearFrame
@@ -41,7 +41,7 @@ def orange(image: Image) -> int:
 
 
 @needs_graphics
-@pytest.mark.parametrize(("make", "camera"), [(FrameEnv, "damper"), (CableEnv, "damper")])
+@pytest.mark.parametrize(("make", "camera"), [(FrameEnv, "damper"), (CableEnv, "damper"), (CarEnv, "damper")])
 def test_the_current_is_the_dampers_colour(make: Callable[..., Any], camera: str) -> None:
     off, on = (moved(make, value, camera=camera) for value in (-1.0, 1.0))
     assert orange(on.render()) > 10 * (orange(off.render()) + 5)
@@ -50,7 +50,7 @@ def test_the_current_is_the_dampers_colour(make: Callable[..., Any], camera: str
 
 
 @needs_graphics
-@pytest.mark.parametrize("make", [FrameEnv, CableEnv])
+@pytest.mark.parametrize("make", [FrameEnv, CableEnv, CarEnv])
 def test_motion_is_drawn_larger_than_it_is(make: Callable[..., Any]) -> None:
     """Against the picture of the structure at rest; twice the size moves more of it."""
     env = moved(make, -1.0, 120)
