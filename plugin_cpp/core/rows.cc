@@ -12,7 +12,7 @@ namespace mrdamp {
 
 namespace {
 
-constexpr int kPiece = 4;  // rows that a thread takes at a time
+constexpr int kPiece = 2;  // rows that a thread takes at a time: some us of work
 
 // The stores are plain doubles, as their sizes assert.
 template <class Store>
@@ -52,7 +52,6 @@ Rows::Rows(RowsPlan plan)
   }
   if (!ideal_) size_ += Doubles<Sensor>() * plan_.place.n;
   measurements_ = 3 * plan_.place.n + plan_.drift.n + 5 * dampers();
-  desks_.push_back(MakeDesk());
 }
 
 Rows::Desk Rows::MakeDesk() const {
@@ -308,13 +307,15 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
 
 void Rows::Step(int n, double* state, const mrdamp_load* loads, const double* commands, double* criteria, double* out,
                 int threads) {
-  threads = std::min(threads, Pool::kMost);
-  while (static_cast<int>(desks_.size()) < threads) desks_.push_back(MakeDesk());
+  desks_.resize(std::max<std::size_t>(desks_.size(), std::clamp(threads, 1, Pool::kMost)));
   pool_.For(n, threads, kPiece, [&](int first, int last, int worker) {
+    // Made by the thread that works in it, so that no two threads write into one line of the cache.
+    std::unique_ptr<Desk>& desk = desks_[worker];
+    if (!desk) desk = std::make_unique<Desk>(MakeDesk());
     for (int row = first; row < last; row++) {
       const auto at = static_cast<std::size_t>(row);
       StepOne(state + at * size_, loads[at], commands + at * dampers(), criteria + at * this->criteria(),
-              out + at * measurements_, &desks_[worker]);
+              out + at * measurements_, desk.get());
     }
   });
 }

@@ -82,7 +82,7 @@ class Rows {
   bool ideal_;
   int size_, measurements_;
   std::vector<double> noise_;  // empty: none
-  std::vector<Desk> desks_;
+  std::vector<std::unique_ptr<Desk>> desks_;
   Pool pool_;
 };
 
