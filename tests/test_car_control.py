@@ -20,14 +20,17 @@ from mrdamp.control.car import (
     CarSite,
     HookForce,
     Switching,
+    add_switch,
     car_plant,
     lq_force,
     make,
     regulated,
     sh_add_switch,
+    skyhook_switch,
 )
+from mrdamp.envs.car_task import CarPlant
 from mrdamp.errors import InputError
-from mrdamp.roads import iso8608
+from mrdamp.roads import Road, iso8608
 
 BENCH = CarBench(engine="chain", timestep=1e-3)
 SITE: CarSite = BENCH.site
@@ -54,6 +57,33 @@ def test_sh_add_is_the_papers_rule() -> None:
     for v, r, a in rng.normal(size=(200, 3)) * [0.2, 0.3, 1.0]:
         low = a * a - alpha**2 * v * v <= 0
         assert switch(0.0, v, r, a) == bool((low and v * r > 0) or (not low and a * r > 0))
+
+
+def test_the_field_is_on_where_the_force_on_the_body_helps() -> None:
+    """A damper that is being extended pulls the body down: on where that brakes it, or takes from its acceleration."""
+    rng = np.random.default_rng(2)
+    for wheel, body, acceleration in rng.normal(size=(100, 3)) * [1.0, 0.2, 1.0]:
+        stroke = body - wheel
+        on_body = -100.0 * np.sign(stroke)
+        assert skyhook_switch(wheel, body, stroke, acceleration) == (on_body * body < 0)
+        assert add_switch(wheel, body, stroke, acceleration) == (on_body * acceleration < 0)
+
+
+def motion(spec: str) -> float:
+    """RMS of the body over the road, m, on a sine at the body's frequency from the fifth second on."""
+    controller, plant = make(spec, SITE), CarPlant(period=SITE.period, engine="chain")
+    controller.reset()
+    place = 0.1 * np.arange(1000)
+    y = plant.reset(Road("sine", 0.1, 0.01 * np.sin(SITE.car.bounce * place / 10.0), 10.0))
+    found = []
+    while not plant.finished:
+        y = plant.step(controller.command(plant.time, y))
+        found.append(y["displacement_2"])
+    return float(np.sqrt(np.mean(np.square(found[1000:]))))
+
+
+def test_skyhook_holds_the_body_back_at_its_resonance() -> None:
+    assert motion("skyhook-switch:level=0.1") < 0.9 * motion("passive-off")
 
 
 def test_velocities_and_forces_of_a_sine() -> None:
@@ -110,7 +140,9 @@ def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.M
     assert found == pytest.approx(wanted, rel=0.01)
     assert aim(0.0, {"stroke_velocity": -math.copysign(0.1, wanted)}) == pytest.approx(0.0, abs=1e-6)
     monkeypatch.setattr(aim, "_estimator", lambda y: 1e3 * state)
-    assert abs(aim(0.0, {"stroke_velocity": math.copysign(0.1, wanted)})) == pytest.approx(SITE.force_max, rel=1e-3)
+    assert abs(aim(0.0, {"stroke_velocity": math.copysign(0.1, wanted)})) == pytest.approx(
+        SITE.force_max, rel=1e-3
+    )
 
 
 def test_what_mpc_needs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,12 +4,12 @@ z_b, z_w: heights of body and wheel; the damper's force f is positive where it i
 the field is on where
 
     skyhook      z_b' (z_b' - z_w') > 0    Karnopp, Crosby and Harwood 1974, doi 10.1115/1.3438373
-    groundhook   -z_w' (z_b' - z_w') > 0   Valasek, Novak, Sika and Vaculin, Vehicle System Dynamics 27 (1997)
     ADD          z_b'' (z_b' - z_w') > 0   Savaresi, Silani and Bittanti 2005, doi 10.1115/1.1898241
     SH-ADD       ADD where z_b''^2 > (alpha z_b')^2, else skyhook   Savaresi and Spelta 2007, doi 10.1115/1.2745846
 
-Continuous skyhook, groundhook and their mix want f = share c z_b' - (1 - share) c z_w' and follow it through the
-damper's inverse. Velocities come from the accelerometers by leaky integrators; z_b' - z_w' is measured.
+Continuous skyhook, groundhook (Valasek, Novak, Sika and Vaculin, Vehicle System Dynamics 27 (1997)) and their mix want
+f = share c z_b' - (1 - share) c z_w' and follow it through the damper's inverse. Velocities come from the
+accelerometers by leaky integrators; z_b' - z_w' is measured.
 """
 
 from __future__ import annotations
@@ -106,10 +106,6 @@ class Switching:
 
 def skyhook_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
     return body * stroke > 0
-
-
-def groundhook_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
-    return wheel * stroke < 0
 
 
 def add_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
