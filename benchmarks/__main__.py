@@ -33,10 +33,14 @@ def benchmarks(effort: Effort, python: str, end: float = 3.0) -> dict[str, Calla
 def main(arguments: Sequence[str] | None = None) -> int:
     """0 also where a target is not reached: the tables say so."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("names", nargs="*", help="which to run (default: all, and only then the page is written)")
+    parser.add_argument(
+        "names", nargs="*", help="which to run (default: all, and only then the page is written)"
+    )
     parser.add_argument("--rounds", type=int, default=Effort.rounds, help="rounds of every comparison")
     parser.add_argument("--steps", type=int, default=Effort.steps, help="steps of each side in a round")
-    parser.add_argument("--opensees-python", default=sys.executable, metavar="PATH", help="has openseespy installed")
+    parser.add_argument(
+        "--opensees-python", default=sys.executable, metavar="PATH", help="has openseespy installed"
+    )
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page to write")
     options = parser.parse_args(arguments)
     if options.rounds < 1 or options.steps < 10:

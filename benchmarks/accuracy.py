@@ -19,8 +19,8 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.frames import DYKE, frame, multisine
 from benchmarks.python_law import PythonDamper
-from mrdamp import core
-from mrdamp.core import Array
+from mrdamp.model import core
+from mrdamp.model.core import Array
 
 GRID = 1e-4  # s
 MASS = np.full(3, 98.3)  # kg

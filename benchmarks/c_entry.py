@@ -10,8 +10,9 @@ import numpy as np
 from benchmarks.frames import BLOCK, DYKE
 from benchmarks.result import Section, of_ratio
 from benchmarks.timing import Effort, clock, interleave, ratio
-from mrdamp import core, models_xml
-from mrdamp.core import Array
+from mrdamp import models_xml
+from mrdamp.model import core
+from mrdamp.model.core import Array
 
 TARGET = ">= 15"
 STROKE, FREQUENCY = 0.01, 2.5  # m, Hz

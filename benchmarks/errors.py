@@ -13,7 +13,9 @@ def measure(end: float = 3.0) -> list[Section]:
     for dt in (5e-4, 1e-3, 2e-3):
         rows.append(Figure(f"law alone, {dt * 1e3:g} ms", 100.0 * accuracy.law_error(dt, end), "%", "<= 1"))
     for dt in (5e-4, 1e-3):
-        rows.append(Figure(f"frame stepped by MuJoCo, {dt * 1e3:g} ms", 100.0 * accuracy.frame_error(dt, end), "%"))
+        rows.append(
+            Figure(f"frame stepped by MuJoCo, {dt * 1e3:g} ms", 100.0 * accuracy.frame_error(dt, end), "%")
+        )
     return [
         Section(
             "Accuracy at these speeds",

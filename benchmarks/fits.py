@@ -12,10 +12,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from benchmarks.result import Figure, Section, of_ratio
 from benchmarks.timing import Effort, clock, interleave, ratio
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.identify import Problem, descend, identify, shorten
-from mrdamp.laws import PARAMETRIC, Scales, space
+from mrdamp.identify.laws import PARAMETRIC, Scales, space
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.narx import lagged, train_narx
 from mrdamp.narx.splits import varying_command
 from mrdamp.records import Record, embedded

@@ -36,9 +36,24 @@ def breakdown(effort: Effort) -> tuple[Figure, ...]:
         costs = interleave({name: Stepper(m, effort.steps) for name, m in models.items()}, effort.rounds)
     parts = (
         ("frame alone", "frame", "", "the engine's own step"),
-        ("adapter", "linear", "frame", "a law without state: the engine's calls, M^-1 J', the solve of the step"),
-        ("the law", "law", "linear", "hysteresis and driver lag, at every trial of the solve and once to catch up"),
-        ("force sensor", "sensor", "law", "the plugin, and the accelerations the engine works out for any such sensor"),
+        (
+            "adapter",
+            "linear",
+            "frame",
+            "a law without state: the engine's calls, M^-1 J', the solve of the step",
+        ),
+        (
+            "the law",
+            "law",
+            "linear",
+            "hysteresis and driver lag, at every trial of the solve and once to catch up",
+        ),
+        (
+            "force sensor",
+            "sensor",
+            "law",
+            "the plugin, and the accelerations the engine works out for any such sensor",
+        ),
     )
     return tuple(
         Figure(what, float(np.median(costs[a] - costs[b] if b else costs[a])), "us", detail=detail)

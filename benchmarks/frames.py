@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from benchmarks.timing import clock
 from mrdamp import models_xml, sets
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 DYKE = sets.load("dyke1996_3kN")  # the damper of the shipped frame
 BLOCK = 10  # steps of the engine in one call, over which ground and command are held
@@ -38,7 +38,9 @@ def frame(
     if law is not None and instance is not None:
         name, attributes = law
         instance[:] = [ElementTree.Element("config", key="law", value=name)]
-        instance.extend(ElementTree.Element("config", key=key, value=repr(value)) for key, value in attributes.items())
+        instance.extend(
+            ElementTree.Element("config", key=key, value=repr(value)) for key, value in attributes.items()
+        )
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     spec.option.timestep = timestep
     if not (damper and sensor):

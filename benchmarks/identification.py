@@ -20,9 +20,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from benchmarks.result import Figure, Section, machine, text
-from mrdamp.core import Array
 from mrdamp.identify import identify as identify_law
 from mrdamp.identify import simulate
+from mrdamp.model.core import Array
 from mrdamp.narx import lagged, train_narx
 from mrdamp.narx.data import Series
 from mrdamp.narx.judge import free_run_force, one_step_force

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.frames import Stepper, frame
 from benchmarks.result import Figure, Section, of_ratio
 from benchmarks.timing import Effort, clock, interleave, ratio
-from mrdamp import core
+from mrdamp.model import core
 
 TITLE, WHAT, TARGET = "NARX network 15-20-1", "one pass", "<= 0.5"
 INPUTS = " ".join([*(f"x:{k}" for k in range(4)), *(f"v:{k}" for k in range(4)), *(f"i:{k}" for k in range(3)),
@@ -49,7 +49,13 @@ def loop(net: core.Narx, folder: Path) -> Loop | None:
     subprocess.run([compiler, "-O2", "-shared", "-fPIC", str(source), "-o", str(library)], check=True)
     run = ctypes.CDLL(str(library)).narx_loop
     run.restype = ctypes.c_double
-    run.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double), ctypes.c_int, ctypes.c_long)
+    run.argtypes = (
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+        ctypes.POINTER(ctypes.c_double),
+        ctypes.c_int,
+        ctypes.c_long,
+    )
     forward = ctypes.cast(core.library().mrdamp_narx_forward, ctypes.c_void_p)
     start = np.zeros(net.inputs)
 
@@ -71,7 +77,11 @@ def measure(effort: Effort) -> list[Section]:
     with tempfile.TemporaryDirectory() as folder:
         passes = loop(net, Path(folder))
         if passes is None:
-            return [Section(TITLE, text, (Figure(WHAT, unit="us", target=TARGET, skipped="no C compiler (cc, gcc)"),))]
+            return [
+                Section(
+                    TITLE, text, (Figure(WHAT, unit="us", target=TARGET, skipped="no C compiler (cc, gcc)"),)
+                )
+            ]
 
         def task() -> float:
             begin = clock()

@@ -126,10 +126,20 @@ def measure(effort: Effort, python: str = sys.executable, end: float = 3.0) -> l
             f"{text} Version {there.version}.",
             (
                 of_ratio(per_second, r, "OpenSees step", "plugin step", ">= 4", notes[STEP]),
-                of_ratio(f"{per_second}, no engine clock", ratio(quiet["opensees"], quiet["plugin"]), "OpenSees step",
-                         "plugin step"),
-                of_ratio(f"a simulated second, OpenSees at {FINE * 1e3:g} ms", fine, "OpenSees step", "plugin step",
-                         ">= 4", notes[FINE]),
+                of_ratio(
+                    f"{per_second}, no engine clock",
+                    ratio(quiet["opensees"], quiet["plugin"]),
+                    "OpenSees step",
+                    "plugin step",
+                ),
+                of_ratio(
+                    f"a simulated second, OpenSees at {FINE * 1e3:g} ms",
+                    fine,
+                    "OpenSees step",
+                    "plugin step",
+                    ">= 4",
+                    notes[FINE],
+                ),
             ),
         )
     ]

@@ -22,7 +22,13 @@ def load() -> Any:
     """The module opensees; its own copies of the libraries it needs are not on the loader's path."""
     spec = importlib.util.find_spec("openseespylinux")
     for place in (spec.submodule_search_locations or ()) if spec else ():
-        for name in ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3", "libgomp.so.1"):
+        for name in (
+            "libquadmath.so.0",
+            "libgfortran.so.4",
+            "libblas.so.3",
+            "liblapack.so.3",
+            "libgomp.so.1",
+        ):
             if (file := Path(place) / "lib" / name).is_file():
                 ctypes.CDLL(str(file), mode=ctypes.RTLD_GLOBAL)
     from openseespy import opensees

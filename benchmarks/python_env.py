@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.frames import DYKE
 from benchmarks.python_law import PythonDamper
-from mrdamp.core import Array
 from mrdamp.envs import FrameEnv
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.frame_xml import frame_xml
 from mrdamp.envs.loads import RecordedMotions
 from mrdamp.envs.plants import Plants
+from mrdamp.model.core import Array
 from mrdamp.motions import kanai_tajimi
 
 #: One long motion with no end in a round, so that no reset is timed.

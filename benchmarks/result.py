@@ -63,8 +63,12 @@ def machine() -> str:
     """Processor and versions, one line, without the machine's name."""
     cpu = Path("/proc/cpuinfo")
     lines = cpu.read_text().splitlines() if cpu.is_file() else []
-    model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("mujoco", "numpy", "scipy"))
+    model = next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine()
+    )
+    versions = ", ".join(
+        f"{name} {importlib.metadata.version(name)}" for name in ("mujoco", "numpy", "scipy")
+    )
     return f"{model}, {os.cpu_count()} cores, {platform.system()}; Python {platform.python_version()}, {versions}"
 
 
@@ -95,6 +99,8 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
     ]
     for section in sections:
         out += [f"## {section.title}", "", section.text, "", *_HEAD]
-        out += ["| " + " | ".join(cell.replace("|", "/") for cell in f.cells()) + " |" for f in section.figures]
+        out += [
+            "| " + " | ".join(cell.replace("|", "/") for cell in f.cells()) + " |" for f in section.figures
+        ]
         out.append("")
     return "\n".join(out)

@@ -2,8 +2,8 @@
 
 Its rollouts take controls and no prescribed motion, so the test rig's machine gets an actuator that is given the
 acceleration of the record. It knows no laws, scales or starts: it is handed the search coordinates, bounds and start
-of `mrdamp.laws`, and so fits the same model. It fits from that one start. Importing this raises ImportError where
-`mujoco[sysid]` is not installed.
+of `mrdamp.identify.laws`, and so fits the same model. It fits from that one start. Importing this raises ImportError
+where `mujoco[sysid]` is not installed.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from mujoco.sysid import (
     sysid_rollout,
 )
 
-from mrdamp.core import Array
 from mrdamp.identify import model_of
-from mrdamp.laws import Scales, Space, space
-from mrdamp.mjcf import damper_config, mjcf
+from mrdamp.identify.laws import Scales, Space, space
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.simulation.mjcf import damper_config, mjcf
 
 _MASS = 1e12  # kg, so heavy that the damper does not move the machine
 _STEP = 1e-4  # of the unit cube, for its differences, as in `mrdamp.identify`

@@ -22,9 +22,9 @@ class CableEnv(PlantEnv):
     10.1111/1467-8667.00305). The aim is less motion, at little current.
 
     The motion is in natural coordinates out of the first sines and the static shape under the damper's force
-    (`mrdamp.cables.StayCable`), each one a slide in MuJoCo (`mrdamp.envs.cable_xml.modal_xml`); the damper is the
-    plugin `mrdamp.damper` on a tendon of them all. The slide chain with sag of `models_xml/cable` is its reference
-    in the tests, and what is drawn.
+    (`mrdamp.structures.cables.StayCable`), each one a slide in MuJoCo (`mrdamp.envs.cable_xml.modal_xml`); the damper
+    is the plugin `mrdamp.damper` on a tendon of them all. The slide chain with sag of `models_xml/cable` is its
+    reference in the tests, and what is drawn.
 
     ## Action Space
 

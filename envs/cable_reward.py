@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp.cables import StayCable
 from mrdamp.envs.weights import Weights
 from mrdamp.errors import InputError
+from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 

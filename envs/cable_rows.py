@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.cables import StayCable
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import modal_xml
 from mrdamp.envs.damper_sensors import SIGNALS
@@ -15,6 +14,7 @@ from mrdamp.envs.frame_rows import DamperSums, currents, work
 from mrdamp.envs.plants import EngineRows, Moment, Plants, whole_steps
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.cables import StayCable
 from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
@@ -21,6 +20,7 @@ from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import References, Task, check_options, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,9 @@ class CablePlant(RowPlant):
         maximum = command_range([damper], command_max)
         self.period, self.command_max = period, float(maximum[0])
         places = measured_at or default_places(self.cable)
-        self.rows = structures(self.cable, damper, places, period, step if timestep is None else timestep, maximum)
+        self.rows = structures(
+            self.cable, damper, places, period, step if timestep is None else timestep, maximum
+        )
 
     @property
     def mean_square(self) -> float:
@@ -108,7 +110,14 @@ class CableTask(Task):
         places = tuple(measured_at or default_places(self.cable))
         maximum = command_range([self.model], command_max)
         self.cable_rows = structures(
-            self.cable, self.model, places, period, step if timestep is None else timestep, maximum, n, threads
+            self.cable,
+            self.model,
+            places,
+            period,
+            step if timestep is None else timestep,
+            maximum,
+            n,
+            threads,
         )
         self._references = References[Array]()
         seen = observer_of(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.cables import StayCable
 from mrdamp.envs.cable_xml import chain_xml
 from mrdamp.envs.view import View
 from mrdamp.model import Model
+from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from mrdamp import models_xml
-from mrdamp.cables import StayCable
 from mrdamp.envs.damper_sensors import add_damper, get, remove_damper
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures import GRAVITY, FloatArray
+from mrdamp.structures.cables import StayCable
 
 
 def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:

@@ -21,7 +21,7 @@ class CarEnv(PlantEnv):
     that at rest, at little current. The tyre cannot pull: the wheel leaves the road where the load on it would fall
     below zero. The damper is the MuJoCo plugin `mrdamp.damper`, by default the Lord RD-1005 (2 kN, 0 to 2 V) of Lai and
     Liao (Journal of Vibration and Control 8 (2002) 527-547, doi 10.1177/107754602023712); the car's masses and
-    stiffnesses are those of doi 10.1155/2021/8084343 (`mrdamp.cars.QuarterCar`).
+    stiffnesses are those of doi 10.1155/2021/8084343 (`mrdamp.structures.cars.QuarterCar`).
 
     The physics is that of `models_xml/quarter_car/model.xml`.
 

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.cars import QuarterCar
-from mrdamp.comfort import wk
 from mrdamp.envs.weights import Weights
 from mrdamp.errors import InputError
+from mrdamp.simulation.comfort import wk
+from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrdamp.envs.loads import Range, check_ranges
 from mrdamp.errors import InputError
-from mrdamp.roads import CLASSES, Road, bump, iso8608, read_road
+from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
 
 
 @runtime_checkable

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.cars import QuarterCar
-from mrdamp.comfort import STATES, BlockFilter
 from mrdamp.envs.car_xml import car_xml
 from mrdamp.envs.frame_rows import FrameRows, currents, work
 from mrdamp.envs.frame_xml import frame_models
 from mrdamp.model import Model
-from mrdamp.roads import Road
+from mrdamp.simulation.comfort import STATES, BlockFilter
+from mrdamp.simulation.roads import Road
+from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 

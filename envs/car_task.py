@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.cars import QuarterCar
 from mrdamp.control.observe import Observer
 from mrdamp.envs.car_reward import CarReward, CarScore, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
@@ -23,7 +22,8 @@ from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import References, Task, check_options, observer_of
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
-from mrdamp.roads import Road, read_road
+from mrdamp.simulation.roads import Road, read_road
+from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 

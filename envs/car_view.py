@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.cars import QuarterCar
 from mrdamp.envs.car_xml import car_xml
 from mrdamp.envs.view import View, connector
 from mrdamp.model import Model
+from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from mrdamp import models_xml
-from mrdamp.cars import QuarterCar
 from mrdamp.envs.damper_sensors import add_damper, get, remove_damper
 from mrdamp.envs.frame_xml import strip
 from mrdamp.model import Model
+from mrdamp.structures.cars import QuarterCar
 
 _NEVER = 1e9  # N, on a tyre
 

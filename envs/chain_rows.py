@@ -1,4 +1,4 @@
-"""Frames, cables and quarter cars on the C++ chain (`mrdamp.rows`) in place of the engine, with the same measurements.
+"""Frames, cables and quarter cars on the C++ chain (`mrdamp.simulation.rows`): the engine's measurements without it.
 
 The structure is stepped exactly and the damper solved for within the step, so that the steps may be longer than the
 engine's. White noise on the measurements is the chain's own, a function of a seed that a row draws at its start.
@@ -19,7 +19,7 @@ from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.plants import whole_steps
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion
-from mrdamp.rows import ChainRows
+from mrdamp.simulation.rows import ChainRows
 
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", FrameRows, CableRows, CarRows)

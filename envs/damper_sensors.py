@@ -5,8 +5,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from mrdamp.errors import InputError
-from mrdamp.mjcf import damper_config
 from mrdamp.model import Model
+from mrdamp.simulation.mjcf import damper_config
 
 #: In this order; `pull` is the damper's mean force on the structure over a step.
 SIGNALS = ("force", "true_force", "stroke", "stroke_velocity", "current", "pull")

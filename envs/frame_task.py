@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp import core
 from mrdamp.control.observe import Observer
 from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.envs.frame_rows import command_range
@@ -20,7 +19,7 @@ from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.envs.task import References, Task, check_options, observer_of
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model import Model, core
 from mrdamp.motions import GroundMotion, read_motion
 from mrdamp.structures import ShearFrame
 
@@ -61,7 +60,9 @@ class FrameTask(Task):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
         maximum = command_range(self.models, command_max)
-        self.frame_rows = structures(self.models, period, step if timestep is None else timestep, maximum, n, threads)
+        self.frame_rows = structures(
+            self.models, period, step if timestep is None else timestep, maximum, n, threads
+        )
         self._references = References[Reference]()
         seen = observer_of(
             observer, frame_observer, self.models, maximum, signals, history, action_in_observation, memory,

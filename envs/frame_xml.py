@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from mrdamp.envs.damper_sensors import SIGNALS, add_sensor, get
 from mrdamp.errors import InputError
-from mrdamp.mjcf import mjcf
 from mrdamp.model import Model
+from mrdamp.simulation.mjcf import mjcf
 from mrdamp.structures import ShearFrame, dyke1996
 
 Position = tuple[int, int]

@@ -9,10 +9,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp import core
 from mrdamp.envs.weights import Weights
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model import Model, core
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.core import FrameInput
 from mrdamp.errors import InputError
-from mrdamp.stepping import second_order_step
+from mrdamp.model.core import FrameInput
+from mrdamp.simulation.stepping import second_order_step
 
 Array = NDArray[np.float64]
 

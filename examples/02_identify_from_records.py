@@ -6,8 +6,8 @@ python examples/02_identify_from_records.py [FOLDER]   (default: the records tha
 import sys
 
 from mrdamp.identify import Fit, identify
-from mrdamp.mjcf import write_mjcf
 from mrdamp.records import embedded, read_records
+from mrdamp.simulation.mjcf import write_mjcf
 
 
 def main(

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from mrdamp import sets
 from mrdamp.control import clipped_optimal, passive_off, passive_on
-from mrdamp.criteria import Criteria, evaluate
 from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion
-from mrdamp.stepping import run_frame
+from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import dyke1996
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mrdamp.narx import lagged, series, train_narx
 from mrdamp.records import embedded
-from mrdamp.stepping import drive_rig
+from mrdamp.simulation.stepping import drive_rig
 
 
 def main(samples: int | None = None, units: int = 12, iterations: int = 60) -> tuple[float, float]:

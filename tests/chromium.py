@@ -51,7 +51,13 @@ class Tab:
     def open(self, url: str, width: int, height: int = 900, dark: bool = False) -> None:
         """Loads a page at a width in CSS pixels (a phone's below 600), and waits for its load event."""
         phone = width < 600
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=phone)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=phone,
+        )
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.events.clear()
@@ -99,15 +105,21 @@ def browser(profile: Path) -> Iterator[Tab]:
     # No sandbox: in a container or as root it cannot be had, and the pages are our own.
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
     options += ["--disable-background-networking", "--remote-debugging-port=0", f"--user-data-dir={profile}"]
-    process = subprocess.Popen([path, *options, "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [path, *options, "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     try:
         port = _port(process, profile / "DevToolsActivePort")
         with connect(f"ws://127.0.0.1:{port[0]}{port[1]}", max_size=None, proxy=None) as whole:
-            whole.send(json.dumps({"id": 1, "method": "Target.createTarget", "params": {"url": "about:blank"}}))
+            whole.send(
+                json.dumps({"id": 1, "method": "Target.createTarget", "params": {"url": "about:blank"}})
+            )
             while (message := json.loads(whole.recv(timeout=_REPLY))).get("id") != 1:
                 pass
             target = message["result"]["targetId"]
-            with connect(f"ws://127.0.0.1:{port[0]}/devtools/page/{target}", max_size=None, proxy=None) as tab:
+            with connect(
+                f"ws://127.0.0.1:{port[0]}/devtools/page/{target}", max_size=None, proxy=None
+            ) as tab:
                 yield Tab(tab)
     finally:
         process.terminate()

@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 
 from excitation import Array, Command, Motion, constant, multisine, random_steps, sine, triangle, wave
-from mrdamp import core, sets
+from mrdamp import sets
+from mrdamp.model import core
 from twins import simulate
 
 # prefix of the id -> stroke in m (amplitude of its sine), frequency in Hz of that sine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrdamp import core
+from mrdamp.model import core
 
 BINGHAM = {"c0a": 800.0, "c0b": 300.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.004}
 DT = 5e-4  # s

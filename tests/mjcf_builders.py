@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from excitation import Array
-from mrdamp import core
+from mrdamp.model import core
 
 Values = Mapping[str, float | str]
 Numbers = Sequence[float] | Array

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 V_REF, OFFSET = 0.01, 12.0

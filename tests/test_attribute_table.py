@@ -13,7 +13,7 @@ import mujoco
 import pytest
 
 from mjcf_builders import Damper, Sensor, Values, compiled, document, slider
-from mrdamp import core
+from mrdamp.model import core
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "plugin_cpp" / "README.md").read_text(encoding="utf-8")
@@ -68,7 +68,12 @@ def test_tool_notices_a_change(tool: ModuleType) -> None:
 
 @pytest.mark.parametrize(
     ("low", "high", "text"),
-    [(0.0, math.inf, "from 0"), (-math.inf, math.inf, "any"), (-math.inf, 2.0, "to 2"), (1e-9, 0.5, "1e-09 to 0.5")],
+    [
+        (0.0, math.inf, "from 0"),
+        (-math.inf, math.inf, "any"),
+        (-math.inf, 2.0, "to 2"),
+        (1e-9, 0.5, "1e-09 to 0.5"),
+    ],
 )
 def test_ranges_in_words(tool: ModuleType, low: float, high: float, text: str) -> None:
     assert tool.span(low, high) == text
@@ -76,7 +81,9 @@ def test_ranges_in_words(tool: ModuleType, low: float, high: float, text: str) -
 
 def test_python_sees_the_rows_of_the_source_file() -> None:
     source = (ROOT / "plugin_cpp" / "core" / "attributes.def").read_text(encoding="utf-8")
-    rows = re.findall(r'^MRDAMP_ATTRIBUTE\((\w+), (\w+), "([^"]*)", (\S+), (\S+), (\S+), "([^"]*)"\)', source, re.M)
+    rows = re.findall(
+        r'^MRDAMP_ATTRIBUTE\((\w+), (\w+), "([^"]*)", (\S+), (\S+), (\S+), "([^"]*)"\)', source, re.M
+    )
     assert len(rows) == source.count("\nMRDAMP_ATTRIBUTE(")
     values = {"kInf": math.inf, "-kInf": -math.inf}
     expected = []
@@ -195,5 +202,7 @@ def test_readme_counts_the_state() -> None:
 
 
 def test_readme_links_lead_somewhere() -> None:
-    for target in re.findall(r"`((?:src|tests|fuzz|realtime|mujoco|core|laws|effects|capi)/[\w./]*)`", README):
+    for target in re.findall(
+        r"`((?:src|tests|fuzz|realtime|mujoco|core|laws|effects|capi)/[\w./]*)`", README
+    ):
         assert (ROOT / target).exists() or (ROOT / "plugin_cpp" / target).exists(), target

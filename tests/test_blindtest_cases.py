@@ -281,9 +281,9 @@ def test_rig_shares_no_code_with_the_plugin() -> None:
         f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"
     ).split()
     allowed = tuple(
-            f"mrdamp.{name}"
-            for name in ("blindtest", "on_import", "registration", "sets", "errors", "files", "library")
-        )
+        f"mrdamp.{name}"
+        for name in ("blindtest", "on_import", "registration", "sets", "errors", "files", "library")
+    )
     assert [m for m in loaded if not m.startswith(allowed)] == []
     source = (PACKAGE / "blindtest" / "rig.c").read_text()
     assert {line for line in source.splitlines() if line.startswith("#include")} == {

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from knowing import Known
-from mrdamp.cables import StayCable
 from mrdamp.compare import cable_reference
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
@@ -20,15 +19,17 @@ from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.lqg import kalman_gain
 from mrdamp.control.lyapunov import BangBang
-from mrdamp.control.taut_cable import TENSION, TautCable, semi_active
+from mrdamp.control.taut_cable import ControlledCable, semi_active
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.errors import InputError
+from mrdamp.structures.cables import StayCable
+from mrdamp.structures.taut_cable import TENSION
 
 Array = NDArray[np.float64]
 
 
 def test_matrices_are_the_integrals_of_the_shapes() -> None:
-    cable = TautCable(0.05, modes=3)
+    cable = ControlledCable(0.05, modes=3)
     x = np.linspace(0, 1, 20001)
     shapes = np.array([np.minimum(x / 0.05, (1 - x) / 0.95), *(np.sin(k * np.pi * x) for k in (1, 2, 3))])
     slopes = np.array(
@@ -44,7 +45,7 @@ def test_matrices_are_the_integrals_of_the_shapes() -> None:
 
 
 def test_modes_of_the_bare_cable() -> None:
-    poles = np.linalg.eigvals(TautCable(0.02, ratio=0.01).plant.a)
+    poles = np.linalg.eigvals(ControlledCable(0.02, ratio=0.01).plant.a)
     poles = np.sort_complex(poles[poles.imag > 0])
     low = poles[np.argsort(np.abs(poles))][:8]
     np.testing.assert_allclose(np.abs(low), np.arange(1, 9), rtol=1e-9)
@@ -54,7 +55,7 @@ def test_modes_of_the_bare_cable() -> None:
 @pytest.mark.parametrize(("at", "largest"), [(0.01, 0.50513), (0.02, 1.02113), (0.05, 2.64396)])
 def test_damping_of_the_first_mode_by_the_best_dashpot(at: float, largest: float) -> None:
     # Largest damping of a taut string's first mode, percent, solved from its transcendental equation elsewhere.
-    cable = TautCable(at, ratio=1e-9, modes=40)
+    cable = ControlledCable(at, ratio=1e-9, modes=40)
     found = 0.0
     for kappa in np.linspace(0.085, 0.12, 12):
         c = kappa / at / math.pi  # kappa = c / (m L w1) x_d/L with m = L = w1 = 1, in units of pi
@@ -67,7 +68,7 @@ def test_damping_of_the_first_mode_by_the_best_dashpot(at: float, largest: float
 
 def test_lyapunov_equation_and_simulated_noise_agree() -> None:
     # A dashpot's force always takes energy out, so that clipping leaves it as it is.
-    cable = TautCable(0.05, ratio=0.02)
+    cable = ControlledCable(0.05, ratio=0.02)
     gain = 2.3 * cable.velocity_row
     motion, force = cable.rms(gain)
     found = semi_active(cable, gain, period=2e-3, duration=150.0, runs=128)
@@ -80,7 +81,7 @@ def test_lyapunov_equation_and_simulated_noise_agree() -> None:
 
 
 def test_active_control_minimises_its_cost() -> None:
-    cable, r = TautCable(0.02), 1e-3
+    cable, r = ControlledCable(0.02), 1e-3
     gain = cable.optimal_gain(r)
 
     def cost(k: Array) -> float:
@@ -99,7 +100,7 @@ def test_active_control_minimises_its_cost() -> None:
 
 def test_reference_numbers_of_uncontrolled_and_active_cables() -> None:
     for (at, load), (uncontrolled, active, _) in cable_reference.REFERENCE.items():
-        cable = TautCable(at, load=load)
+        cable = ControlledCable(at, load=load)
         best = cable.rms(cable.best_viscous() * cable.velocity_row)[0]
         gain = cable.optimal_gain()
         assert cable.rms(0 * gain)[0] / best == pytest.approx(uncontrolled, rel=1e-3)
@@ -107,7 +108,7 @@ def test_reference_numbers_of_uncontrolled_and_active_cables() -> None:
 
 
 def test_the_semi_active_figure_hangs_on_the_control_period() -> None:
-    cable = TautCable(0.02)
+    cable = ControlledCable(0.02)
     best = cable.rms(cable.best_viscous() * cable.velocity_row)[0]
     gain = cable.optimal_gain()
     long, short, locked = (
@@ -127,9 +128,9 @@ def test_semi_active_reference_numbers_within_five_percent() -> None:
 
 def test_bad_cables_get_one_line() -> None:
     with pytest.raises(InputError, match=r"damper at 1.5 of the length"):
-        TautCable(1.5)
+        ControlledCable(1.5)
     with pytest.raises(InputError, match="load 'wind'"):
-        TautCable(0.02, load="wind")  # type: ignore[arg-type]
+        ControlledCable(0.02, load="wind")  # type: ignore[arg-type]
 
 
 def test_the_filter_of_a_stay_cable_finds_its_state() -> None:

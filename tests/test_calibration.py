@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mrdamp.calibration import (
+from mrdamp.errors import InputError
+from mrdamp.identify.calibration import (
     CalibrationTest,
     calibrate,
     corrected,
@@ -18,7 +19,6 @@ from mrdamp.calibration import (
     read_tests,
     sensing_by_command,
 )
-from mrdamp.errors import InputError
 from mrdamp.records import Record, embedded
 
 

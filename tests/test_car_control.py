@@ -30,7 +30,7 @@ from mrdamp.control.car import (
 )
 from mrdamp.envs.car_task import CarPlant
 from mrdamp.errors import InputError
-from mrdamp.roads import Road, iso8608
+from mrdamp.simulation.roads import Road, iso8608
 
 BENCH = CarBench(engine="chain", timestep=1e-3)
 SITE: CarSite = BENCH.site

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp import cli, demo
+from mrdamp import cli
+from mrdamp.demo import run as demo
 from mrdamp.model import Model
-from mrdamp.predict import played
 from mrdamp.records import embedded, read_record
-from mrdamp.stepping import drive_rig
+from mrdamp.simulation.predict import played
+from mrdamp.simulation.stepping import drive_rig
 
 
 @pytest.fixture

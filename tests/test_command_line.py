@@ -12,12 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from mrdamp import core, sets
-from mrdamp.citations import LAWS, citation
+from mrdamp import sets
 from mrdamp.cli import build_parser, main
 from mrdamp.commands.completion import script
 from mrdamp.commands.output import progress_bar
 from mrdamp.errors import InputError
+from mrdamp.model import core
+from mrdamp.model.citations import LAWS, citation
 
 ROOT = Path(__file__).parents[1]
 
@@ -120,7 +121,13 @@ def test_progress_without_a_terminal_is_a_line_a_step_and_a_tenth(capsys: pytest
         for share in (0.0, 0.04, 0.11, 0.2, 0.22):
             tell("runs", share)
         tell("page", 0.23)
-    assert capsys.readouterr().err.split("\n") == ["  0 %  runs", " 11 %  runs", " 22 %  runs", " 23 %  page", ""]
+    assert capsys.readouterr().err.split("\n") == [
+        "  0 %  runs",
+        " 11 %  runs",
+        " 22 %  runs",
+        " 23 %  page",
+        "",
+    ]
 
 
 def test_a_reader_that_goes_leaves_no_traceback() -> None:

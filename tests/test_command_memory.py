@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.problem.command_memory import ALONG, told_by_the_log
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.logged import AS_SENT, LOG, without_waves
 from mrdamp.model import Effect, Model
-from mrdamp.predict import free_run
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.log_filter import AS_SENT, LOG, without_waves
+from mrdamp.simulation.predict import free_run
 from test_logged import DT, EVERY, RATE, decimated, fine_steps
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}

@@ -32,9 +32,9 @@ from mrdamp.compare.summary import difference, interval, summarise
 from mrdamp.compare.tables import differences_csv
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Network, Policy
-from mrdamp.criteria import evaluate
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
+from mrdamp.simulation.criteria import evaluate
 from mrdamp.structures import dyke1996
 
 Array = NDArray[np.float64]
@@ -149,7 +149,9 @@ def test_an_outcome_is_what_the_run_says() -> None:
 def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_not_matter() -> None:
     rows = (Contender("active", ("ideal-active",)), Contender("on", ("passive-on",)))
     one = compare(BENCH, rows, MOTIONS, (0.5, 2.0))
-    np.testing.assert_allclose(one.values["active"]["J1"][0, :, 0], one.values["active"]["J1"][0, :, 1], rtol=2e-3)
+    np.testing.assert_allclose(
+        one.values["active"]["J1"][0, :, 0], one.values["active"]["J1"][0, :, 1], rtol=2e-3
+    )
     assert np.isnan(one.values["active"]["mean_command"]).all()
     assert np.isnan(one.summary("active", "coil_energy").mean)
     on = one.values["on"]
@@ -162,7 +164,10 @@ def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_
 
 
 def test_several_files_are_seeds() -> None:
-    rows = (Contender("c", ("constant:value=0.3", "constant:value=1.5")), Contender("d", ("constant:value=0.3",)))
+    rows = (
+        Contender("c", ("constant:value=0.3", "constant:value=1.5")),
+        Contender("d", ("constant:value=0.3",)),
+    )
     result = compare(BENCH, rows, MOTIONS[:1], (1.0,))
     values = result.values["c"]["mean_command"]
     assert values.shape == (2, 1, 1)
@@ -353,4 +358,7 @@ def test_the_best_constant_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
         return (result.summary("c", "J1").mean + result.summary("c", "J2").mean) / 2
 
     assert found.score == pytest.approx(score(found.spec))
-    assert found.score <= min(score(f"constant:value={volts:g}") for volts in (0.0, 0.1125, 0.5625, 2.25)) + 1e-12
+    assert (
+        found.score
+        <= min(score(f"constant:value={volts:g}") for volts in (0.0, 0.1125, 0.5625, 2.25)) + 1e-12
+    )

@@ -14,8 +14,8 @@ from mrdamp.control import Constant, Controller, ForceController, clipped_optima
 from mrdamp.control.clipped_optimal import OptimalForce, clip, optimal_force
 from mrdamp.control.lqg import first_order_hold, regulator_gain
 from mrdamp.control.plant import outputs, plant
-from mrdamp.criteria import evaluate
 from mrdamp.errors import InputError
+from mrdamp.simulation.criteria import evaluate
 from mrdamp.structures import ShearFrame, dyke1996
 
 Array = NDArray[np.float64]
@@ -324,9 +324,7 @@ def test_defaults_follow_the_frame() -> None:
     assert isinstance(controller.aim, OptimalForce)
     assert controller.aim.estimator.measurements == ("acceleration_1", "acceleration_2", "displacement_1")
     # Less weight on the force: a larger wanted force.
-    cheap, dear = (
-        optimal_force(dyke1996(), regulate={"drift_1": 1.0}, r=r).k for r in (1e-14, 1e-10)
-    )
+    cheap, dear = (optimal_force(dyke1996(), regulate={"drift_1": 1.0}, r=r).k for r in (1e-14, 1e-10))
     assert np.linalg.norm(cheap) > 10 * np.linalg.norm(dear)
 
 

@@ -27,7 +27,9 @@ def table(time: np.ndarray, separator: str = ",", decimal: str = ".", head: str 
     return head + "\n".join(rows) + "\n"
 
 
-def converted(path: Path, text: str, columns: Sequence[str] = COLUMNS, rate: float | None = None) -> Converted:
+def converted(
+    path: Path, text: str, columns: Sequence[str] = COLUMNS, rate: float | None = None
+) -> Converted:
     path.write_text(text, encoding="utf-8")
     return convert(path, [column(c) for c in columns], rate)
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrdamp.criteria import Criteria, evaluate
 from mrdamp.errors import InputError
+from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.structures import ShearFrame
 
 FRAME = ShearFrame(np.array([10.0, 20.0]), np.array([1e4, 1e4]), np.array([1.0, 1.0]))

@@ -72,7 +72,10 @@ def test_a_coil_under_a_controller_of_limited_voltage(tau: float, gain: float, i
         error = float(np.interp(t, T, u)) - y[0]
         asked = gain * error + y[1]
         given = min(max(asked, -limit), limit)
-        return [(given - y[0]) / tau, 0.0 if asked != given and asked * error > 0 else gain * error / integral]
+        return [
+            (given - y[0]) / tau,
+            0.0 if asked != given and asked * error > 0 else gain * error / integral,
+        ]
 
     expected = solve_ivp(rates, (0, T[-1]), [0.2, 0.2], t_eval=T, max_step=1e-4, rtol=1e-7, atol=1e-9).y[0]
     numbers = {"driver_lag_tau": tau, "driver_lag_gain": gain, "driver_lag_integral": integral}
@@ -208,7 +211,10 @@ def test_stops_of_a_magnetic_circuit_change_with_the_current(up: float, down: fl
 def test_loops_of_a_magnetic_circuit_close_at_saturation() -> None:
     b, d, knee = 0.1, 0.2, 0.6
     loops = {"remanence_b": b, "remanence_d": d, "remanence_stops": 1.0}
-    plain, closing = run("field", UP_AND_DOWN, **loops), run("field", UP_AND_DOWN, **loops, remanence_knee=knee)
+    plain, closing = (
+        run("field", UP_AND_DOWN, **loops),
+        run("field", UP_AND_DOWN, **loops, remanence_knee=knee),
+    )
     lag = UP_AND_DOWN - plain
     np.testing.assert_allclose(UP_AND_DOWN - closing, lag * np.exp(-((UP_AND_DOWN / knee) ** 2)), atol=1e-12)
 

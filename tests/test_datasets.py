@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from mrdamp import datasets
-from mrdamp.channels import is_channel
 from mrdamp.cli import main
 from mrdamp.datasets import CATALOGUE, Dataset, Source, fetch
 from mrdamp.datasets.convert import utfsm
 from mrdamp.errors import InputError
+from mrdamp.records.channels import is_channel
 from record_tables import table, write
 
 pytest.importorskip("pooch", reason="fetching needs the extra `data`")
@@ -105,7 +105,9 @@ def test_no_connection_and_no_folder_are_told(served: tuple[Path, Dataset], tmp_
     _, known = served
     assert known.source is not None
     dead = replace(known, source=replace(known.source, base="http://127.0.0.1:9/"))
-    with pytest.raises(InputError, match=r"no connection to 127\.0\.0\.1; fetch by hand from https://github\.com"):
+    with pytest.raises(
+        InputError, match=r"no connection to 127\.0\.0\.1; fetch by hand from https://github\.com"
+    ):
         fetch(dead, tmp_path / "data")
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be made: Not a directory"):

@@ -12,15 +12,15 @@ import pytest
 from PIL import Image
 
 from mrdamp import cli, models_xml, sets
-from mrdamp.animation import Animation, Clip, animate
 from mrdamp.control import passive_on
-from mrdamp.criteria import Criteria, evaluate
 from mrdamp.demo import UNCONTROLLED, accelerated
+from mrdamp.demo.animation import Animation, Clip, animate
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion
 from mrdamp.report import Page
-from mrdamp.stepping import FrameRun, run_frame
+from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.stepping import FrameRun, run_frame
 from mrdamp.structures import dyke1996
 
 

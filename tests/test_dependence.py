@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import compare_dependences, identify
-from mrdamp.laws import DEPENDENCES, PARAMETRIC, Scales, space
+from mrdamp.identify.laws import DEPENDENCES, PARAMETRIC, Scales, space
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from sine_records import grid, straight
 
 
@@ -41,8 +41,12 @@ def test_a_curve_that_bends_both_ways_is_met_at_four_commands() -> None:
         return np.asarray(30.0 + 400.0 * u**2 / (u**2 + 0.3))
 
     records = grid(s_shaped, (0.0, 0.25, 0.5, 1.0))
-    errors = {d: identify("bingham", records, dependence=d, starts=1).train_nrmse for d in list(DEPENDENCES)[1:]}
-    assert errors["quadratic_saturating"] < 0.5 * min(errors[d] for d in ("linear", "quadratic", "saturating"))
+    errors = {
+        d: identify("bingham", records, dependence=d, starts=1).train_nrmse for d in list(DEPENDENCES)[1:]
+    }
+    assert errors["quadratic_saturating"] < 0.5 * min(
+        errors[d] for d in ("linear", "quadratic", "saturating")
+    )
     p = identify("bingham", records, dependence="quadratic_saturating", starts=1).model.parameters
     for u in (0.0, 0.25, 0.5, 1.0):
         value = p["fya"] + p["fyb"] * u + p["fyc"] * u * u + p["fye"] * (1 - np.exp(-p["fyr"] * u))

@@ -12,8 +12,8 @@ import pytest
 
 from mrdamp import cli
 from mrdamp.model import Model
-from mrdamp.predict import predict
-from mrdamp.record_csv import render
+from mrdamp.records.csv_file import render
+from mrdamp.simulation.predict import predict
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 DAMPER = [f"open_{k:02d}" for k in range(1, 11)]

@@ -23,5 +23,7 @@ def test_every_effect_has_starts_within_its_ranges(sample_time: float) -> None:
 
 
 def test_resonances_beyond_what_is_sampled_are_left_out() -> None:
-    names = [{t.name for t in damper_terms(Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, dt))} for dt in (0.001, 0.01)]
+    names = [
+        {t.name for t in damper_terms(Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, dt))} for dt in (0.001, 0.01)
+    ]
     assert names[0] - names[1] == {"moving_mass:in two clamps"}

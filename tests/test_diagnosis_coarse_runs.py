@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit, fit, taken_up
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 from toy_rig import ToyRig, toy
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 from toy_rig import ToyRig, toy
 
 LEVEL, LOST = 0.4, 0.7

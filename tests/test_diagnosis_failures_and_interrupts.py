@@ -11,7 +11,6 @@ import pytest
 
 from mrdamp import cli
 from mrdamp.commands import diagnose as command
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.fits import table
 from mrdamp.diagnosis.fits.least_squares import Fit, fit, taken_up
@@ -19,7 +18,8 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import diagnose
-from mrdamp.record_csv import render
+from mrdamp.model.core import Array
+from mrdamp.records.csv_file import render
 
 LAW = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}
 NONE = Limits(singles=0, forms=0, depth=1, polished=0)  # no effect is fitted

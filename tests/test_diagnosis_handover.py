@@ -14,7 +14,7 @@ from mrdamp.diagnosis.report.handover import AGREEMENT, agreement, hand_over
 from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
-from mrdamp.stepping import drive_rig
+from mrdamp.simulation.stepping import drive_rig
 
 BOUC_WEN = {
     "c0a": 760.0, "c0b": 890.0, "alpha_a": 21e3, "alpha_b": 119e3, "gamma": 1.1e6, "beta": 1.1e6, "A": 155.0,

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.evidence.ties import could_hide
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -20,6 +19,7 @@ from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_tes
 from mrdamp.diagnosis.run import judge
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 from toy_rig import DT, ToyRig, parts, toy
 

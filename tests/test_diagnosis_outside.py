@@ -26,7 +26,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
 from mrdamp.diagnosis.hypotheses.terms import Sizes
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import diagnose, judge
-from mrdamp.record_csv import render
+from mrdamp.records.csv_file import render
 from test_diagnosis_cases import make_case
 from toy_rig import FIFTH, toy
 
@@ -91,7 +91,9 @@ def test_numbers_that_may_stand_in_for_a_cause_have_causes_tried_beside_them(
 def test_pairs_are_not_sought_where_a_rival_leaves_nothing(tried: list[tuple[bool, int]]) -> None:
     search, _ = judged({"fifth": 0.5}, rivals=True)
     assert tried == [(False, 1)]
-    assert search.ranked(True)[0].hypothesis.causes == ("cubic",)  # but what comes nearest has its numbers freed
+    assert search.ranked(True)[0].hypothesis.causes == (
+        "cubic",
+    )  # but what comes nearest has its numbers freed
     tried.clear()
     judged({"fifth": 0.5}, rivals=False)
     assert (False, 2) in tried

@@ -8,10 +8,10 @@ from threading import Barrier
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from toy_rig import ToyRig, toy
 
 SETTINGS: list[Settings] = [{"gain": 2.2}, {"gain": 2.2, "cubic": 0.3}]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits import search as searching
 from mrdamp.diagnosis.fits.beam import ScoreTest
@@ -15,6 +14,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 from toy_rig import ToyRig, toy
 
 TRUTH = {"sign": 0.6, "cubic": 0.3}

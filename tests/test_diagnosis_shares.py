@@ -13,7 +13,6 @@ from scipy.signal import lfilter
 from mrdamp.blindtest import rig as reference
 from mrdamp.blindtest.bench import Truth, damper_channels, logged
 from mrdamp.blindtest.excitation import GRID_HZ, Excitation
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
@@ -28,6 +27,7 @@ from mrdamp.diagnosis.problem.rig import models_of
 from mrdamp.diagnosis.run import judge
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 from toy_rig import ToyRig, toy
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp import core
 from mrdamp.diagnosis.evidence.structure_numbers import deviations
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
 from mrdamp.diagnosis.hypotheses.frame_effects import structure_coordinates
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
+from mrdamp.model import core
 from mrdamp.structures import dyke1996
 
 SIZES = Sizes(500.0, 0.01, 0.1, 2.0, 2.0, 50.0, 2e-3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.constants import UNSTEADY
 from mrdamp.diagnosis.fits import screening
@@ -17,6 +16,7 @@ from mrdamp.diagnosis.frame_run import take_through
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import carried_over, judge
+from mrdamp.model.core import Array
 from toy_rig import toy
 
 

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp.between import between, mended_ends
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
@@ -28,8 +26,11 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import judge, with_nearest
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.sampling import memory
+from mrdamp.records.sampling import memory
+from mrdamp.records.upsampling import repaired_ends as mended_ends
+from mrdamp.records.upsampling import upsampled as between
 from toy_rig import DT, ToyRig, parts, toy
 
 RNG = np.random.default_rng(5)

@@ -9,8 +9,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from excitation import Array
-from mrdamp import core
-from mrdamp.core import FrameInput
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import judge
@@ -19,7 +17,8 @@ from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model import Model, core
+from mrdamp.model.core import FrameInput
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
 

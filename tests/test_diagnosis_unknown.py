@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.frame_blocks import Block, intervals_by_stage, shares_by_stage
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.attribution.shares import Measured
@@ -26,6 +25,7 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
 from toy_rig import toy

@@ -29,8 +29,8 @@ from mrdamp.diagnosis.report.sentence import _plain
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
-from mrdamp.predict import write_prediction
 from mrdamp.records import Record, read_record
+from mrdamp.simulation.predict import write_prediction
 from toy_rig import toy
 
 DT = 0.002

@@ -44,7 +44,9 @@ class _Refused(Exception):
     pass
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if list(commands(p))], ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if list(commands(p))], ids=lambda p: str(p.relative_to(ROOT))
+)
 def test_commands_are_understood(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(self: argparse.ArgumentParser, message: str) -> None:
         raise _Refused(f"{self.prog}: {message}")

@@ -10,7 +10,7 @@ from scipy.signal import lsim, lti
 from dampers import attributes, rms, sample
 from excitation import multisine, wave
 from form_runs import BINGHAM, DT, STEP, T, X, run
-from mrdamp import core
+from mrdamp.model import core
 from twins import simulate
 
 
@@ -79,7 +79,9 @@ def test_a_plate_takes_its_stroke_from_stop_to_stop() -> None:
     np.testing.assert_allclose(bent[5:-5], (plain * (1 + a * np.array(plate)))[5:-5], atol=0.5)
 
 
-@pytest.mark.parametrize("mover", [{"asymmetry_force": 60.0}, {"asymmetry_width": 0.02}], ids=["force", "velocity"])
+@pytest.mark.parametrize(
+    "mover", [{"asymmetry_force": 60.0}, {"asymmetry_width": 0.02}], ids=["force", "velocity"]
+)
 def test_a_plate_moves_in_its_own_time(mover: dict[str, float]) -> None:
     """The plate's equation in SciPy, moved by the law's own force or by the velocity."""
     a, time = -0.25, 0.03
@@ -139,7 +141,9 @@ def test_seal_slips_at_once_over_a_small_velocity() -> None:
     np.testing.assert_allclose(added[5:-5], (limit * np.tanh(v / width))[5:-5], atol=0.5)
 
 
-@pytest.mark.parametrize(("delay", "spread", "range_"), [(0.02, 0.3, (0.014, 0.026)), (0.02, 1.0, (0.0, 0.04))])
+@pytest.mark.parametrize(
+    ("delay", "spread", "range_"), [(0.02, 0.3, (0.014, 0.026)), (0.02, 1.0, (0.0, 0.04))]
+)
 def test_packets_have_delays_of_their_own(delay: float, spread: float, range_: tuple[float, float]) -> None:
     """What arrives is the mean over all delays in the range; none is below zero."""
     law = {"c0a": 700.0, "c0b": 800.0, "fya": 70.0, "fyb": 620.0, "v_ref": 0.03}

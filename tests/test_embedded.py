@@ -201,9 +201,10 @@ def test_the_generator_is_independent_of_the_plugin() -> None:
     assert "importlib" not in source
 
 
-PLAIN = (
-    "motions.motion motions.files records.record records.csv_file records.motion sampling channels files errors".split()
-)
+PLAIN = [
+    *("motions.motion", "motions.files", "errors", "files"),
+    *(f"records.{name}" for name in ("record", "csv_file", "motion", "sampling", "channels")),
+]
 
 
 @pytest.mark.parametrize("module", [*PLAIN, "motions.__init__", "records.__init__"])

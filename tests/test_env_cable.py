@@ -16,12 +16,12 @@ from scipy.linalg import eig
 
 from excitation import Array
 from mrdamp import models_xml
-from mrdamp.cables import StayCable
 from mrdamp.envs import AmbientLoads, CableEnv, CableLoad, CablePlant, CableReward, WindLoads, cable_damper
 from mrdamp.envs.cable_reward import PARTS
 from mrdamp.envs.cable_xml import chain_xml, modal_xml
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.structures.cables import StayCable
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "references" / "cable_reference.json"
 PLACES = (0.01, 0.02, 0.05)

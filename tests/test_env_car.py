@@ -18,14 +18,14 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from excitation import Array
 from mrdamp import models_xml
-from mrdamp.cars import QuarterCar
-from mrdamp.comfort import weighted_rms, wk, wk_sections
 from mrdamp.envs import Bumps, CarEnv, CarPlant, CarTask, IsoRoads, RecordedRoads
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_xml import car_xml
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.roads import CLASSES, Road, bump, iso8608, read_road
+from mrdamp.simulation.comfort import weighted_rms, wk, wk_sections
+from mrdamp.simulation.roads import CLASSES, Road, bump, iso8608, read_road
+from mrdamp.structures.cars import QuarterCar
 from networks import random_network
 from test_env_chain import BOUC_WEN, OBSERVED, REWARDED, actions, off
 from test_env_chain import LAWS as FRAME_LAWS

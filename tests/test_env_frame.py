@@ -16,13 +16,13 @@ from gymnasium.vector import AsyncVectorEnv
 import mrdamp.envs
 from excitation import Array
 from frame_reference import solve
-from mrdamp import stepping
 from mrdamp.control import clipped_optimal
 from mrdamp.envs import FrameEnv, FramePlant, FrameReward, Observer, RecordedMotions, SyntheticMotions
 from mrdamp.envs.reward import PARTS, reference_run
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion, embedded_motion, kanai_tajimi
+from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996
 
 SHORT = SyntheticMotions(duration=4.0)  # 0.8 s as it is played

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp.cables import StayCable
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
+from mrdamp.structures.cables import StayCable
 
 NOTHING = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp import core
-from mrdamp.core import Array, FrameInput
 from mrdamp.envs.sensors import FloorSensors
+from mrdamp.model import core
+from mrdamp.model.core import Array, FrameInput
 
 PERIOD = 0.004
 LAW = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), 0.0)

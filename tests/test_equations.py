@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mrdamp.attributes import laws
+from mrdamp.model.attributes import laws
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 PAGE = (REPOSITORY / "docs" / "reference" / "equations.md").read_text(encoding="utf-8")

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.report.handover import agreement
-from mrdamp.logged import FILTERED, LOGGER, unfolded
 from mrdamp.model import Model
-from mrdamp.predict import free_run
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.log_filter import FILTERED, LOGGER, unfolded
+from mrdamp.simulation.predict import free_run
 from test_logged import DT, EVERY, RATE, decimated, fine_steps
 
 #: Friction that turns within a sample or two.
@@ -29,7 +29,9 @@ def triangle(hz: float, amplitude: float) -> Array:
 
 def force(x: Array, u: Array) -> Array:
     v = np.gradient(x, 1 / (RATE * EVERY))
-    return np.asarray((LAW["c0a"] + LAW["c0b"] * u) * v + (LAW["fya"] + LAW["fyb"] * u) * np.tanh(v / LAW["v_ref"]))
+    return np.asarray(
+        (LAW["c0a"] + LAW["c0b"] * u) * v + (LAW["fya"] + LAW["fyb"] * u) * np.tanh(v / LAW["v_ref"])
+    )
 
 
 def records(*, filtered: bool) -> tuple[Record, Record]:

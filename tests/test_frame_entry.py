@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
-from mrdamp import core
-from mrdamp.core import Array, FrameInput
 from mrdamp.errors import InputError
+from mrdamp.model import core
+from mrdamp.model.core import Array, FrameInput
 
 BOUC_WEN = {
     "c0a": 300.0, "c0b": 150.0, "alpha_a": 60.0, "alpha_b": 250.0, "gamma": 900.0, "beta": 600.0, "A": 1500.0,
@@ -101,7 +101,9 @@ def test_dry_friction_in_a_storey_agrees_with_scipy() -> None:
         assert off(got[name], want[name]) < 0.02, name  # the steep tanh is not quite dry
     # With the width of that tanh it is the same equation.
     wide = replace(frame, friction_width=np.array([0.0, 2e-4, 0.0]))
-    got = core.run_frame("bouc_wen", BOUC_WEN | {"driver_lag_tau": 0.015}, wide, DT, motion(TIME), command(TIME))
+    got = core.run_frame(
+        "bouc_wen", BOUC_WEN | {"driver_lag_tau": 0.015}, wide, DT, motion(TIME), command(TIME)
+    )
     for name in ("displacement_1", "displacement_2", "displacement_3", "force"):
         assert off(got[name], want[name]) < 3e-3, name
     # It matters: the same frame without it is far off.
@@ -120,9 +122,7 @@ def test_dry_friction_that_builds_up_over_a_long_drift_is_a_spring() -> None:
     got, want = (core.run_frame("bouc_wen", BOUC_WEN, f, DT, motion(TIME), 1.0) for f in (rubbing, stiffer))
     for name in ("displacement_1", "displacement_2", "displacement_3", "force"):
         assert off(got[name], want[name]) < 0.02, name
-    without = core.run_frame(
-        "bouc_wen", BOUC_WEN, replace(plain, friction=None), DT, motion(TIME), 1.0
-    )
+    without = core.run_frame("bouc_wen", BOUC_WEN, replace(plain, friction=None), DT, motion(TIME), 1.0)
     assert off(without["displacement_2"], want["displacement_2"]) > 0.1
 
 
@@ -169,7 +169,10 @@ def test_floor_sensors_have_a_second_order_lag_and_two_leaks() -> None:
         acc_leakage2=slow * floor,
     )  # fmt: skip
     change = true - true[0]
-    leaks = [true[0] * np.exp(-TIME / tau) + lsim(lti([1, 0], [1, 1 / tau]), change, TIME)[1] for tau in (fast, slow)]
+    leaks = [
+        true[0] * np.exp(-TIME / tau) + lsim(lti([1, 0], [1, 1 / tau]), change, TIME)[1]
+        for tau in (fast, slow)
+    ]
     got = core.run_frame("bouc_wen", BOUC_WEN, leaking, DT, motion(TIME), 1.0)
     assert off(got["acceleration_2"], (1 - share) * leaks[0] + share * leaks[1]) < 1e-6
 
@@ -187,10 +190,14 @@ def test_a_dashpot_that_grows_with_the_velocity() -> None:
         return np.concatenate([s[2:], -force / plain.mass - float(np.interp(t, TIME, motion(TIME)))])
 
     want, linear = (
-        solve_ivp(rhs, (0, TIME[-1]), np.zeros(4), args=(c,), t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-10).y
+        solve_ivp(
+            rhs, (0, TIME[-1]), np.zeros(4), args=(c,), t_eval=TIME, max_step=DT, rtol=1e-8, atol=1e-10
+        ).y
         for c in (c2, 0.0)
     )
-    got = core.run_frame("bouc_wen", BOUC_WEN, replace(plain, damping2=np.array([c2, 0.0])), DT, motion(TIME), 1.0)
+    got = core.run_frame(
+        "bouc_wen", BOUC_WEN, replace(plain, damping2=np.array([c2, 0.0])), DT, motion(TIME), 1.0
+    )
     assert off(got["displacement_2"], want[1]) < 2e-3 < 0.05 < off(linear[1], want[1])
 
 

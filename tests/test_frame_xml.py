@@ -174,7 +174,9 @@ def test_paths() -> None:
     for name in models_xml.names():
         for file in ("model.xml", "scene.xml", "README.md"):
             assert models_xml.path(name, file).is_file()
-    with pytest.raises(InputError, match=r"model 'frame' is unknown; there are: cable, frame3, quarter_car, rig"):
+    with pytest.raises(
+        InputError, match=r"model 'frame' is unknown; there are: cable, frame3, quarter_car, rig"
+    ):
         models_xml.path("frame")
     with pytest.raises(
         InputError, match=r"model 'rig' has no file '../__init__.py'; it has: README.md, model.xml"

@@ -23,7 +23,7 @@ from mrdamp.gap.scenario import Scenario, folded, nominal_frame
 from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
 from mrdamp.model import Effect
 from mrdamp.motions import GroundMotion
-from mrdamp.stepping import run_frame
+from mrdamp.simulation.stepping import run_frame
 
 
 class Switching:
@@ -211,7 +211,10 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
     nominal = nominal_frame()
     softer = replace(nominal, effects=(Effect("storey_stiffness", {"e": -0.3}, 1),))
     site, seen = registry.Site.of(nominal), {"acceleration_3": 2.0, "displacement_1": 1e-3, "force": 200.0}
-    y = dict.fromkeys(["acceleration_1", "acceleration_2", "acceleration_3", "displacement_1", "force"], 0.0) | seen
+    y = (
+        dict.fromkeys(["acceleration_1", "acceleration_2", "acceleration_3", "displacement_1", "force"], 0.0)
+        | seen
+    )
     trained, commands = [], []
     for model in (nominal, softer, nominal):
         told: list[float] = []

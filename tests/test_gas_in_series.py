@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from dampers import rms
 from form_runs import DT, T, X
-from mrdamp import core
+from mrdamp.model import core
 
 C = 4000.0  # N s/m, a dashpot
 LAW = {"c0a": C, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}

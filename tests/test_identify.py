@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import RecordError, error, identify, pooled
+from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded
 
 TRUE = {"c0a": 400.0, "c0b": 250.0, "fya": 40.0, "fyb": 300.0, "alpha_a": 60.0, "alpha_b": 400.0}

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.injection.forms import FORMS, since_turn
 from mrdamp.diagnosis.injection.inject import (
     NOT_EXACT,
@@ -22,6 +21,7 @@ from mrdamp.diagnosis.injection.inject import (
 )
 from mrdamp.diagnosis.injection.signals import Scales, Signals
 from mrdamp.model import Model, damper_effects
+from mrdamp.model.core import Array
 from mrdamp.records import Record, embedded
 
 DT, AMPLITUDE, HZ, PRELOAD = 0.002, 8e-3, 1.5, 25.0

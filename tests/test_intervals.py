@@ -7,7 +7,7 @@ import pytest
 
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, identify
-from mrdamp.intervals import channel_findings, intervals
+from mrdamp.identify.intervals import channel_findings, intervals
 from mrdamp.records import Record
 from sine_records import bingham_record, grid, straight, viscous
 

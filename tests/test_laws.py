@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from dampers import attributes, commands, excitation, grid, reference, rms, sample, size
 from excitation import Array, constant, multisine, random_steps, sine, steps, wave
-from mrdamp import core, sets
+from mrdamp import sets
+from mrdamp.model import core
 from storage import dissipated, work
 from twins import simulate
 

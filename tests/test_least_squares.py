@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
-from mrdamp.core import Array
 from mrdamp.identify.least_squares import bounded_least_squares
+from mrdamp.model.core import Array
 
 TIME = np.linspace(0.0, 3.0, 400)
 MEASURED = 0.8 * np.exp(-1.3 * TIME) * np.cos(7 * TIME) + 0.02 * np.sin(50 * TIME)

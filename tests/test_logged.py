@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, firwin, sosfilt
 
-from mrdamp.core import Array
-from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
+from mrdamp.model.core import Array
+from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before_jumps
 
 RATE, EVERY = 500.0, 40
 DT = 1 / RATE
@@ -97,7 +97,9 @@ def test_an_unfiltered_log_keeps_its_lines_and_its_ground_runs_smoothly() -> Non
     tone = np.sin(2 * np.pi * 12 * t)
     ground, command = finer(tone, jump, False)
     np.testing.assert_array_equal(command, np.interp(fine_t, t, jump))
-    smooth, straight = (np.abs(g - np.sin(2 * np.pi * 12 * fine_t)).max() for g in (ground, np.interp(fine_t, t, tone)))
+    smooth, straight = (
+        np.abs(g - np.sin(2 * np.pi * 12 * fine_t)).max() for g in (ground, np.interp(fine_t, t, tone))
+    )
     assert smooth < 0.1 * straight
     np.testing.assert_array_equal(logged(np.vstack([ground, command]), False), np.vstack([tone, jump]))
 

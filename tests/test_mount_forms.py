@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from dampers import rms
 from form_runs import BINGHAM, DT, T, X
-from mrdamp import core
+from mrdamp.model import core
 
 
 def test_mount_hardens_with_its_deflection() -> None:

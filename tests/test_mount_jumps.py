@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp import core
+from mrdamp.model import core
 
 LAW = {
     "c0a": 930.0, "c0b": 860.0, "k0": 250.0, "x0": 0.0, "alpha_a": 19e3, "alpha_b": 109e3,

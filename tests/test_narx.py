@@ -11,7 +11,8 @@ import pytest
 from dampers import rms
 from excitation import Array, multisine, random_steps, sine, wave
 from mjcf_builders import HEAVY, Damper, Sensor, compiled, document, drive, grid, slider, step_through
-from mrdamp import InputError, core
+from mrdamp import InputError
+from mrdamp.model import core
 from networks import Network, random_network
 
 NETWORKS = {

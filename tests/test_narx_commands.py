@@ -18,7 +18,7 @@ from mrdamp.narx import splits
 from mrdamp.narx.checkpoint import Checkpoint
 from mrdamp.narx.network import Network
 from mrdamp.records import Record, RecordSet, embedded
-from mrdamp.stepping import drive_rig
+from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion, small
 
 SMALL = ("--law", "narx", "--hidden", "4", "--lags", "1", "--initialisations", "1")

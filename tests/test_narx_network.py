@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp import InputError, core
+from mrdamp import InputError
+from mrdamp.model import core
 from mrdamp.narx.data import lagged
 from mrdamp.narx.network import Network, regressors
 from mrdamp.narx.problems import FreeRun, OneStep

@@ -21,7 +21,7 @@ from mrdamp.narx.prune import draw_course, prune
 from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
-from mrdamp.stepping import drive_rig
+from mrdamp.simulation.stepping import drive_rig
 from narx_data import made, motion, recursion
 
 TRAIN = (made(700, 1), made(500, 2))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrdamp.errors import InputError
-from mrdamp.norms import CENTIMETRE, delta_1, delta_2, foam_norms, nrmse, record_norms, rmse
+from mrdamp.identify.norms import CENTIMETRE, delta_1, delta_2, foam_norms, nrmse, record_norms, rmse
 from mrdamp.records import Record
 
 

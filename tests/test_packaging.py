@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from mrdamp.former_paths import FORMER_PATHS
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODEL = """
 <mujoco>
@@ -73,7 +75,9 @@ def test_plugin_library_holds_no_path_of_the_build_machine() -> None:
 def test_import_loads_one_engine_and_one_plugin(tmp_path: Path) -> None:
     if not Path("/proc/self/maps").exists():
         pytest.skip("no /proc/self/maps on this system")
-    maps = python("import mrdamp, mujoco, pathlib; print(pathlib.Path('/proc/self/maps').read_text())", tmp_path)
+    maps = python(
+        "import mrdamp, mujoco, pathlib; print(pathlib.Path('/proc/self/maps').read_text())", tmp_path
+    )
     mapped = {Path(line.split()[-1]) for line in maps.splitlines() if ".so" in line}
     assert [path.resolve() for path in mapped if path.name.startswith("libmrdamp")] == [library().resolve()]
     assert len([path for path in mapped if path.name.startswith("libmujoco")]) == 1
@@ -99,6 +103,19 @@ def test_import_of_the_package_registers_the_environments(tmp_path: Path, first:
 
 def test_environments_need_no_import_with_the_package_in_the_id(tmp_path: Path) -> None:
     assert python("import gymnasium as g; print(g.make('mrdamp:mrdamp/Frame-v0').spec.id)", tmp_path)
+
+
+def test_former_paths_of_public_modules_give_the_same_modules(tmp_path: Path) -> None:
+    assert FORMER_PATHS
+    for former, there in FORMER_PATHS.items():
+        # The former path first, so that nothing else has imported the module.
+        code = (
+            f"import {former} as a, {there} as b, importlib, sys\n"
+            f"from mrdamp import {former.partition('.')[2]} as c\n"
+            "importlib.reload(a)\n"
+            f"print(a is b is c, a.__spec__.name == a.__name__ == {there!r})"
+        )
+        assert python(code, tmp_path) == "True True"
 
 
 def test_modules_that_are_waited_for_keep_their_own_loaders(tmp_path: Path) -> None:
@@ -135,7 +152,7 @@ sys.path.insert(0, {folder!r})
     [
         "import mujoco, mrdamp",
         "import mrdamp, mujoco",
-        "import mrdamp.native; mrdamp.native.library()",
+        "import mrdamp.model.native; mrdamp.model.native.library()",
         "import mrdamp; mrdamp.load_plugin()",
     ],
 )

@@ -18,9 +18,9 @@ from matplotlib.text import Text
 from matplotlib.transforms import Affine2D, Bbox
 
 from mrdamp import pictures
-from mrdamp.criteria import Criteria, evaluate
 from mrdamp.errors import InputError
 from mrdamp.pictures import LoopData, style
+from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.structures import ShearFrame
 
 LONG = "a_record_with_a_name_that_goes_on_and_on_for_no_reason_at_all_2.5Hz_10.0mm"

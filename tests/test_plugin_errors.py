@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from mjcf_builders import Damper, Sensor, Values, compiled, document, slider
-from mrdamp import InputError, core
+from mrdamp import InputError
+from mrdamp.model import core
 from networks import random_network
 
 BINGHAM = {"c0a": 150.0, "c0b": 80.0, "fya": 40.0, "fyb": 60.0, "v_ref": 0.008}

@@ -25,7 +25,8 @@ from mjcf_builders import (
     slider,
     step_through,
 )
-from mrdamp import core, sets
+from mrdamp import sets
+from mrdamp.model import core
 from twin_laws import LAWS, Softening
 
 TIMESTEPS = (1e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s

@@ -12,7 +12,8 @@ import pytest
 from dampers import attributes, commands, size
 from excitation import Array
 from mjcf_builders import Damper, Values, compiled, document, oscillator, slider, step_through
-from mrdamp import core, sets
+from mrdamp import sets
+from mrdamp.model import core
 from networks import Network
 from storage import hysteretic_energy
 from twin_laws import value, z_limit

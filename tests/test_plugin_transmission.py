@@ -321,7 +321,12 @@ def test_steady_speed_against_joint_friction(mass: float) -> None:
 
 @pytest.mark.parametrize(
     "first",
-    [True, pytest.param(False, marks=pytest.mark.xfail(reason="the engine computes later plugins later", strict=True))],
+    [
+        True,
+        pytest.param(
+            False, marks=pytest.mark.xfail(reason="the engine computes later plugins later", strict=True)
+        ),
+    ],
     ids=["controller first", "damper first"],
 )
 def test_steady_speed_under_another_plugin(first: bool) -> None:

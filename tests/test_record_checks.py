@@ -7,8 +7,8 @@ import pytest
 
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
-from mrdamp.record_checks import check_clipping, clipped, doubts
 from mrdamp.records import embedded
+from mrdamp.records.checks import check_clipping, clipped, doubts
 from sine_records import grid
 
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrdamp.channels import DAMPER_INPUTS
 from mrdamp.errors import InputError
 from mrdamp.files import decode
 from mrdamp.records import csv_file as record_csv
 from mrdamp.records import read_record
+from mrdamp.records.channels import DAMPER_INPUTS
 from record_tables import HEADER, message, table, write
 
 

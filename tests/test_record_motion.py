@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrdamp.cli import main
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 from mrdamp.records import read_records
 from mrdamp.records.motion import cut, faults, path, turns
 

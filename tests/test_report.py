@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mrdamp import pictures, report
+from mrdamp import pictures
 from mrdamp.errors import InputError
 from mrdamp.pictures import LoopData
 from mrdamp.pictures.style import DARK
 from mrdamp.report import Cell, Page
+from mrdamp.report import page as report
 
 VOID = {"meta", "img", "wbr", "br", "link"}
 EVIL = "<script>alert(\"1\")</script> & 'x'"

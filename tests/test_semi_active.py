@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from knowing import Known
-from mrdamp import stepping
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, ideal_active, registry, skyhook
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
@@ -22,6 +21,7 @@ from mrdamp.control.plant import outputs, plant
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
+from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996
 
 Array = NDArray[np.float64]
@@ -47,9 +47,17 @@ class Script:
 
 @pytest.mark.parametrize(
     ("wanted", "force", "share"),
-    [(300.0, 100.0, 0.3), (2500.0, 100.0, 1.0), (-300.0, -100.0, 0.3), (300.0, 400.0, 0.0), (300.0, -10.0, 0.0)],
+    [
+        (300.0, 100.0, 0.3),
+        (2500.0, 100.0, 1.0),
+        (-300.0, -100.0, 0.3),
+        (300.0, 400.0, 0.0),
+        (300.0, -10.0, 0.0),
+    ],
 )
-def test_modulated_command_is_in_proportion_to_the_wanted_force(wanted: float, force: float, share: float) -> None:
+def test_modulated_command_is_in_proportion_to_the_wanted_force(
+    wanted: float, force: float, share: float
+) -> None:
     assert Modulated(2.0, 1000.0)(wanted, 0.0, {"force": force}) == pytest.approx(2.0 * share)
 
 
@@ -79,7 +87,9 @@ def test_regulator_and_filter_of_one_storey_meet_their_closed_forms() -> None:
     )
     c, _ = outputs(frame, ["displacement_1"])
     filtered = np.linalg.eigvals(linear.a - aim.estimator.gain @ c)
-    np.testing.assert_allclose(np.sort_complex(filtered), left_roots(1, 0, 2 * w2, 0, w2**2 + ratio), rtol=1e-6)
+    np.testing.assert_allclose(
+        np.sort_complex(filtered), left_roots(1, 0, 2 * w2, 0, w2**2 + ratio), rtol=1e-6
+    )
     # A floor that is out and at rest is to be pulled back: the damper's rod end pulls with -f.
     assert aim.k[0] < 0
     assert aim.k[1] < 0
@@ -94,7 +104,11 @@ def test_lyapunov_matrix_is_the_cost_to_come() -> None:
     p = lyapunov_matrix(frame, weights)
     for start in ([1e-3, 0, 2e-3, 0, 0, 0.0], [0, 0, 1e-3, 0.1, -0.2, 0.05]):
         run = solve_ivp(
-            lambda t, s: np.append(a @ s[:6], s[:6] @ q @ s[:6]), (0, 4.0), [*start, 0.0], method="DOP853", rtol=1e-8
+            lambda t, s: np.append(a @ s[:6], s[:6] @ q @ s[:6]),
+            (0, 4.0),
+            [*start, 0.0],
+            method="DOP853",
+            rtol=1e-8,
         )
         end = run.y[:6, -1]
         assert np.array(start) @ p @ start == pytest.approx(run.y[6, -1] + end @ p @ end, rel=1e-4)
@@ -103,9 +117,15 @@ def test_lyapunov_matrix_is_the_cost_to_come() -> None:
 
 @pytest.mark.parametrize("floors", [(0, 1), (1, 2), (3, 1)])
 @pytest.mark.parametrize("energy", [True, False])
-def test_bang_bang_is_on_where_the_force_takes_the_function_down(floors: tuple[int, int], energy: bool) -> None:
+def test_bang_bang_is_on_where_the_force_takes_the_function_down(
+    floors: tuple[int, int], energy: bool
+) -> None:
     frame = dyke1996(damper_between=floors)
-    made = max_dissipation(frame, 2.0) if energy else lyapunov(frame, 2.0, {"drift_2": 1.0, "acceleration_1": 1e-6})
+    made = (
+        max_dissipation(frame, 2.0)
+        if energy
+        else lyapunov(frame, 2.0, {"drift_2": 1.0, "acceleration_1": 1e-6})
+    )
     k = np.zeros((6, 6))
     k[:3, :3], k[3:, 3:] = frame.stiffness_matrix, frame.mass_matrix
     p = k if energy else lyapunov_matrix(frame, {"drift_2": 1.0, "acceleration_1": 1e-6})
@@ -136,16 +156,26 @@ def test_a_frame_without_damping_has_no_such_function() -> None:
 
 
 @pytest.mark.parametrize(("floors", "floor", "sign"), [((0, 1), 1, 1.0), ((1, 3), 3, 1.0), ((2, 1), 2, -1.0)])
-def test_skyhook_force_is_that_of_a_dashpot_to_the_sky(floors: tuple[int, int], floor: int, sign: float) -> None:
+def test_skyhook_force_is_that_of_a_dashpot_to_the_sky(
+    floors: tuple[int, int], floor: int, sign: float
+) -> None:
     frame, h, tau, c = dyke1996(damper_between=floors), 2e-3, 0.15, 700.0
     controller = skyhook(frame, 2.0, damping=c, leak=tau, period=h)
     times = np.arange(200) * h
     a = 3 * np.sin(31 * times) + 0.5
     run = solve_ivp(
-        lambda t, v: np.interp(t, times, a) - v / tau, (0, times[-1]), [0.0], rtol=1e-9, atol=1e-12, max_step=h
+        lambda t, v: np.interp(t, times, a) - v / tau,
+        (0, times[-1]),
+        [0.0],
+        rtol=1e-9,
+        atol=1e-12,
+        max_step=h,
     )
     for t, now in zip(times, a, strict=True):
-        y = {f"acceleration_{j}": 99.0 for j in (1, 2, 3)} | {f"acceleration_{floor}": float(now), "force": 5.0}
+        y = {f"acceleration_{j}": 99.0 for j in (1, 2, 3)} | {
+            f"acceleration_{floor}": float(now),
+            "force": 5.0,
+        }
         command = controller.command(float(t), y)
     # A floor on its way up is to be held down; the damper does so where it is being extended and sits below.
     assert controller.wanted == pytest.approx(sign * c * run.y[0, -1], rel=1e-5)
@@ -171,7 +201,9 @@ class Recorder:
 def test_tracking_hands_the_wanted_force_to_the_inverse() -> None:
     inverse = Recorder()
     controller = ForceController(optimal_force(dyke1996(), period=2e-3), Tracking(inverse), 2e-3, "t")
-    y = dict.fromkeys(("acceleration_1", "acceleration_2", "acceleration_3", "displacement_1"), 1e-3) | {"force": 2.0}
+    y = dict.fromkeys(("acceleration_1", "acceleration_2", "acceleration_3", "displacement_1"), 1e-3) | {
+        "force": 2.0
+    }
     commands = [controller.command(k * 2e-3, y) for k in range(4)]
     assert commands[-1] == pytest.approx(0.001 * controller.wanted)
     assert [t for t, _ in inverse.calls] == pytest.approx([0.0, 0.002, 0.004, 0.006])
@@ -205,7 +237,10 @@ def test_an_ideal_force_moves_the_frame_as_scipy_has_it(floors: tuple[int, int])
     def rate(t: float, s: Array) -> Array:
         force = 400.0 * math.sin(60.0 * 5e-4 * math.floor(t / 5e-4 + 1e-9))
         ground = np.interp(t, motion.time, motion.acceleration)
-        a = inverse @ (gamma[1:] * force - frame.stiffness_matrix @ s[:3] - frame.damping_matrix @ s[3:]) - ground
+        a = (
+            inverse @ (gamma[1:] * force - frame.stiffness_matrix @ s[:3] - frame.damping_matrix @ s[3:])
+            - ground
+        )
         return np.concatenate([s[3:], a])
 
     s, states = np.zeros(6), [np.zeros(6)]

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamp import core
-from mrdamp.core import Array
-from mrdamp.model import Model
+from mrdamp.model import Model, core
+from mrdamp.model.core import Array
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 

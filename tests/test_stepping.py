@@ -9,13 +9,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from mrdamp import sets, stepping
+from mrdamp import sets
 from mrdamp.control import clipped_optimal, passive_on
-from mrdamp.core import Array
-from mrdamp.mjcf import mjcf, write_mjcf
 from mrdamp.model import Effect, Model
+from mrdamp.model.core import Array
 from mrdamp.motions import embedded_motion
 from mrdamp.records import embedded
+from mrdamp.simulation import stepping
+from mrdamp.simulation.mjcf import mjcf, write_mjcf
 from mrdamp.structures import ShearFrame, dyke1996
 
 LIMIT = 0.005  # of the RMS

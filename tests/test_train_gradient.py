@@ -53,7 +53,9 @@ def test_force_actions_become_the_commands_of_the_levels() -> None:
         force = seen[:, column] * task.observer.scales[column]
         seen, _, _, _ = wrapped.step(np.full((2, 1), action))
         wanted = action * 1100.0
-        expected = [2.25 * (abs(wanted) - 100) / 1000 if wanted * f > 0 and abs(wanted) > 100 else 0.0 for f in force]
+        expected = [
+            2.25 * (abs(wanted) - 100) / 1000 if wanted * f > 0 and abs(wanted) > 100 else 0.0 for f in force
+        ]
         assert seen[:, width - 1] * 2.25 == pytest.approx(expected, abs=1e-5)
 
 
@@ -83,7 +85,9 @@ def test_the_actor_does_not_see_the_privileged_half() -> None:
     task, venv = frames()
     wrapped = Privileged(Whitened(venv, np.eye(task.observer.size, dtype=np.float32)), FrameWorld({}), task)
     arch = {"net_arch": {"pi": [8], "vf": [8]}}
-    model = stable_baselines3.PPO(AsymmetricPolicy, wrapped, policy_kwargs=arch, n_steps=8, batch_size=8, device="cpu")
+    model = stable_baselines3.PPO(
+        AsymmetricPolicy, wrapped, policy_kwargs=arch, n_steps=8, batch_size=8, device="cpu"
+    )
     rng = np.random.default_rng(0)
     one = rng.standard_normal((1, 2 * task.observer.size)).astype(np.float32)
     other = one.copy()
@@ -97,14 +101,24 @@ def test_the_actor_does_not_see_the_privileged_half() -> None:
     ("algorithm", "arguments"),
     [
         ("PPO", {"policy_kwargs": {"net_arch": {"pi": [7, 5], "vf": [4]}}, "n_steps": 8, "batch_size": 8}),
-        ("PPO", {"policy_kwargs": {"net_arch": {"pi": [], "vf": [4]}}, "use_sde": True, "n_steps": 8, "batch_size": 8}),
+        (
+            "PPO",
+            {
+                "policy_kwargs": {"net_arch": {"pi": [], "vf": [4]}},
+                "use_sde": True,
+                "n_steps": 8,
+                "batch_size": 8,
+            },
+        ),
         ("A2C", {"policy_kwargs": {"net_arch": [6]}}),
         ("SAC", {"policy_kwargs": {"net_arch": [7, 5]}}),
         ("TD3", {"policy_kwargs": {"net_arch": [7, 5]}}),
         ("DDPG", {"policy_kwargs": {"net_arch": [6]}}),
     ],
 )
-def test_export_gives_the_deterministic_action_of_the_model(algorithm: str, arguments: dict[str, Any]) -> None:
+def test_export_gives_the_deterministic_action_of_the_model(
+    algorithm: str, arguments: dict[str, Any]
+) -> None:
     task, venv = frames()
     maker: Any = getattr(stable_baselines3, algorithm)
     model = maker("MlpPolicy", venv, seed=1, device="cpu", **arguments)
@@ -122,7 +136,13 @@ def test_an_actor_of_another_form_is_refused() -> None:
 
 
 def ppo(timesteps: int = 512) -> Options:
-    small = ("n_envs=4", "n_steps=32", "batch_size=64", f"env_kwargs.period={PERIOD}", "env_kwargs.duration=0.4")
+    small = (
+        "n_envs=4",
+        "n_steps=32",
+        "batch_size=64",
+        f"env_kwargs.period={PERIOD}",
+        "env_kwargs.duration=0.4",
+    )
     return Options(timesteps=timesteps, overrides=(*small, "normalize=false"), evaluations=2)
 
 
@@ -147,7 +167,9 @@ def test_what_the_learner_does_not_know_is_refused(tmp_path: Path) -> None:
         train(options, tmp_path)
     assert not (tmp_path / "options.json").exists()
     with pytest.raises(InputError, match="privileged"):
-        train(Options(algorithm="sac", overrides=("privileged=true", "n_envs=1", "normalize=false")), tmp_path)
+        train(
+            Options(algorithm="sac", overrides=("privileged=true", "n_envs=1", "normalize=false")), tmp_path
+        )
 
 
 def test_the_wrappers_are_vector_environments() -> None:

@@ -26,18 +26,17 @@ FILE = ROOT / "docs" / "pictures" / "packages.svg"
 
 #: Group -> its packages and modules right below `mrdamp`.
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "command line": ("cli", "commands", "demo", "animation", "citations"),
+    "command line": ("cli", "commands", "demo"),
     "diagnosis": ("diagnosis", "gap", "blindtest"),
-    "learning, comparison": ("envs", "train", "compare", "rows"),
-    "control": ("control", "inverse", "cables", "cars"),
-    "identification": ("identify", "laws", "narx", "intervals", "calibration", "norms"),
-    "reporting": ("report", "pictures", "templates"),
-    "simulation": ("stepping", "mjcf", "models_xml", "predict", "motions", "criteria", "roads", "comfort"),
-    "model": ("model", "core", "attributes", "native", "library", "sets", "structures"),
-    "records": ("records", "channels", "record_checks", "record_csv", "sampling", "logged", "upsampling", "between",
-                "datasets"),
-    "shared": ("errors", "files", "parallel", "on_import", "registration"),
-}  # fmt: skip
+    "learning, comparison": ("envs", "train", "compare"),
+    "control": ("control", "inverse"),
+    "identification": ("identify", "narx"),
+    "reporting": ("report", "pictures"),
+    "simulation": ("simulation", "models_xml", "motions"),
+    "model": ("model", "sets", "structures"),
+    "records": ("records", "datasets"),
+    "shared": ("errors", "files", "parallel", "library", "on_import", "registration", "former_paths"),
+}
 #: Centre and size of each box, in units of the drawing.
 BOXES: Mapping[str, tuple[float, float, float, float]] = {
     "command line": (5.0, 12.2, 6.0, 0.9),

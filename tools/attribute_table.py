@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from mrdamp import core
+from mrdamp.model import core
 
 README = Path(__file__).resolve().parents[1] / "plugin_cpp" / "README.md"
 BEGIN = "<!-- attribute tables: written by tools/attribute_table.py -->"

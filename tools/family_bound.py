@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.constants import REDUCIBLE
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
@@ -26,6 +25,7 @@ from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, tr
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.run import make_rig
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
 _SAMPLES, _DRAWS = 20_000, 1000
 #: Signatures are stretched by no more than in a search.

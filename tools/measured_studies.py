@@ -85,7 +85,9 @@ def run(name: str, study: Study) -> dict[str, object] | None:
         files[-1].parent.mkdir(exist_ok=True)
         write_atomic(files[-1], render(r.channels))
     case, out = folder / "case", folder / "diagnosis"
-    if not case.exists() and mrdamp(["case", str(folder / "nominal.json"), *map(str, files), "-o", str(case)]):
+    if not case.exists() and mrdamp(
+        ["case", str(folder / "nominal.json"), *map(str, files), "-o", str(case)]
+    ):
         raise SystemExit(2)
     if mrdamp(["diagnose", str(case), "-o", str(out)]):
         raise SystemExit(2)

@@ -11,11 +11,11 @@ import sys
 from pathlib import Path
 
 from mrdamp import sets
-from mrdamp.animation import animate
 from mrdamp.control import clipped_optimal
+from mrdamp.demo.animation import animate
 from mrdamp.model import Model, effects_from
 from mrdamp.motions import embedded_motion
-from mrdamp.stepping import run_frame
+from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import dyke1996
 
 FILE = Path(__file__).resolve().parents[1] / "docs" / "pictures" / "frame.webp"

@@ -1,7 +1,7 @@
 """Training of controllers with stable-baselines3, and their export to files that NumPy alone can use.
 
-    from mrdamp.train.learn import train
-    from mrdamp.train.settings import Options
+from mrdamp.train.learn import train
+from mrdamp.train.settings import Options
 
-    train(Options(environment="mrdamp/Frame-v0", algorithm="ppo", seed=1), "out/frame")
+train(Options(environment="mrdamp/Frame-v0", algorithm="ppo", seed=1), "out/frame")
 """

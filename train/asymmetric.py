@@ -54,7 +54,9 @@ class SplitNetworks(nn.Module):
     def __init__(self, width: int, arch: dict[str, list[int]], activation: type[nn.Module]) -> None:
         super().__init__()
         self.half = width // 2
-        self.policy_net = nn.Sequential(*create_mlp(self.half, 0, arch["pi"], activation)[: 2 * len(arch["pi"])])
+        self.policy_net = nn.Sequential(
+            *create_mlp(self.half, 0, arch["pi"], activation)[: 2 * len(arch["pi"])]
+        )
         self.value_net = nn.Sequential(*create_mlp(width, 0, arch["vf"], activation)[: 2 * len(arch["vf"])])
         self.latent_dim_pi = arch["pi"][-1] if arch["pi"] else self.half
         self.latent_dim_vf = arch["vf"][-1] if arch["vf"] else width
@@ -75,5 +77,7 @@ class AsymmetricPolicy(ActorCriticPolicy):
     """The policy of stable-baselines3 with `SplitNetworks`; net_arch: {pi: [...], vf: [...]}."""
 
     def _build_mlp_extractor(self) -> None:
-        arch = self.net_arch if isinstance(self.net_arch, dict) else {"pi": self.net_arch, "vf": self.net_arch}
+        arch = (
+            self.net_arch if isinstance(self.net_arch, dict) else {"pi": self.net_arch, "vf": self.net_arch}
+        )
         self.mlp_extractor = SplitNetworks(self.features_dim, arch, self.activation_fn)

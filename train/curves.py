@@ -20,7 +20,9 @@ def curves(results: Sequence[Result]) -> Figure:
     axes = fig.add_subplot()
     for result in results:
         at = [row["timesteps"] / 1e6 for row in result.curve]
-        axes.plot(at, [row["score"] for row in result.curve], color=style.COLOURS[0], linewidth=0.7, alpha=0.6)
+        axes.plot(
+            at, [row["score"] for row in result.curve], color=style.COLOURS[0], linewidth=0.7, alpha=0.6
+        )
     shared = min(len(result.curve) for result in results)
     at = np.mean([[row["timesteps"] / 1e6 for row in r.curve[:shared]] for r in results], axis=0)
     mean = np.mean([[row["score"] for row in r.curve[:shared]] for r in results], axis=0)

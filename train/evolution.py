@@ -52,7 +52,9 @@ class Cma:
         """(population, n) candidates."""
         values, self._axes = np.linalg.eigh(self.covariance)
         self._spread = np.sqrt(np.maximum(values, 1e-20))
-        self._steps = self._rng.standard_normal((self.population, len(self.mean))) * self._spread @ self._axes.T
+        self._steps = (
+            self._rng.standard_normal((self.population, len(self.mean))) * self._spread @ self._axes.T
+        )
         return np.asarray(self.mean + self.sigma * self._steps)
 
     def tell(self, scores: Array) -> None:

@@ -29,7 +29,9 @@ def estimated(world: World, spec: str) -> Observer:
     task = world.task(1)
     controller, own = world.stage(task, spec).controller, task.observer
     if not isinstance(controller, ForceController) or not isinstance(controller.aim, OptimalForce):
-        raise InputError(f"estimator {controller.name}: it has no Kalman filter; allowed: clipped-optimal and the like")
+        raise InputError(
+            f"estimator {controller.name}: it has no Kalman filter; allowed: clipped-optimal and the like"
+        )
     held = controller.aim.estimator
     needed = (*held.measurements, "force")
     missing = [name for name in needed if name not in own.signals]
@@ -45,7 +47,9 @@ def estimated(world: World, spec: str) -> Observer:
     step, before, now = held.matrices
     rows = scale[:, None] * step / scale, of(before), of(now)
     # What is cut off would be in the states for long: near a damper that sticks, accelerations are large.
-    return replace(own, limit=_WIDE, filter=LinearFilter(*(tuple(map(tuple, matrix.tolist())) for matrix in rows)))
+    return replace(
+        own, limit=_WIDE, filter=LinearFilter(*(tuple(map(tuple, matrix.tolist())) for matrix in rows))
+    )
 
 
 def imitated(
@@ -58,7 +62,9 @@ def imitated(
     """
     controller, plant = stage.controller, stage.plant
     if not isinstance(controller, ForceController):
-        raise InputError(f"teacher {controller.name}: it has no wanted force; allowed: clipped-optimal and the like")
+        raise InputError(
+            f"teacher {controller.name}: it has no wanted force; allowed: clipped-optimal and the like"
+        )
     own = Observer.from_dict(observer.to_dict())
     inputs, wanted = [], []
     for load in loads:

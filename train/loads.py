@@ -44,7 +44,9 @@ class Pulses:
         since = (motion.time - middle) / period
         wave = np.exp(-2 * since**2) * np.cos(2 * np.pi * (since + rng.random()))
         values = motion.acceleration + motion.pga * rng.uniform(*self.size) * wave
-        return replace(motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse")
+        return replace(
+            motion, acceleration=values * motion.pga / np.abs(values).max(), name=f"{motion.name}_pulse"
+        )
 
 
 def _kinds(duration: float, plateau: float, pga: tuple[float, float]) -> list[Pulses]:
@@ -63,7 +65,8 @@ def _kinds(duration: float, plateau: float, pga: tuple[float, float]) -> list[Pu
 def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
     """Synthetic ground of every kind, short to long, and the embedded motion: peaks pga in m/s2, evenly in the log."""
     kinds = [
-        MixedMotions(_kinds(duration, plateau, pga)) for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
+        MixedMotions(_kinds(duration, plateau, pga))
+        for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
     ]
     embedded = RecordedMotions([embedded_motion()], amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25))
     return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))

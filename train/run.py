@@ -147,7 +147,9 @@ class Run(ABC):
         columns = list(self.task.observer.without_peaks)
         matrix = np.eye(self.task.observer.size, dtype=np.float32)[columns]
         if self.chosen.normalize:
-            seen = explored(self.world.task(_EXPLORED[0], self.chosen.engine), self.levels, self.command_max, rng)
+            seen = explored(
+                self.world.task(_EXPLORED[0], self.chosen.engine), self.levels, self.command_max, rng
+            )
             matrix[:, columns] = whitening(seen[:, columns])
         return matrix
 

@@ -41,7 +41,9 @@ class EvolutionRun(Run):
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
         unknown = sorted(set(chosen.learner) - set(DEFAULTS))
         if unknown:
-            raise InputError(f"es: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}")
+            raise InputError(
+                f"es: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}"
+            )
         own = {**DEFAULTS, **chosen.learner}
         self.population, self.loads_count = int(own["population"]), int(own["loads"])
         self._current, self._noise = float(own["current"]), float(own["noise"])

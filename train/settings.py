@@ -104,7 +104,9 @@ def _read(options: Options) -> Mapping[str, Any]:
     try:
         import yaml
     except ImportError:
-        raise InputError("training needs PyYAML, which is not installed: pip install 'mrdamp[train]'") from None
+        raise InputError(
+            "training needs PyYAML, which is not installed: pip install 'mrdamp[train]'"
+        ) from None
 
     if options.hyperparameters is None:
         file = resources.files("mrdamp.train") / "hyperparameters" / f"{options.algorithm}.yml"

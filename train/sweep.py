@@ -73,7 +73,9 @@ def sweep(
         {
             "overrides": list(point.overrides),
             "score": point.score(),
-            "seeds": [{"seed": s, "seconds": r.seconds, **r.best} for s, r in zip(seeds, point.results, strict=True)],
+            "seeds": [
+                {"seed": s, "seconds": r.seconds, **r.best} for s, r in zip(seeds, point.results, strict=True)
+            ],
         }
         for point in found
     ]

@@ -33,7 +33,9 @@ from mrdamp.train.loads import (
 Array = NDArray[np.float64]
 
 _DRAWN = 12.0  # s, of the cable's loads that a search draws
-_SEARCHED = 5e-4  # s, of the frame's step at least in a search: the engine at .1 ms gives the same peaks within .5 %
+_SEARCHED = (
+    5e-4  # s, of the frame's step at least in a search: the engine at .1 ms gives the same peaks within .5 %
+)
 
 
 @dataclass(frozen=True)

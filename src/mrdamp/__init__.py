@@ -6,7 +6,10 @@ with Gymnasium. Both happen when the other package is imported, so that `import 
 
 from __future__ import annotations
 
+import sys
+
 from mrdamp.errors import EngineError, InputError, MrdampError
+from mrdamp.former_paths import FormerPaths
 from mrdamp.library import library_path, load_plugin
 from mrdamp.on_import import on_import
 from mrdamp.registration import register
@@ -17,6 +20,7 @@ __all__ = ["EngineError", "InputError", "MrdampError", "__version__", "library_p
 # turns the warning that MuJoCo makes of an error into the error.
 on_import("mujoco", load_plugin)
 on_import("gymnasium", register)
+sys.meta_path.append(FormerPaths())
 
 
 def __getattr__(name: str) -> str:

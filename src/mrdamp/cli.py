@@ -136,7 +136,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _demo(a: argparse.Namespace) -> int:
     if "MUJOCO_GL" not in os.environ and not _has_display():
-        os.environ["MUJOCO_GL"] = "egl"  # before MuJoCo is imported; without EGL the page has no moving picture
+        os.environ["MUJOCO_GL"] = (
+            "egl"  # before MuJoCo is imported; without EGL the page has no moving picture
+        )
     from mrdamp.demo import UNCONTROLLED, demo
 
     with progress_bar() as progress:
@@ -160,14 +162,14 @@ def _demo(a: argparse.Namespace) -> int:
 
 def _predict(a: argparse.Namespace) -> int:
     from mrdamp.model import Model
-    from mrdamp.predict import write_prediction
+    from mrdamp.simulation.predict import write_prediction
 
     write_prediction(Model.read(a.model), a.record, a.out)
     return 0
 
 
 def _mjcf(a: argparse.Namespace) -> int:
-    from mrdamp.mjcf import write_mjcf
+    from mrdamp.simulation.mjcf import write_mjcf
 
     print(write_mjcf(named_model(a.model), a.out))
     return 0
@@ -175,7 +177,7 @@ def _mjcf(a: argparse.Namespace) -> int:
 
 def _view(a: argparse.Namespace) -> int:
     from mrdamp import models_xml
-    from mrdamp.mjcf import write_mjcf
+    from mrdamp.simulation.mjcf import write_mjcf
 
     if a.model in models_xml.names():
         return _launch(models_xml.path(a.model, "scene.xml"))

@@ -21,7 +21,9 @@ Result = TypeVar("Result")
 BACKENDS = ("loky", "ray")
 
 
-def mapped(function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], jobs: int = 1) -> Iterator[Result]:
+def mapped(
+    function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], jobs: int = 1
+) -> Iterator[Result]:
     """function(*task) for every task, yielded in the tasks' order as they come.
 
     jobs: processes; 1 computes here, -1 takes every core. Raises InputError for a backend that is unknown or not
@@ -55,7 +57,9 @@ def _backend() -> Iterator[str]:
     try:
         from ray.util.joblib import register_ray
     except ImportError:
-        raise InputError("MRDAMP_BACKEND is 'ray', which is not installed: pip install 'mrdamp[cluster]'") from None
+        raise InputError(
+            "MRDAMP_BACKEND is 'ray', which is not installed: pip install 'mrdamp[cluster]'"
+        ) from None
     register_ray()
     with joblib.parallel_config(backend=name):
         yield name

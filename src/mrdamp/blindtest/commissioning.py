@@ -18,8 +18,8 @@ from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.sizing import Faint
 from mrdamp.identify import identify
 from mrdamp.model import Model
-from mrdamp.predict import INPUTS, free_run
 from mrdamp.records import Record
+from mrdamp.simulation.predict import INPUTS, free_run
 
 #: What an identified simulator leaves on tests that it was not fitted to, least and most, of the RMS.
 MISFIT = (0.03, 0.15)

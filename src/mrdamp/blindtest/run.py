@@ -25,8 +25,8 @@ from mrdamp.blindtest.sizing import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model import Model
-from mrdamp.predict import INPUTS, free_run
 from mrdamp.records import Record
+from mrdamp.simulation.predict import INPUTS, free_run
 
 Progress = Callable[[str, float], None]
 

@@ -17,7 +17,7 @@ from mrdamp.blindtest.rig import Array
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.model import Model
-from mrdamp.sampling import derivative
+from mrdamp.records.sampling import derivative
 
 #: Function of the library -> the effect that adds it to the force, to first order.
 EFFECT = {

@@ -35,7 +35,7 @@ def run_calibrate(a: argparse.Namespace) -> int:
     """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
     import numpy as np
 
-    from mrdamp import calibration
+    from mrdamp.identify import calibration
     from mrdamp.pictures.identification import sensitivities
     from mrdamp.records import embedded, read_records
 

@@ -30,8 +30,8 @@ def add_to(commands: Any) -> None:
 def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
     from mrdamp.commands.models import named_model
-    from mrdamp.predict import INPUTS
     from mrdamp.records import SUFFIXES, read_record
+    from mrdamp.simulation.predict import INPUTS
 
     model = named_model(a.model)
     required = INPUTS[model.rig]
@@ -42,7 +42,9 @@ def run_case(a: argparse.Namespace) -> int:
     if len(set(names.values())) < len(names):
         raise InputError("case: two records have the same file name; rename one of them")
     records = {file: read_record(file, required=required) for file in names}
-    shared = [c for c in next(iter(records.values())).channels if all(c in r.channels for r in records.values())]
+    shared = [
+        c for c in next(iter(records.values())).channels if all(c in r.channels for r in records.values())
+    ]
     rates = {round(1 / r.sample_time, 6) for r in records.values()}
     body = model.to_dict()["model"]
     data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}

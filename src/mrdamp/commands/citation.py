@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
 
 def run_citation(a: argparse.Namespace) -> int:
     """Prints it."""
-    from mrdamp.citations import LAWS, citation
+    from mrdamp.model.citations import LAWS, citation
 
     if a.bibtex and a.json:
         raise InputError("--bibtex and --json exclude each other")

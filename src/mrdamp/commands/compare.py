@@ -38,7 +38,9 @@ def add_to(commands: Any) -> None:
         "controllers x motions x amplitudes -> one table with intervals, and a page",
         "mrdamp compare frame --motions records/*.AT2 --controllers passive-on best-constant policy:seeds/",
     )
-    p.add_argument("environment", nargs="?", default="frame", help="frame (default), cable or car, or their ids")
+    p.add_argument(
+        "environment", nargs="?", default="frame", help="frame (default), cable or car, or their ids"
+    )
     p.add_argument("--preset", choices=_PRESETS, help="a published table in place of a comparison")
     p.add_argument(
         "--controllers",
@@ -46,21 +48,37 @@ def add_to(commands: Any) -> None:
         metavar="NAME",
         help="names, NAME=KIND:key=value,..., or NAME=policy:FILES; several files are seeds (default: all)",
     )
-    p.add_argument("--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, folders; roads as CSV")
-    p.add_argument("--speed", type=float, default=20.0, metavar="M/S", help="on road files (default: %(default)g)")
+    p.add_argument(
+        "--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, folders; roads as CSV"
+    )
+    p.add_argument(
+        "--speed", type=float, default=20.0, metavar="M/S", help="on road files (default: %(default)g)"
+    )
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
-    p.add_argument("--compression", type=float, default=5.0, help="speed of the motions (default: %(default)g)")
-    p.add_argument("--model", type=Path, help="model file of a damper, or of a frame with one (default: published)")
-    p.add_argument("--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)")
-    p.add_argument("--period", type=float, metavar="MS", help="of control (default: 1 ms on the frame, else 5 ms)")
+    p.add_argument(
+        "--compression", type=float, default=5.0, help="speed of the motions (default: %(default)g)"
+    )
+    p.add_argument(
+        "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"
+    )
+    p.add_argument(
+        "--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)"
+    )
+    p.add_argument(
+        "--period", type=float, metavar="MS", help="of control (default: 1 ms on the frame, else 5 ms)"
+    )
     p.add_argument(
         "--engine", choices=("mujoco", "chain"), default="mujoco",
         help="what the structures run on: MuJoCo, or the plugin's chain without it (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--tune", action="store_true", help="tune controllers that have no setting for this model")
-    p.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same")
+    p.add_argument(
+        "--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same"
+    )
     p.add_argument("--json", action="store_true", help="print JSON in place of a table")
-    p.add_argument("-o", "--out", type=Path, help="folder for the page and tables; a run stopped there goes on")
+    p.add_argument(
+        "-o", "--out", type=Path, help="folder for the page and tables; a run stopped there goes on"
+    )
 
 
 def run(a: argparse.Namespace) -> int:
@@ -80,12 +98,14 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     from mrdamp.compare.motions import read_motions
     from mrdamp.compare.output import write_comparison
     from mrdamp.compare.tables import mean_rows, to_json
-    from mrdamp.roads import read_road
+    from mrdamp.simulation.roads import read_road
 
     bench = {"frame": _frame_bench, "cable": _cable_bench, "car": _car_bench}[environment](a)
     loads: Sequence[Any] = bench.unseen_loads()
     if a.motions:
-        loads = [read_road(f, a.speed) for f in a.motions] if environment == "car" else read_motions(a.motions)
+        loads = (
+            [read_road(f, a.speed) for f in a.motions] if environment == "car" else read_motions(a.motions)
+        )
     amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else bench.unseen_amplitudes
     shipped = shipped_policies(environment)
     names = a.controllers or [*bench.default, *shipped]
@@ -137,7 +157,9 @@ def _cable_bench(a: argparse.Namespace) -> Bench:
     period = 1e-3 * (a.period or 5.0)
     if a.model is None:
         return CableBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
-    return CableBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine)
+    return CableBench(
+        model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine
+    )
 
 
 def _car_bench(a: argparse.Namespace) -> Bench:
@@ -147,7 +169,9 @@ def _car_bench(a: argparse.Namespace) -> Bench:
     period = 1e-3 * (a.period or 5.0)
     if a.model is None:
         return CarBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
-    return CarBench(model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine)
+    return CarBench(
+        model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine
+    )
 
 
 def _settings(
@@ -165,7 +189,9 @@ def _settings(
         if found is None and own is not None:
             found = tuning.read_settings(own, bench)
         if found is None and a.controllers:
-            raise InputError(f"{wanted[0]}: not tuned for this model yet; add --tune (some minutes, kept in -o OUT)")
+            raise InputError(
+                f"{wanted[0]}: not tuned for this model yet; add --tune (some minutes, kept in -o OUT)"
+            )
         return found or {}
     found = tuning.tune(bench, jobs=a.jobs, keep=_keep(a.out), progress=progress)
     if own is not None:
@@ -196,7 +222,11 @@ def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names
 
 def _command(a: argparse.Namespace) -> str:
     parts = ["mrdamp", "compare", a.environment]
-    for flag, values in (("--controllers", a.controllers), ("--motions", a.motions), ("--amplitudes", a.amplitudes)):
+    for flag, values in (
+        ("--controllers", a.controllers),
+        ("--motions", a.motions),
+        ("--amplitudes", a.amplitudes),
+    ):
         if values:
             parts += [flag, *map(str, values)]
     if a.model:
@@ -236,7 +266,9 @@ def _cable_reference(a: argparse.Namespace) -> int:
     if a.json:
         print(json.dumps(preset.to_dict(rows), indent=1))
     else:
-        print("RMS motion of a taut cable over that with the best viscous damper; deviation from the reference")
+        print(
+            "RMS motion of a taut cable over that with the best viscous damper; deviation from the reference"
+        )
         print(_aligned(preset.text_rows(rows)))
     if a.out:
         _keep(a.out)
@@ -250,6 +282,8 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
     """Text in columns: the first flush left, the others flush right."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return "\n".join(
-        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])
+        "  ".join(
+            [row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))]
+        )
         for row in rows
     )

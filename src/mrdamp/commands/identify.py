@@ -22,7 +22,7 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.comparison import RecordNorms
-    from mrdamp.intervals import ChannelFinding, Interval
+    from mrdamp.identify.intervals import ChannelFinding, Interval
     from mrdamp.records import Record, RecordSet
 
 _UNITS = "A", "V"
@@ -130,7 +130,7 @@ def _add_cutoff(p: argparse.ArgumentParser) -> None:
 def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
     with words(a.json):
-        from mrdamp.laws import PARAMETRIC
+        from mrdamp.identify.laws import PARAMETRIC
 
         if a.law not in (*PARAMETRIC, "narx"):
             raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
@@ -151,8 +151,8 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.identify import compare_dependences, identify
     from mrdamp.identify.comparison import loops_of
-    from mrdamp.intervals import channel_findings
-    from mrdamp.record_checks import check_explained, unexplained
+    from mrdamp.identify.intervals import channel_findings
+    from mrdamp.records.checks import check_explained, unexplained
 
     if a.law == "narx":
         for flag, value in (
@@ -255,8 +255,8 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
 def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     import numpy as np
 
-    from mrdamp.core import attributes
     from mrdamp.identify.by_command import identify_by_command
+    from mrdamp.model.core import attributes
     from mrdamp.pictures.identification import parameter_lines
 
     found = identify_by_command(
@@ -295,7 +295,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
 
 def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Record]) -> None:
     """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
-    from mrdamp.record_checks import doubts
+    from mrdamp.records.checks import doubts
 
     if fit.left_out:
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
@@ -334,7 +334,7 @@ def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
 
 
 def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[Interval]:
-    from mrdamp.intervals import intervals
+    from mrdamp.identify.intervals import intervals
 
     rows = intervals(fit, records.train, resamples=a.resamples, refit=a.refit, seed=a.seed, workers=a.workers)
     print(f"{'parameter':>20s} {'value':>12s} {'95 % from':>12s} {'to':>12s}  unit")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.by_command import ByCommand
     from mrdamp.identify.comparison import RecordNorms, Table1
-    from mrdamp.intervals import ChannelFinding, Interval
+    from mrdamp.identify.intervals import ChannelFinding, Interval
     from mrdamp.narx import Choice, FitNarx, Pruned
     from mrdamp.narx.doubt import Sufficiency
     from mrdamp.narx.select import Trial

@@ -34,7 +34,9 @@ def add_to(commands: Any) -> None:
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
     p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
     p.add_argument("--timesteps", type=int, help="control periods (default: the hyperparameters')")
-    p.add_argument("--hyperparameters", type=Path, help="YAML keyed by environment id (default: the package's)")
+    p.add_argument(
+        "--hyperparameters", type=Path, help="YAML keyed by environment id (default: the package's)"
+    )
     p.add_argument(
         "--set", nargs="*", default=[], metavar="NAME=VALUE", help="override some, as learning_rate=3e-4"
     )
@@ -43,14 +45,19 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("--model", type=Path, help="model file of the damper (default: the environment's own)")
     p.add_argument(
-        "--evaluations", type=int, default=10, help="on validation loads, with checkpoints (default: %(default)s)"
+        "--evaluations",
+        type=int,
+        default=10,
+        help="on validation loads, with checkpoints (default: %(default)s)",
     )
     p.add_argument("--jobs", type=int, default=1, help="trainings at a time; the numbers are the same")
     p.add_argument(
         "--backend", choices=("loky", "ray"), default="loky",
         help="of --jobs: processes here, or a Ray cluster (extra `cluster`; RAY_ADDRESS names one that runs)",
     )  # fmt: skip
-    p.add_argument("-o", "--out", type=Path, required=True, help="folder; the same command goes on where it stopped")
+    p.add_argument(
+        "-o", "--out", type=Path, required=True, help="folder; the same command goes on where it stopped"
+    )
 
 
 def run_train(a: argparse.Namespace) -> int:

@@ -14,7 +14,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.cables import StayCable
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, WITHOUT, Measure
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
@@ -25,6 +24,7 @@ from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
 from mrdamp.library import library_path
 from mrdamp.model import Model
+from mrdamp.structures.cables import StayCable
 
 _VERSION = 1
 #: Seeds of the loads; from nine million on they are for judging alone.
@@ -88,7 +88,9 @@ class CableBench(PlantBench):
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
         def plant(period: float) -> CablePlant:
-            return CablePlant(self.cable, self.model, period=period, timestep=self.timestep, engine=self.engine)
+            return CablePlant(
+                self.cable, self.model, period=period, timestep=self.timestep, engine=self.engine
+            )
 
         scaled = load.scaled(amplitude)
         if spec == UNCONTROLLED:
@@ -162,7 +164,9 @@ class CableBench(PlantBench):
         dt, n = 1e-3, 2000
         x = 0.01 * self.cable.damper_at * self.cable.length * np.sin(self.cable.first * dt * np.arange(n))
         return float(
-            np.abs(self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})["force_N"]).max()
+            np.abs(
+                self.model.simulate(dt, {"displacement_m": x, "command": np.full(n, largest)})["force_N"]
+            ).max()
         )
 
     def _kept(self, run: PlantRun) -> dict[str, Any]:

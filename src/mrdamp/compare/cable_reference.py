@@ -13,7 +13,8 @@ from typing import Any
 import joblib
 
 from mrdamp.compare import tables
-from mrdamp.control.taut_cable import CableResult, Load, TautCable, reference_result
+from mrdamp.control.taut_cable import CableResult, ControlledCable, reference_result
+from mrdamp.structures.taut_cable import Load
 
 #: Of control, where the fundamental's period is 2 pi. The semi-active figure depends on it: docs/control.md.
 PERIOD = 1e-3
@@ -47,7 +48,8 @@ def table(
     cases = tuple(REFERENCE)
     pool = joblib.Parallel(n_jobs=jobs, return_as="generator")
     results = pool(
-        joblib.delayed(reference_result)(TautCable(at, load=load), period=period, seed=seed) for at, load in cases
+        joblib.delayed(reference_result)(ControlledCable(at, load=load), period=period, seed=seed)
+        for at, load in cases
     )
     rows = []
     for k, (case, found) in enumerate(zip(cases, results, strict=True), start=1):

@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.cars import QuarterCar
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.plant_run import PlantBench, run_plant
@@ -27,7 +26,8 @@ from mrdamp.envs.car_task import CarPlant, car_damper
 from mrdamp.errors import InputError
 from mrdamp.library import library_path
 from mrdamp.model import Model
-from mrdamp.roads import Road, bump, iso8608
+from mrdamp.simulation.roads import Road, bump, iso8608
+from mrdamp.structures.cars import QuarterCar
 
 _VERSION = 1
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.

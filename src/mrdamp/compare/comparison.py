@@ -14,8 +14,8 @@ from mrdamp.compare.contenders import Contender
 from mrdamp.compare.runner import Progress
 from mrdamp.compare.summary import Summary, difference, summarise
 from mrdamp.compare.tuning import run_grid
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,9 @@ def contenders(
     taken = [row.name for row in rows]
     for name in taken:
         if taken.count(name) > 1:
-            raise InputError(f"compare: controller {name} is named twice; give one another name, as in {name}2=...")
+            raise InputError(
+                f"compare: controller {name} is named twice; give one another name, as in {name}2=..."
+            )
     return tuple(rows)
 
 

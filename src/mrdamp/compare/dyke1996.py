@@ -18,14 +18,14 @@ from mrdamp.compare import tables
 from mrdamp.compare.motions import TIME_COMPRESSION
 from mrdamp.control import clipped_optimal, passive_off, passive_on
 from mrdamp.control.base import Controller
-from mrdamp.core import Array
-from mrdamp.criteria import evaluate
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion, read_motion
 from mrdamp.pictures.compare import deviations
 from mrdamp.report import Page
-from mrdamp.stepping import run_frame
+from mrdamp.simulation.criteria import evaluate
+from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import dyke1996
 
 COLUMNS = ("x1", "x2", "x3", "d1", "d2", "d3", "a1", "a2", "a3", "f")
@@ -149,7 +149,9 @@ def page(rows: Sequence[TableRow], motion: GroundMotion) -> Page:
         footer="Made by `mrdamp compare --preset dyke1996`.",
     )
     heads, *body = text_rows(rows)
-    page.table("Peaks", heads, body, f"{motion.source}; at five times its speed. In parentheses: deviation, percent.")
+    page.table(
+        "Peaks", heads, body, f"{motion.source}; at five times its speed. In parentheses: deviation, percent."
+    )
     page.figure(
         "",
         deviations({row.controller: row.deviation.tolist() for row in rows}, COLUMNS),
@@ -160,5 +162,7 @@ def page(rows: Sequence[TableRow], motion: GroundMotion) -> Page:
 
 
 def _cells(row: TableRow) -> tuple[str, ...]:
-    cells = [f"{v:{'.0f' if v > 20 else '.3f'}} ({d:+.1f})" for v, d in zip(row.values, row.deviation, strict=True)]
+    cells = [
+        f"{v:{'.0f' if v > 20 else '.3f'}} ({d:+.1f})" for v, d in zip(row.values, row.deviation, strict=True)
+    ]
     return (*cells, *["–"] * (len(COLUMNS) - len(cells)))

@@ -21,19 +21,19 @@ from mrdamp.compare.on_chain import run_chain
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
-from mrdamp.criteria import Criteria, evaluate
 from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.errors import InputError
 from mrdamp.files import read_bytes
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
-from mrdamp.stepping import FrameRun, run_frame
+from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.stepping import FrameRun, run_frame
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
 _VERSION = 2  # of what a kept run holds
-#: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.criteria.
+#: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 
 
@@ -127,7 +127,9 @@ class FrameBench:
         kept = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(c).items()}
         if spec == UNCONTROLLED or registry.is_ideal(spec):
             return {"criteria": kept, "coil": None}
-        mean, square = (float(np.trapezoid(v, r.time)) / c.duration for v in (np.abs(r.current), r.current**2))
+        mean, square = (
+            float(np.trapezoid(v, r.time)) / c.duration for v in (np.abs(r.current), r.current**2)
+        )
         return {"criteria": kept, "coil": Coil.of(self.command_unit).use(mean, square, c.duration)}
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
@@ -222,5 +224,7 @@ def file_of(spec: str) -> bytes:
 
 
 def _criteria(kept: Mapping[str, Any]) -> Criteria:
-    values: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in kept["criteria"].items()}
+    values: dict[str, Any] = {
+        k: np.array(v) if isinstance(v, list) else v for k, v in kept["criteria"].items()
+    }
     return Criteria(**values)

@@ -1,4 +1,4 @@
-"""A controlled frame on the C++ chain, as `mrdamp.stepping.run_frame` runs it in MuJoCo."""
+"""A controlled frame on the C++ chain, as `mrdamp.simulation.stepping.run_frame` runs it in MuJoCo."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mrdamp.envs.plant import FramePlant
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.motions import GroundMotion
-from mrdamp.stepping import FrameRun
+from mrdamp.simulation.stepping import FrameRun
 
 
 def run_chain(model: Model, motion: GroundMotion, controller: Controller, *, timestep: float) -> FrameRun:

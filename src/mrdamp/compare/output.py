@@ -10,10 +10,10 @@ from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.page import add_frame_runs, add_settings, comparison_page
 from mrdamp.compare.tables import differences_csv, means_csv, report, runs_csv, to_json
-from mrdamp.criteria import Criteria
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
-from mrdamp.stepping import FrameRun
+from mrdamp.simulation.criteria import Criteria
+from mrdamp.simulation.stepping import FrameRun
 
 _SHOWN = ("best-constant", "clipped-optimal", "clipped-optimal-tuned")
 _MOST_SHOWN = 3

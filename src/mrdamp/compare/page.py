@@ -12,12 +12,12 @@ from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
 from mrdamp.compare.tables import claim_rows, columns, interval_rows, mean_rows, note
-from mrdamp.core import Array
-from mrdamp.criteria import Criteria
+from mrdamp.model.core import Array
 from mrdamp.pictures.compare import Bar, by_amplitude, ranking, trade_off
 from mrdamp.pictures.structure import command_history, drifts, profile
 from mrdamp.report import Page
-from mrdamp.stepping import FrameRun
+from mrdamp.simulation.criteria import Criteria
+from mrdamp.simulation.stepping import FrameRun
 
 _FEW = 6  # controllers that lines tell apart
 
@@ -35,7 +35,9 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
         "Mean, interval and worst case of the main measures by controller.",
     )
     if {"J1", "J2"} <= set(titles):
-        ratio = [{c.name: result.summary(c.name, key).mean for c in result.contenders} for key in ("J1", "J2")]
+        ratio = [
+            {c.name: result.summary(c.name, key).mean for c in result.contenders} for key in ("J1", "J2")
+        ]
         page.figure(
             "",
             trade_off(ratio[0], ratio[1], learned),
@@ -64,7 +66,10 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             "By amplitude",
             by_amplitude(
                 result.amplitudes,
-                {_words(key, titles[key]): {name: result.by_amplitude(name, key) for name in few} for key in ratios},
+                {
+                    _words(key, titles[key]): {name: result.by_amplitude(name, key) for name in few}
+                    for key in ratios
+                },
                 learned,
             ),
             "Means over motions or loads, and seeds.",
@@ -76,7 +81,9 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
 def add_settings(page: Page, result: Comparison, about: str) -> None:
     """What was run, and with which settings: the page's end. about: in words."""
     page.text("What was run", about)
-    rows = [(c.name, f"{len(c.specs)} files: {_files(c)}" if c.learned else c.specs[0]) for c in result.contenders]
+    rows = [
+        (c.name, f"{len(c.specs)} files: {_files(c)}" if c.learned else c.specs[0]) for c in result.contenders
+    ]
     page.table("", ("controller", "setting"), rows)
 
 
@@ -100,7 +107,10 @@ def add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Cr
         "Storey drifts over time under some of the controllers.",
     )
     page.figure(
-        "", profile({name: c for name, (_, c) in shown.items()}), f"Peaks over the height, {case}.", "Peaks by floor."
+        "",
+        profile({name: c for name, (_, c) in shown.items()}),
+        f"Peaks over the height, {case}.",
+        "Peaks by floor.",
     )
     driven = {name: run for name, (run, _) in shown.items() if np.ptp(run.command) > 0}
     if driven:
@@ -136,7 +146,14 @@ def _bars(result: Comparison, key: str) -> list[Bar]:
 
 def _few(result: Comparison) -> list[str]:
     """Learned ones first, then the usual baselines, then whoever is left."""
-    usual = ("passive-off", "passive-on", "best-constant", "clipped-optimal", "clipped-optimal-tuned", "skyhook-tuned")
+    usual = (
+        "passive-off",
+        "passive-on",
+        "best-constant",
+        "clipped-optimal",
+        "clipped-optimal-tuned",
+        "skyhook-tuned",
+    )
     names = [c.name for c in result.contenders]
     first = [c.name for c in result.contenders if c.learned] + [name for name in usual if name in names]
     return list(dict.fromkeys([*first, *names]))[:_FEW]

@@ -47,7 +47,9 @@ class PlantBench:
         """A or V. Raises InputError where the model has none."""
         largest = self.model.attributes.get("command_max", math.nan)
         if not 0 < largest < math.inf:
-            raise InputError(f"{self.model.name}: no command_max among its parameters; give the largest command")
+            raise InputError(
+                f"{self.model.name}: no command_max among its parameters; give the largest command"
+            )
         return largest
 
 

@@ -90,5 +90,3 @@ def run_all(
         if progress:
             progress(what, min(1.0, done / len(tasks)))
     return [kept[key] for key in keys]
-
-

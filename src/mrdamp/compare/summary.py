@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
 RESAMPLES = 2000
 LEVEL = 0.95

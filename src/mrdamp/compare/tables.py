@@ -73,7 +73,10 @@ def markdown(heads: Sequence[str], rows: Sequence[Row]) -> str:
 def report(result: Comparison, bench: Bench, about: str) -> str:
     """The Markdown page of a comparison."""
     keys = bench.claimed
-    parts = [f"# Controllers compared\n\n{about}\n", markdown(columns(result, bench.command_unit), mean_rows(result))]
+    parts = [
+        f"# Controllers compared\n\n{about}\n",
+        markdown(columns(result, bench.command_unit), mean_rows(result)),
+    ]
     parts.append(f"{note(bench)}\n\n## 95 % intervals of the means\n")
     parts.append(markdown(("controller", *keys), interval_rows(result, keys)))
     for c in result.contenders:

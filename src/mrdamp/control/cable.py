@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.cables import StayCable
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import plant_force
@@ -32,6 +31,7 @@ from mrdamp.errors import InputError
 from mrdamp.inverse import LawInverse
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
+from mrdamp.structures.cables import StayCable
 
 #: Places x / L at which the load that the filter expects is independent, as ambient noise is.
 _LOAD_PLACES = np.linspace(0.0, 1.0, 11)
@@ -127,7 +127,9 @@ def cable_force_tracking(site: CableSite, r: float = 1e-9, noise_ratio: float = 
 def cable_lyapunov(site: CableSite, noise_ratio: float = 10.0) -> BangBang:
     """Control by the Lyapunov function of the mean square motion. Raises InputError."""
     linear = cable_plant(site.cable)
-    p = plant_lyapunov_matrix(linear, lambda rows: cable_outputs(site.cable, site.places, rows), _motion(site))
+    p = plant_lyapunov_matrix(
+        linear, lambda rows: cable_outputs(site.cable, site.places, rows), _motion(site)
+    )
     return _bang_bang(site, -p @ linear.b, noise_ratio, "lyapunov")
 
 
@@ -137,7 +139,9 @@ def cable_max_dissipation(site: CableSite, noise_ratio: float = 10.0) -> BangBan
     return _bang_bang(site, np.concatenate([np.zeros(len(shape)), shape]), noise_ratio, "max-dissipation")
 
 
-def cable_skyhook(site: CableSite, damping: float | None = None, leak: float | None = None) -> ForceController:
+def cable_skyhook(
+    site: CableSite, damping: float | None = None, leak: float | None = None
+) -> ForceController:
     """A dashpot at the damper, from the first place's accelerometer, with on/off switching.
 
     damping: N s/m, by default the best for the first mode, 0.1 m L w1 / (x_d / L) (Pacheco, Fujino and Sulekh 1993,

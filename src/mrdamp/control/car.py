@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.cars import QuarterCar
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import plant_force
@@ -32,6 +31,7 @@ from mrdamp.errors import InputError
 from mrdamp.inverse import LawInverse
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
+from mrdamp.structures.cars import QuarterCar
 
 #: Of white noise on what the Kalman filter gets, per sample: wheel and body, m/s2, stroke, m.
 MEASURED = {"acceleration_1": 0.5, "acceleration_2": 0.05, "stroke": 2e-4}

@@ -86,7 +86,9 @@ def optimal_force(
     """
     weights = dict(regulate) if regulate is not None else {f"acceleration_{frame.storeys}": 1.0}
     names = default_measurements(frame) if measurements is None else tuple(measurements)
-    return plant_force(plant(frame), lambda rows: outputs(frame, rows), weights, r, noise_ratio, period, names)
+    return plant_force(
+        plant(frame), lambda rows: outputs(frame, rows), weights, r, noise_ratio, period, names
+    )
 
 
 def plant_force(
@@ -112,7 +114,9 @@ def plant_force(
         raise InputError("clipped_optimal: measurements is empty; name at least one")
     regulated, through = rows(tuple(regulate))
     k = regulator_gain(linear.a, linear.b, regulated, through, np.array(list(regulate.values())), r)
-    return OptimalForce(k, Estimator(linear, *rows(measurements), measurements, noise_ratio, period, deviation))
+    return OptimalForce(
+        k, Estimator(linear, *rows(measurements), measurements, noise_ratio, period, deviation)
+    )
 
 
 def clipped_optimal(

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamp import core
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model import Model, core
 
 Array = NDArray[np.float64]
 
@@ -39,7 +38,9 @@ class ForceLevels:
             object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
         c, f = np.array(self.commands), np.array(self.forces)
         if len(c) < 2 or len(c) != len(f) or not np.isfinite(np.concatenate([c, f])).all():
-            raise InputError(f"force levels: {len(c)} commands, {len(f)} forces; at least 2, finite, as many of each")
+            raise InputError(
+                f"force levels: {len(c)} commands, {len(f)} forces; at least 2, finite, as many of each"
+            )
         if c[0] != 0 or (np.diff(c) <= 0).any() or f[0] < 0 or (np.diff(f) < 0).any() or f[-1] <= f[0]:
             raise InputError("force levels: commands must rise from 0, forces must not fall and must differ")
 

@@ -29,7 +29,9 @@ class BangBang:
     direction (2N,), of the force that is good; estimator: of the states (2N,); command_max: A or V.
     """
 
-    def __init__(self, direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str):
+    def __init__(
+        self, direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str
+    ):
         if not 0 < command_max < math.inf:
             raise InputError(f"controller {name}: command_max is {command_max}; allowed: a finite number > 0")
         self.direction, self.estimator = direction, estimator

@@ -38,9 +38,14 @@ class LinearFilter:
                 raise InputError(f"observer: filter: {name} is not rows of numbers") from None
             object.__setattr__(self, name, rows)
         step, before, now = self.matrices
-        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (len(step), before.shape[-1])
+        fits = step.shape == (len(step), len(step)) and before.shape == now.shape == (
+            len(step),
+            before.shape[-1],
+        )
         if not len(step) or not fits or not all(np.isfinite(m).all() for m in (step, before, now)):
-            raise InputError(f"observer: filter: {step.shape}, {before.shape}, {now.shape} do not fit together")
+            raise InputError(
+                f"observer: filter: {step.shape}, {before.shape}, {now.shape} do not fit together"
+            )
 
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
@@ -161,7 +166,9 @@ class Observer:
     def peak(self, observations: NDArray[np.float32], signal: str) -> Array:
         """(n,) the signal's leaky peak, in its unit, as observations (n, size) hold it."""
         column = self._peaks_at + list(self.peaks).index(signal)
-        return np.asarray(self.scales[self.signals.index(signal)] * observations[:, column].astype(np.float64))
+        return np.asarray(
+            self.scales[self.signals.index(signal)] * observations[:, column].astype(np.float64)
+        )
 
     def scaled(self, values: Array, last_command: Array, before: Array | None = None) -> Array:
         """One control period: values (..., s) and last_command (..., dampers) -> (..., width).
@@ -198,7 +205,9 @@ class Observer:
 
     @cached_property
     def _numbers(self) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
-        keep, fall = (np.exp(-1 / np.array(list(t), dtype=np.float64)) for t in (self.memory, self.peaks.values()))
+        keep, fall = (
+            np.exp(-1 / np.array(list(t), dtype=np.float64)) for t in (self.memory, self.peaks.values())
+        )
         columns = np.array([self.signals.index(name) for name in self.peaks], dtype=np.intp)
         return np.array(self.scales), np.array(self.command_max), keep, fall, columns
 

@@ -1,10 +1,10 @@
 """A learned controller from a small JSON file, computed with NumPy alone.
 
-    o = observer(y, last command)      measurements, scaled and stacked (`mrdamp.control.observe`)
-    h = W o                            W as it was when the policy was trained
-    a = layers(h)                      cut off at -1 and 1, or through tanh
-    command = command_max (a + 1) / 2, or that of the wanted force a force_max (`mrdamp.control.force_levels`)
-    command >= a least one for weak motion, where the policy has one (`mrdamp.control.least_command`)
+o = observer(y, last command)      measurements, scaled and stacked (`mrdamp.control.observe`)
+h = W o                            W as it was when the policy was trained
+a = layers(h)                      cut off at -1 and 1, or through tanh
+command = command_max (a + 1) / 2, or that of the wanted force a force_max (`mrdamp.control.force_levels`)
+command >= a least one for weak motion, where the policy has one (`mrdamp.control.least_command`)
 """
 
 from __future__ import annotations
@@ -98,7 +98,9 @@ class Policy:
         if least is not None and "force" not in observer.peaks:
             raise InputError(f"policy {name}: it has a least command, and its observer no peak of the force")
         if transform.shape != (network.layers[0][0].shape[1], observer.size):
-            raise InputError(f"policy {name}: observer, transform {transform.shape} and network do not fit together")
+            raise InputError(
+                f"policy {name}: observer, transform {transform.shape} and network do not fit together"
+            )
         self.name, self.period, self.observer = name, period, observer
         self.transform, self.network = transform, network
         self.command_max, self.levels, self.least = command_max, levels, least

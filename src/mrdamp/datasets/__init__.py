@@ -1,7 +1,7 @@
 """Public measured records of MR dampers: what there is, read from a folder, fetched from their source.
 
 None of them is part of the package. They lie in the folder of the environment variable MRDAMP_DATA, one folder a
-set with `train/` and `validation/`, files as in `mrdamp.channels.CHANNELS`.
+set with `train/` and `validation/`, files as in `mrdamp.records.channels.CHANNELS`.
 """
 
 from mrdamp.datasets.catalogue import CATALOGUE, Dataset, Source

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis import run
 from mrdamp.diagnosis.attribution.frame_blocks import (
     Block,
@@ -43,8 +42,9 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.assembly import assemble
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.sampling import derivative
+from mrdamp.records.sampling import derivative
 
 Progress = Callable[[str, float], None]
 

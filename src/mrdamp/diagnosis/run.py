@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
@@ -36,6 +35,7 @@ from mrdamp.diagnosis.report.assembly import assemble
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.report.sentence import sentence
+from mrdamp.model.core import Array
 
 Progress = Callable[[str, float], None]
 

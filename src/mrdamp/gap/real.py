@@ -15,7 +15,7 @@ from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
-from mrdamp.stepping import FrameRun
+from mrdamp.simulation.stepping import FrameRun
 
 #: Effects by the catalogue's names: numbers of the rig, and of a storey (from 1; relative for mass and stiffness).
 EFFECTS: Mapping[str, tuple[Mapping[str, float], Mapping[tuple[int, str], float]]] = {

@@ -13,14 +13,14 @@ from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.motions import TIME_COMPRESSION, tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
-from mrdamp.core import Array
-from mrdamp.criteria import Criteria, evaluate
 from mrdamp.gap.learned import Learning, Progress
 from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.parallel import mapped
-from mrdamp.stepping import FrameRun, run_frame
+from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.stepping import FrameRun, run_frame
 from mrdamp.structures import ShearFrame, dyke1996
 
 Plant = Model | RealFrame
@@ -137,7 +137,9 @@ def is_tuned(controller: str) -> bool:
 
 def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Site) -> float:
     controller = registry.make(spec, site)
-    return scenario.score([scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training)
+    return scenario.score(
+        [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training
+    )
 
 
 def folded(model: Model) -> Model:

@@ -13,7 +13,6 @@ import numpy as np
 from mrdamp.compare.motions import unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
-from mrdamp.criteria import Criteria
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
@@ -23,6 +22,7 @@ from mrdamp.gap.learned import Learning
 from mrdamp.gap.real import EFFECTS, NONE, RealFrame
 from mrdamp.gap.scenario import Scenario, is_tuned, nominal_frame
 from mrdamp.model import Model
+from mrdamp.simulation.criteria import Criteria
 
 Progress = Callable[[str, float], None]
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify.fit import Fit, identify, simulate
+from mrdamp.identify.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.narx import FitNarx, lagged, train_narx
 from mrdamp.narx.splits import of_records
-from mrdamp.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet
 

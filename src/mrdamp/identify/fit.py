@@ -10,14 +10,13 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import qmc
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.identify.laws import DEPENDENCES, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
-from mrdamp.laws import DEPENDENCES, Scales, Space, dependence_for, space
-from mrdamp.model import Model, effects_from
-from mrdamp.record_checks import check_channels, check_clipping, check_size
+from mrdamp.model import Model, core, effects_from
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.checks import check_channels, check_clipping, check_size
 
 Progress = Callable[[str, float], None]
 
@@ -165,10 +164,10 @@ def identify(
 ) -> Fit:
     """Fits a parametric law to the train records and judges it on the others, in free run.
 
-    extras: effects fitted along (see `mrdamp.laws.EXTRAS`). dependence: how coefficients follow the command (see
-    `mrdamp.laws.DEPENDENCES`); None is a straight line where the command varies. start: attributes to begin from
-    in place of the law's own start. starts: local fits, from the best of a Latin hypercube and from the start.
-    The same seed gives the same answer for any number of threads. Raises InputError.
+    extras: effects fitted along (see `mrdamp.identify.laws.EXTRAS`). dependence: how coefficients follow the command
+    (see `mrdamp.identify.laws.DEPENDENCES`); None is a straight line where the command varies. start: attributes to
+    begin from in place of the law's own start. starts: local fits, from the best of a Latin hypercube and from the
+    start. The same seed gives the same answer for any number of threads. Raises InputError.
     """
     if not train:
         raise InputError("there is no record to fit to")

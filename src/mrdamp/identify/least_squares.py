@@ -12,7 +12,7 @@ import numpy as np
 from scipy import optimize
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 
 def bounded_least_squares(

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.inverse.base import Foretold, check_period
+from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import Series, check

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.mjcf import mjcf
 from mrdamp.model import Model
+from mrdamp.simulation.mjcf import mjcf
 
 Motion = tuple[float, float, float]  # displacement (m), velocity (m/s), acceleration (m/s2)
 

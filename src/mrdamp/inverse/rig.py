@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.inverse.baselines import Fixed
 from mrdamp.inverse.tracking import STEP, RandomMotion, random_level, rms, track
 from mrdamp.model import Effect, Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record, RecordSet
 
 _FORCE_NOISE = 0.005  # standard deviations, of the RMS force, displacement and velocity

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.inverse.base import Inverse
-from mrdamp.mjcf import mjcf
 from mrdamp.model import Model
+from mrdamp.model.core import Array
+from mrdamp.simulation.mjcf import mjcf
 
 #: s, the engine's step, and the time between two samples of a wanted force and of a track.
 STEP = 5e-4

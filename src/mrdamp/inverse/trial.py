@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.identify import Fit, identify
 from mrdamp.inverse.base import Inverse, command_range
 from mrdamp.inverse.baselines import Fixed, Switching
@@ -16,6 +15,7 @@ from mrdamp.inverse.network import NetworkInverse, train_inverse
 from mrdamp.inverse.rig import Sizes, records_of, with_effects_of_a_rig
 from mrdamp.inverse.tracking import STEP, RandomMotion, Track, random_level, track
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.narx.data import series
 from mrdamp.records import RecordSet
 

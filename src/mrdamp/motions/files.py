@@ -7,9 +7,9 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.channels import listed, show
 from mrdamp.errors import InputError
 from mrdamp.records import csv_file as record_csv
+from mrdamp.records.channels import listed, show
 
 Array = NDArray[np.float64]
 Parsed = tuple[float, Array, str]  # sample time in s, acceleration (n,) in m/s2, source

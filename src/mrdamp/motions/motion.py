@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp import sampling
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.motions import files
+from mrdamp.records import sampling
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ class GroundMotion:
         return replace(self, sample_time=self.sample_time / factor)
 
     def resampled(self, sample_time: float) -> GroundMotion:
-        """On another sample time (s), see `mrdamp.sampling.resampled`."""
+        """On another sample time (s), see `mrdamp.records.sampling.resampled`."""
         values = sampling.resampled(self.acceleration, self.sample_time, sample_time)
         return replace(self, sample_time=sample_time, acceleration=values)
 

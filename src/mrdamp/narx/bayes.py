@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from scipy import linalg
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 #: iteration, sum of squared residuals, gamma
 Progress = Callable[[int, float, float], None]

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.narx.network import Input, check_inputs, regressors
-from mrdamp.record_checks import check_channels, check_clipping
 from mrdamp.records import Record
-from mrdamp.sampling import resampled
+from mrdamp.records.checks import check_channels, check_clipping
+from mrdamp.records.sampling import resampled
 
 #: Samples for training, validation and test, at 500 Hz: Chen, Ni and Or (2015), Section 4.
 PROTOCOL = (4000, 2000, 1500)

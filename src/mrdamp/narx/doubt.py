@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from mrdamp.core import Array
 from mrdamp.identify import RecordError
+from mrdamp.model.core import Array
 from mrdamp.narx.bayes import Posterior
 from mrdamp.narx.data import Series
 from mrdamp.narx.network import Network

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.identify import RecordError, pooled
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.narx.data import Series
 from mrdamp.narx.network import Network
 

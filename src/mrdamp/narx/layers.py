@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 Shape = tuple[int, int]
 

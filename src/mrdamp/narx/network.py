@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 
 Input = tuple[str, int]

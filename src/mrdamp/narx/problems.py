@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.data import Series
 from mrdamp.narx.network import Network

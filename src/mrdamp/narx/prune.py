@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from scipy import linalg
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
+from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import Series

@@ -13,8 +13,8 @@ from mrdamp.model import Model
 from mrdamp.narx.data import PROTOCOL, PROTOCOL_TIME, Series, protocol, series
 from mrdamp.narx.judge import free_run_error
 from mrdamp.narx.network import Network
-from mrdamp.record_checks import check_channels, check_clipping
 from mrdamp.records import Record, RecordSet
+from mrdamp.records.checks import check_channels, check_clipping
 
 LAG_TIME = 8e-3  # s: the self-sensing paper's lag space of 4 at 500 Hz
 #: Share of the largest command within which a command counts as constant, or as the same.

@@ -11,10 +11,10 @@ import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import pooled
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.checkpoint import Checkpoint, fingerprint

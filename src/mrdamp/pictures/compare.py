@@ -60,13 +60,22 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
     axes = [ax for row in axes_grid(fig, rows, 2, sharey=True) for ax in row]
     place = np.arange(len(names), dtype=np.float64)
     for ax, (title, bars) in zip(axes, panels.items(), strict=False):
-        largest = max((v for b in bars for v in (b.mean, b.high, b.worst) if np.isfinite(v)), default=0.0) or 1.0
+        largest = (
+            max((v for b in bars for v in (b.mean, b.high, b.worst) if np.isfinite(v)), default=0.0) or 1.0
+        )
         for y, bar in zip(place, bars, strict=True):
             if not np.isfinite(bar.mean):
                 continue
             colour = SIMULATED if bar.marked else COLOURS[0]
             if np.isfinite(bar.low):
-                ax.plot([bar.low, bar.high], [y, y], color=colour, linewidth=3.2, alpha=0.35, solid_capstyle="butt")
+                ax.plot(
+                    [bar.low, bar.high],
+                    [y, y],
+                    color=colour,
+                    linewidth=3.2,
+                    alpha=0.35,
+                    solid_capstyle="butt",
+                )
             ax.plot([bar.worst], [y], marker="|", markersize=7, color=MUTED, linestyle="none")
             ax.plot([bar.mean], [y], marker="o", markersize=4.5, color=colour, linestyle="none")
             ax.text(1.06 * largest, y, short(bar.mean), va="center", fontsize=9, color=INK)
@@ -92,7 +101,9 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
 
 
 @styled
-def trade_off(drift: Mapping[str, float], acceleration: Mapping[str, float], marked: Sequence[str] = ()) -> Figure:
+def trade_off(
+    drift: Mapping[str, float], acceleration: Mapping[str, float], marked: Sequence[str] = ()
+) -> Figure:
     """Mean peak acceleration over mean peak drift, both over the uncontrolled; the best corner is below on the left.
 
     drift, acceleration: controller -> ratio. Controllers are numbered; the list stands beside the axes.
@@ -129,7 +140,9 @@ _AXES = np.array([140.0, 165.0])  # points, about what the data spans in trade_o
 def _label_places(points: Array) -> list[Array]:
     """Where each label stands off its point, in typographic points, clear of the other points and labels."""
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    offsets = np.concatenate([r * np.column_stack([np.cos(angles), np.sin(angles)]) for r in (9.0, 16.0, 24.0, 33.0)])
+    offsets = np.concatenate(
+        [r * np.column_stack([np.cos(angles), np.sin(angles)]) for r in (9.0, 16.0, 24.0, 33.0)]
+    )
     taken, places = list(points), []
     for point in points:
         spots = point + offsets

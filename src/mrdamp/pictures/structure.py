@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from mrdamp.criteria import Criteria
 from mrdamp.errors import InputError
 from mrdamp.pictures.series import (
     Array,
@@ -39,6 +38,7 @@ from mrdamp.pictures.style import (
     styled,
     ticks,
 )  # fmt: skip
+from mrdamp.simulation.criteria import Criteria
 
 
 @styled

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.channels import CHANNELS, is_channel, listed, show
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
+from mrdamp.records.channels import CHANNELS, is_channel, listed, show
 from mrdamp.records.csv_file import numbers
 from mrdamp.records.record import Record
-from mrdamp.sampling import Array
+from mrdamp.records.sampling import Array
 
 _INCH, _POUND, _G = 0.0254, 4.4482216152605, 9.80665
 #: Quantity -> unit -> its size in the channel's own.

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.channels import check_header, listed, show
 from mrdamp.errors import InputError
+from mrdamp.records.channels import check_header, listed, show
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def parse(
     Args:
         file: the file's name, for error lines.
         text: the whole file, lines ended by ``\\n``.
-        required: channels that must be there (see `mrdamp.channels.check_header`).
+        required: channels that must be there (see `mrdamp.records.channels.check_header`).
 
     Returns:
         channels in file order, each (n,) float64; the names of the columns left out; the sample time in s.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrdamp.sampling import Array
+from mrdamp.records.sampling import Array
 
 #: Motion within this share of the record's range does not count: noise at rest would add up to a long path.
 DEAD_BAND = 0.02

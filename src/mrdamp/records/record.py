@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp import sampling
-from mrdamp.channels import check_header, is_channel
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
-from mrdamp.records import csv_file, motion
+from mrdamp.records import csv_file, motion, sampling
+from mrdamp.records.channels import check_header, is_channel
 
 Array = NDArray[np.float64]
 
@@ -31,7 +30,7 @@ class Record:
         path: where it was read from; None for one made in memory or embedded.
         sample_time: s.
         channels: name -> (n,) float64, read-only, in file order; the names and units of
-            `mrdamp.channels.CHANNELS`. ``time_s`` is put in front when it is not given.
+            `mrdamp.records.channels.CHANNELS`. ``time_s`` is put in front when it is not given.
         ignored: columns of the file that are no channels.
 
     Raises:
@@ -153,7 +152,7 @@ class Record:
         """The record on another sample time (s): linear interpolation.
 
         A channel other than the command is low-passed first where the rate falls (see
-        `mrdamp.sampling.resampled`); a command steps, and a filter would make it ring.
+        `mrdamp.records.sampling.resampled`); a command steps, and a filter would make it ring.
         """
         channels: dict[str, Array] = {}
         for name, x in self.channels.items():
@@ -233,7 +232,7 @@ class RecordSet:
 
 
 def read_record(path: Path | str, required: Sequence[str] | None = None) -> Record:
-    """Read a .csv or .csv.gz of the channels in `mrdamp.channels.CHANNELS`.
+    """Read a .csv or .csv.gz of the channels in `mrdamp.records.channels.CHANNELS`.
 
     Args:
         path: the file.

@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import DrawnCosts, cause_shares, stage_shares
 from mrdamp.diagnosis.case.folder import Case
@@ -23,9 +21,10 @@ from mrdamp.diagnosis.evidence.resample import SECONDS, Interval, draws, group_s
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import STAGES
-from mrdamp.model import Model
+from mrdamp.model import Model, core
+from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.sampling import derivative, lowpass, second_derivative
+from mrdamp.records.sampling import derivative, lowpass, second_derivative
 from mrdamp.structures import ShearFrame
 
 #: Hz, the band that blocks are compared in: what a frame does, and little of a displacement's noise.

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.evidence.resample import SECONDS, draws, group_sums, interval
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import END, SKIP
+from mrdamp.model import core
+from mrdamp.model.core import Array
 
 _STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
 #: A current is in the command's unit where its size over the command's lies between these.

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.evidence.ceiling import stroke_since_reversal
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.sampling import derivative, memory
+from mrdamp.model.core import Array
+from mrdamp.records.sampling import derivative, memory
 
 #: Steps of the command and of the motion, as shares of the largest command and of the stroke's amplitude.
 _STEP_COMMAND, _STEP_MOTION = 0.02, 0.01

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
 from mrdamp.diagnosis.constants import INDEPENDENT, NUMBER_PRICE
 from mrdamp.diagnosis.evidence.resample import draws, seconds
@@ -25,6 +24,7 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: Ridges, as shares of a column's own square; every so many samples are fitted to.
 _RIDGES, _EVERY = (1e-3, 1e-2, 1e-1), 3

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
@@ -17,6 +16,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: Without a cause that explains it, a stage counts by this power of what its effects explain best.
 _SHARPNESS = 3.0

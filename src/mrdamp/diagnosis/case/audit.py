@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.record_checks import clipped
+from mrdamp.model.core import Array
+from mrdamp.records.checks import clipped
 
 #: Shares of samples above which held samples and coarse steps are told.
 _HELD, _COARSE = 0.05, 0.02

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
+from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
 
 #: Samples that a record needs to say anything.
 LEAST = 100

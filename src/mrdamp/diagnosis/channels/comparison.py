@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.diagnosis.channels.smoothing import noise_level
 from mrdamp.diagnosis.constants import DIRECT_LEFT, DIRECT_RESOLUTION, INDEPENDENT, NUMBER_PRICE
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 #: A law without any force of its own, and a spring of 1 N/m: what goes in as a displacement comes out as the force.

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 _WINDOWS = (5, 7, 11, 15, 21, 31, 45)
 _ORDER = 3

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.sampling import memory
+from mrdamp.model.core import Array
+from mrdamp.records.sampling import memory
 
 #: Random features and the ridge's strength over the number of samples.
 _WIDTH, _RIDGES = 240, (1e-4, 1e-2, 1.0)

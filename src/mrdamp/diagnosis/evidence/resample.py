@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import PRIOR_WEIGHT, Fit
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 Interval = tuple[float, float]
 Numbers = NDArray[np.intp]

@@ -12,10 +12,10 @@ from itertools import combinations
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.frame import FrameRig
+from mrdamp.model.core import Array
 
 #: Least scatter of masses and stiffnesses that an owner's numbers have; damping is known so many times worse.
 _SCATTER, _DAMPING = 0.015, 5.0

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.model.core import Array
 
 #: Two causes are tied where what they change is alike by this cosine, or the rival is this probable.
 _COSINE, _PROBABLE = 0.98, 0.1

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term, positive
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: Lines tried, each the highest away from the others; points of the spectrum in the width of a line.
 _LINES, _FINE = 3, 8

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.regimes import by_record, left_out, regime_cost
 from mrdamp.diagnosis.fits.search import Search
@@ -15,6 +14,7 @@ from mrdamp.diagnosis.fits.second_cause import others
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.model.core import Array
 
 #: A correction of form stays where it takes this share off the held-out excess.
 _WORTH = 0.15

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: What the priors' sum of squares counts in units of a cost (gap squared): they settle what records leave open.
 PRIOR_WEIGHT = 3e-6

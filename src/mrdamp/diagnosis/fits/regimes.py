@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.least_squares import Fit, leave_out
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 Groups = tuple[tuple[int, ...], ...]
 

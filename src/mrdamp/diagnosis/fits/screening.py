@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.beam import ScoreTest
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.model.core import Array
 
 #: A signature is stretched by no more than this when it is screened.
 _STRETCH = 4.0

@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.delay_clock import try_clock
@@ -21,6 +20,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
+from mrdamp.model.core import Array
 
 Progress = Callable[[str, float], None]
 

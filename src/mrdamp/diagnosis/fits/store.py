@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.model.core import Array
 
 #: Of what is stored; another number makes old files void.
 _VERSION = 3

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
 from mrdamp.diagnosis.fits.cache import Cache
@@ -18,6 +17,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: Nothing material is left for another cause below this unexplained share.
 SOLVED = 0.001

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.current_effects import current_terms
 from mrdamp.diagnosis.hypotheses.fluid_effects import fluid_terms
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, linear, positive
+from mrdamp.model.core import Array
 
 
 def damper_terms(s: Sizes) -> tuple[Term, ...]:

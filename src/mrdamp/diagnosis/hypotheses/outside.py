@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.terms import Settings, Sizes, Term, linear, positive
-from mrdamp.sampling import memory
+from mrdamp.model.core import Array
+from mrdamp.records.sampling import memory
 
 #: What the settings' names begin with.
 PREFIX = "outside_"

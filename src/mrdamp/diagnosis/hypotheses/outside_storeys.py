@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.core import Array, FrameInput
 from mrdamp.diagnosis.hypotheses.terms import Term, linear, positive
+from mrdamp.model.core import Array, FrameInput
 from mrdamp.structures import ShearFrame
 
 #: Of the storey's stiffness at its largest drift: what a spring that softens may lose.

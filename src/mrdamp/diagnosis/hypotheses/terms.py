@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 #: Stages of the signal chain, in order; `structure` is a frame's.
 STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor", "structure")

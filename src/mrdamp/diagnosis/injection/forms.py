@@ -15,10 +15,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import bessel, cont2discrete, lfilter
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 Parameters = Mapping[str, float]

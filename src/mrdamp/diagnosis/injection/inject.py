@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.injection.forms import FORMS, Form, Sized
 from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals, rms
 from mrdamp.model import Model
-from mrdamp.predict import free_run
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.simulation.predict import free_run
 
 #: Effects of a damper that cannot be put into a record exactly, and why.
 NOT_EXACT: Mapping[str, str] = {

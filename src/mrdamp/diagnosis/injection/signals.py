@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.sampling import lowpass
+from mrdamp.records.sampling import lowpass
 
 #: Share of the half rate at which derivatives are cut off, zero-phase: what is faster is the interpolation's.
 _CUT = 0.35

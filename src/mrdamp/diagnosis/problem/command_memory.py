@@ -1,4 +1,4 @@
-"""What remembers the command's path is led along it as it was before the log's filter (`mrdamp.logged`).
+"""What remembers the command's path is led along it as it was before the log's filter (`mrdamp.records.log_filter`).
 
 A log may as well tell of what was sent, waves and all (a command that was made band-limited): that is a form of the
 same cause, between which the fits tell.
@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.outside import PREFIX
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
-from mrdamp.logged import AS_SENT, LOG, rings_before_jumps, without_waves
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.log_filter import AS_SENT, LOG, rings_before_jumps, without_waves
 
 #: The setting that is not zero where a magnetic circuit remembers, and the one that leads it along the log's waves.
 MEMORY, ALONG = "remanence_b", f"{PREFIX}along_the_log"
@@ -45,7 +45,7 @@ def base_settings(model: Model) -> dict[str, float]:
 
 
 def told_by_the_log(settings: Mapping[str, float]) -> dict[str, str]:
-    """What a model's file says of the log beside its settings, for `mrdamp.predict`."""
+    """What a model's file says of the log beside its settings, for `mrdamp.simulation.predict`."""
     return {LOG: AS_SENT} if ALONG in settings else {}
 
 

@@ -8,9 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.between import Fine, between, mended_ends
-from mrdamp.core import Array
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
@@ -28,10 +25,14 @@ from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings
 from mrdamp.diagnosis.problem.excerpts import STEP, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
-from mrdamp.logged import FILTERED, LOGGER, logged, rings_before_jumps
-from mrdamp.model import Model, effects_from
+from mrdamp.model import Model, core, effects_from
+from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.sampling import derivative
+from mrdamp.records.log_filter import FILTERED, LOGGER, logged, rings_before_jumps
+from mrdamp.records.sampling import derivative
+from mrdamp.records.upsampling import FineInputs as Fine
+from mrdamp.records.upsampling import repaired_ends as mended_ends
+from mrdamp.records.upsampling import upsampled as between
 
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20

@@ -12,8 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.core import Array, FrameInput
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
 from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
@@ -23,10 +21,11 @@ from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.errors import InputError
-from mrdamp.logged import FACTOR, finer, jumps, logged, rings_before_jumps
-from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, effects_from
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, core, effects_from
+from mrdamp.model.core import Array, FrameInput
 from mrdamp.records import Record
-from mrdamp.sampling import derivative
+from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before_jumps
+from mrdamp.records.sampling import derivative
 from mrdamp.structures import ShearFrame
 
 #: s, the chain's inner step while searching and for the last fit, where a finer one is not called for; the frame is

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import noise_level
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.model.core import Array
 
 #: Two runs that differ by more than this times the noise of the high band do not repeat.
 _REPEATS = 1.75

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
 #: s at the start of a record, where the unknown start state fades: they do not count.
 SKIP = 0.1

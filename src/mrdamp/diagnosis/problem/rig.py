@@ -6,11 +6,11 @@ import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamp.core import Array
+from mrdamp.model.core import Array
 
 #: s, length of a test.
 SECONDS = 6.0

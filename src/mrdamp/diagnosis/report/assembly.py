@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.attribution.interfaces import Parts, parts
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.attribution.stages import (
@@ -42,6 +41,7 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig, models_of
 from mrdamp.diagnosis.report.next_test import next_test
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, Where
+from mrdamp.model.core import Array
 
 #: Simulators with parameters drawn within their intervals.
 _DRAWN = 20

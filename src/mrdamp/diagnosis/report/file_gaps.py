@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.problem.residuals import END, SKIP, Problem
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.predict import free_run
+from mrdamp.model.core import Array
+from mrdamp.simulation.predict import free_run
 
 #: The gap inside the fit and the file's differ by no more than this share of the measurement's RMS.
 AGREEMENT = 0.01

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.problem.residuals import END, SKIP
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.errors import InputError
-from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
-from mrdamp.predict import as_logged, played
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.simulation.mjcf import write_mjcf
+from mrdamp.simulation.predict import as_logged, played
 
 #: The two gaps agree within this share of the measurement's RMS.
 AGREEMENT = 0.01
@@ -71,7 +71,7 @@ def hand_over(found: Diagnosis, records: Sequence[Record], folder: Path) -> Diag
 
 def agreement(model: Model, record: Record) -> Agreement:
     """Both answers for a record's inputs, over its measured channels. Raises InputError."""
-    from mrdamp.stepping import drive_frame, drive_rig  # MuJoCo comes with it
+    from mrdamp.simulation.stepping import drive_frame, drive_rig  # MuJoCo comes with it
 
     factor, sample_time, inputs = played(model, record)
     drive = drive_rig if model.rig == "damper" else drive_frame

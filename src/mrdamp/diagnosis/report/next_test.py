@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
@@ -23,6 +22,7 @@ from mrdamp.diagnosis.problem.residuals import SKIP
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.diagnosis.problem.signals import SECONDS, Design, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 
 _SEED = 11
 #: Tests drawn, those of them whose rivals are fitted, tests tried near the best ones; the same where nothing is tied

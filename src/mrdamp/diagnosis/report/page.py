@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.core import Array
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.report.sentence import number, share
 from mrdamp.model import Model
+from mrdamp.model.core import Array
 from mrdamp.pictures import damper as damper_pictures
 from mrdamp.pictures import diagnosis as pictures
-from mrdamp.predict import free_run
 from mrdamp.records import Record
+from mrdamp.records.sampling import derivative
 from mrdamp.report import Page
-from mrdamp.sampling import derivative
+from mrdamp.simulation.predict import free_run
 
 _SHOWN = 3  # records with residuals and loops
 

@@ -1,5 +1,5 @@
 """Motion and command between the samples of a damper's record: cubic splines of the motion, straight lines of the
-command, or the sampling theorem's curve where the log went through a filter (`mrdamp.logged`).
+command, or the sampling theorem's curve where the log went through a filter (`mrdamp.records.log_filter`).
 
 Central differences at the samples underrate a fast motion's velocity, by 0.3 % at 10 Hz sampled at 500 Hz, and more
 in the law's stiff states; between samples of a spline that error is gone.
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mrdamp.logged import unfolded
-from mrdamp.sampling import Array
+from mrdamp.records.log_filter import unfolded
+from mrdamp.records.sampling import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,11 @@ import joblib
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.identify import Fit, Problem, shorten, simulate
 from mrdamp.identify.least_squares import bounded_least_squares
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 _SAMPLES = 24_000

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 #: How a coefficient may follow the command u, and how many different commands that needs: p_a; p_a + p_b u;

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.attributes import law_number, vector
-from mrdamp.cars import QuarterCar
-from mrdamp.comfort import wk_sections
-from mrdamp.core import FrameInput, Narx, fill_frame
 from mrdamp.errors import InputError
 from mrdamp.model import Model
-from mrdamp.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, library, pointer
+from mrdamp.model.attributes import law_number, vector
+from mrdamp.model.core import FrameInput, Narx, fill_frame
+from mrdamp.model.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, library, pointer
+from mrdamp.simulation.comfort import wk_sections
+from mrdamp.structures.cars import QuarterCar
 
 _COORDINATES = 4  # doubles of a row's state before them
 

@@ -9,7 +9,7 @@ import numpy as np
 from mrdamp.errors import InputError
 from mrdamp.records import Record
 from mrdamp.records.motion import faults
-from mrdamp.sampling import Array
+from mrdamp.records.sampling import Array
 
 #: Samples that a fit needs for each free number.
 SAMPLES_PER_COORDINATE = 20

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from mrdamp.envs.frame_view import FrameView
 from mrdamp.model import Model
-from mrdamp.stepping import FrameRun
+from mrdamp.simulation.stepping import FrameRun
 
 #: Geoms of the damper, taken out where a run has none.
 _DAMPER = ("cylinder", "rod", "clevis", "bracket", "brace_left", "brace_right")

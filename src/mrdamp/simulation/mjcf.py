@@ -142,7 +142,8 @@ def _build_storeys(root: ET.Element, model: Model) -> None:
         joint.set("damping", " ".join(map(repr, damping)))
         if frame.friction is not None and frame.friction[j - 1] > 0:
             width, presliding = (
-                0.0 if row is None else float(row[j - 1]) for row in (frame.friction_width, frame.friction_presliding)
+                0.0 if row is None else float(row[j - 1])
+                for row in (frame.friction_width, frame.friction_presliding)
             )
             _put_friction(root, j, float(frame.friction[j - 1]), width, presliding or 1e-5)
         for tag in ("geom", "site"):
@@ -243,7 +244,7 @@ def _sensors(root: ET.Element, model: Model) -> None:
         ET.SubElement(sensor, "jointpos", name=f"drift_{j}", joint=f"storey{j}")
     sensor.append(force)
     _signal_sensors(root, ("stroke", "stroke_velocity", "current"))
-    # The engine's accelerometers are ideal; what their readings go through is kept for `mrdamp.stepping`.
+    # The engine's accelerometers are ideal; what their readings go through is kept for `mrdamp.simulation.stepping`.
     placed = [e for e in model.effects if e.place is not None and e.name in FLOOR_SENSOR_EFFECTS]
     if placed:
         custom = root.find("custom")

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp import core
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.structures import ShearFrame
 
 FORMAT = 1
@@ -62,7 +62,7 @@ class Effect:
 class Model:
     """A damper and, for the rig `frame`, the structure that it stands in.
 
-    law, parameters: as in `mrdamp.core.law_parameters`, SI. weights: text of the NARX weights file (law narx).
+    law, parameters: as in `mrdamp.model.core.law_parameters`, SI. weights: text of the NARX weights file (law narx).
     effects: what is switched on. Raises InputError for anything the chain would not take.
     """
 

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from scipy import optimize, signal
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
-from mrdamp.norms import delta_1, delta_2
-from mrdamp.record_checks import clipped
+from mrdamp.identify.norms import delta_1, delta_2
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.checks import clipped
 from mrdamp.records.csv_file import numbers
 
 COLUMNS = ("time_s", "reference_force_N", "charge_pC")

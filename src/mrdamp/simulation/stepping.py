@@ -12,11 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
-from mrdamp.mjcf import FRAME_STEP, RIG_STEP, mjcf
 from mrdamp.model import Model, floor_channels
+from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.mjcf import FRAME_STEP, RIG_STEP, mjcf
 
 if TYPE_CHECKING:
     from mrdamp.control.base import Controller
@@ -55,7 +55,11 @@ def drive_rig(
     if shift:  # the displacement is read late or early: the rod moves as it really did
         path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
         beyond = t + shift - moved  # the record's ends; the motion goes on at its velocity there
-        x, v, a = path(moved) + path(moved, 1) * beyond, path(moved, 1), np.interp(moved, t, a) * (beyond == 0)
+        x, v, a = (
+            path(moved) + path(moved, 1) * beyond,
+            path(moved, 1),
+            np.interp(moved, t, a) * (beyond == 0),
+        )
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), np.interp(fine, t, u)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.native import ERROR_SIZE, Array, library, pointer
+from mrdamp.model.native import ERROR_SIZE, Array, library, pointer
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from mrdamp.files import write_atomic
 from mrdamp.pictures.style import DARK, STYLE
 
 if TYPE_CHECKING:
-    from mrdamp.animation import Animation
+    from mrdamp.demo.animation import Animation
 
 #: A picture above this many bytes as SVG goes into the page as PNG, with as many dots as stay below it.
 PICTURE_LIMIT = 220_000
@@ -116,9 +116,12 @@ class Page:
         """An animated picture; readers who turned motion off get its first one. alt: as in `figure`."""
         self._check_alt(caption, alt)
         moving, still = (
-            f"data:image/webp;base64,{base64.b64encode(data).decode('ascii')}" for data in (drawn.moving, drawn.still)
+            f"data:image/webp;base64,{base64.b64encode(data).decode('ascii')}"
+            for data in (drawn.moving, drawn.still)
         )
-        picture = _Picture(Markup(), moving, drawn.width, drawn.height, caption, " ".join(alt.split()), still, True)
+        picture = _Picture(
+            Markup(), moving, drawn.width, drawn.height, caption, " ".join(alt.split()), still, True
+        )
         self._add(heading, "figure", picture)
 
     def html(self) -> str:
@@ -127,7 +130,7 @@ class Page:
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
         environment.filters |= {"code": _code, "prose": _prose, "breaks": _breaks, "unit": _unit}
-        template = (resources.files("mrdamp") / "templates" / "page.html").read_text(encoding="utf-8")
+        template = (resources.files("mrdamp.report") / "templates" / "page.html").read_text(encoding="utf-8")
         return environment.from_string(template).render(
             title=self.title,
             summary=self.summary,

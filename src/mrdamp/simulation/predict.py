@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.files import write_atomic
-from mrdamp.logged import (
+from mrdamp.model import Model
+from mrdamp.model.core import Array
+from mrdamp.records import Record, read_record
+from mrdamp.records.csv_file import render
+from mrdamp.records.log_filter import (
     AS_SENT,
     FACTOR,
     FILTERED,
@@ -22,10 +25,7 @@ from mrdamp.logged import (
     rings_before_jumps,
     without_waves,
 )
-from mrdamp.model import Model
-from mrdamp.records import Record, read_record
-from mrdamp.records.csv_file import render
-from mrdamp.upsampling import repaired_ends, upsampled
+from mrdamp.records.upsampling import repaired_ends, upsampled
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4

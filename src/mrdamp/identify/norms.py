@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.core import Array
 from mrdamp.errors import InputError
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 #: m; the foam-damper paper counts in centimetres, and E_x and E_v carry the root of the unit.

@@ -4,7 +4,7 @@
 
 v(x, t) m is the motion from the sagged shape at rest, across the chord; F N the damper's force, positive as a load
 cell reads it when the damper is being extended (v(x_d) rising). The coordinates are the static shape under a force at
-the damper and the first sines, `mrdamp.control.taut_cable.TautCable`: Johnson, Baker, Spencer and Fujino, J. Eng.
+the damper and the first sines, `mrdamp.structures.taut_cable.TautCable`: Johnson, Baker, Spencer and Fujino, J. Eng.
 Mech. 133 (2007) 1-11, doi 10.1061/(ASCE)0733-9399(2007)133:1(1). Sag adds to them, as in Johnson, Christenson and
 Spencer, Comput.-Aided Civ. Infrastruct. Eng. 18 (2003) 132-146, doi 10.1111/1467-8667.00305, the pull h that the
 stretching of a flat-sag cable causes (Irvine, Cable Structures, MIT Press 1981, ch. 3)::
@@ -22,9 +22,9 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from mrdamp.control.taut_cable import TENSION, TautCable
 from mrdamp.errors import InputError
 from mrdamp.structures import GRAVITY, FloatArray
+from mrdamp.structures.taut_cable import TENSION, TautCable
 
 
 @dataclass(frozen=True)

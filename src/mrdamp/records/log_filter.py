@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import resample_poly
 
-from mrdamp.sampling import Array
+from mrdamp.records.sampling import Array
 
 #: Samples on the finer clock for each of the log's: with more of them a frame's runs came no nearer.
 FACTOR = 2

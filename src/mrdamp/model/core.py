@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp.attributes import (
+from mrdamp.errors import InputError
+from mrdamp.model.attributes import (
     Attribute,
     attribute_index,
     attributes,
@@ -21,8 +22,7 @@ from mrdamp.attributes import (
     laws,
     vector,
 )
-from mrdamp.errors import InputError
-from mrdamp.native import ERROR_SIZE, Array, Frame, Options, library, pointer
+from mrdamp.model.native import ERROR_SIZE, Array, Frame, Options, library, pointer
 
 __all__ = [
     "COLUMNS",

@@ -10,26 +10,26 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamp import laws, pictures
-from mrdamp.animation import Animation, Clip, animate
+from mrdamp import pictures
 from mrdamp.control import clipped_optimal, force_tracking, passive_off, passive_on
 from mrdamp.control.base import Controller
 from mrdamp.control.registry import balanced
-from mrdamp.criteria import Criteria, evaluate
+from mrdamp.demo.animation import Animation, Clip, animate
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
-from mrdamp.identify import Fit, RecordError, identify, simulate
+from mrdamp.identify import Fit, RecordError, identify, laws, simulate
 from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
-from mrdamp.mjcf import write_mjcf
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion, embedded_motion, read_motion
 from mrdamp.pictures import LoopData
-from mrdamp.record_checks import check_explained
 from mrdamp.records import Record, RecordSet, embedded, read_records
+from mrdamp.records.checks import check_explained
 from mrdamp.report import Page
-from mrdamp.stepping import FrameRun, run_frame
+from mrdamp.simulation.criteria import Criteria, evaluate
+from mrdamp.simulation.mjcf import write_mjcf
+from mrdamp.simulation.stepping import FrameRun, run_frame
 from mrdamp.structures import dyke1996
 
 #: Effects fitted along with the law: what records of a real damper nearly always need.
