@@ -15,7 +15,7 @@ endif
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help venv build tools demo test check-all bench docs lint cpp-test sanitize tsan fuzz wheel-test clean
+.PHONY: always help venv build tools demo test check-all bench docs lint cpp-test sanitize tsan fuzz wheel-test clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
@@ -36,9 +36,13 @@ $(VENV)/.set-up: pyproject.toml constraints.txt
 
 build: build/.installed  ## install the package and what it needs into .venv; compile the plugin when C++ has changed
 
-# Editable: Python code runs where it stands. The build folder is kept, so only changed files compile.
-build/.installed: $(VENV)/.set-up $(cpp)
+# Editable: Python code runs where it stands. The build folder is kept, so only changed files compile. The install
+# knows each module by its path, so that one which moves needs another install.
+build/.modules: always
 	@mkdir -p build
+	@find -L src/mrdamp -name '*.py' | sort >$@.new && if cmp -s $@.new $@; then rm $@.new; else mv $@.new $@; fi
+
+build/.installed: $(VENV)/.set-up $(cpp) build/.modules
 	@echo "build: the package and its plugin"
 	@$(pip) --no-build-isolation -Cbuild-dir=build/plugin -Ccmake.define.MRDAMP_WERROR=ON -e .
 	@touch $@
