@@ -122,7 +122,8 @@ class Task(ABC):
     """n rows of a structure under control.
 
     rows: the structures; score: their rewards; observer: what is seen; command_max: (m,) A or V; noise: on the
-    measurements, see `Noise`. Attributes: observation_space and action_space of one row.
+    measurements, see `Noise`. Attributes: observation_space and action_space of one row; happened: (n, ...) what the
+    rows said of the last control period.
     """
 
     def __init__(
@@ -151,11 +152,17 @@ class Task(ABC):
         self._largest: list[float] = command_max.tolist()
         self._currents = [k for k, name in enumerate(rows.names) if re.fullmatch(r"current(_\d+)?", name)]
         self._measured: Array = np.zeros((self.n, len(rows.names)))
+        self.happened: Array = np.zeros((self.n, 0))
         self._stack = Stack(observer, self.n)
         self._command: Array = np.zeros((self.n, len(command_max)))
         self._rngs: list[np.random.Generator | None] = [None] * self.n
         self.observation_space = Box(-observer.limit, observer.limit, (observer.size,), np.float32)
         self.action_space = Box(-1.0, 1.0, (len(command_max),), np.float32)
+
+    @property
+    def measured(self) -> Array:
+        """(n, names) what the sensors read last, `rows.names` in order."""
+        return self._measured
 
     #: Size (m) that the motion without a damper is drawn with.
     drawn_size: float
@@ -201,6 +208,7 @@ class Task(ABC):
         """One control period of all rows. quiet: rows that draw no noise, as they are about to be reset."""
         self._command = self.commands(actions)
         period, values = self.rows.advance(self._command)
+        self.happened = period
         reward, info = self.score.of(period)
         self.check(np.add.reduce(reward))
         if self.noise.where:

@@ -1,71 +1,53 @@
-"""An actor that sees the sensors beside a critic that sees more, for on-policy learners.
+"""An actor that sees the sensors beside a critic that sees more, for every learner of stable-baselines3.
 
-The reward of a weak motion is as large as that of a strong one, for it is taken over what the motion does to the
-structure without control. No sensor shows that, so a critic with the sensors alone cannot tell what is to come. While
-it is trained the critic is given it; the actor, which alone is exported, is not.
+The first k numbers of an observation are the sensors'; what follows (`mrdamp.train.lessons`) no sensor shows, and it is
+there while the critic is trained only: the actor, which alone is exported, is built on the first k.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import create_mlp
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
+from stable_baselines3.sac.policies import Actor as SacActor
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import Actor as Td3Actor
+from stable_baselines3.td3.policies import TD3Policy
 from torch import nn
 
-from mrdamp.train.worlds import World
 
-Array = NDArray[np.float64]
+class Front(BaseFeaturesExtractor):
+    """The first `width` numbers of an observation."""
 
+    def __init__(self, observation_space: Box, width: int) -> None:
+        super().__init__(observation_space, width)
 
-class Privileged(VecEnvWrapper):
-    """Observations (n, k) become (n, 2 k): as they are, and over the size of the motion without control."""
-
-    def __init__(self, venv: VecEnv, world: World, task: Any) -> None:
-        size = venv.observation_space.shape[0]
-        limit = float(venv.observation_space.high.max())
-        super().__init__(venv, observation_space=Box(-limit, limit, (2 * size,), np.float32))
-        self._world, self._task = world, task
-        self._size: NDArray[np.float32] = np.ones((venv.num_envs, 1), np.float32)
-
-    def reset(self) -> Any:
-        return self._with(self.venv.reset())
-
-    def step_wait(self) -> Any:
-        observation, reward, done, infos = self.venv.step_wait()
-        for row in np.flatnonzero(done):
-            last = infos[row]["terminal_observation"]
-            infos[row]["terminal_observation"] = np.concatenate([last, last / self._size[row]])
-        return self._with(observation), reward, done, infos
-
-    def _with(self, observation: Any) -> Any:
-        self._size = self._world.sizes(self._task).astype(np.float32)[:, None]
-        return np.concatenate([observation, observation / self._size], axis=1)
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return observations[..., : self.features_dim]
 
 
 class SplitNetworks(nn.Module):
-    """Hidden layers of an actor on the first half of the features and of a critic on all of them."""
+    """Hidden layers of an actor on the first `front` features and of a critic on all `width`."""
 
-    def __init__(self, width: int, arch: dict[str, list[int]], activation: type[nn.Module]) -> None:
+    def __init__(
+        self, front: int, width: int, arch: dict[str, list[int]], activation: type[nn.Module]
+    ) -> None:
         super().__init__()
-        self.half = width // 2
-        self.policy_net = nn.Sequential(
-            *create_mlp(self.half, 0, arch["pi"], activation)[: 2 * len(arch["pi"])]
-        )
+        self.front = front
+        self.policy_net = nn.Sequential(*create_mlp(front, 0, arch["pi"], activation)[: 2 * len(arch["pi"])])
         self.value_net = nn.Sequential(*create_mlp(width, 0, arch["vf"], activation)[: 2 * len(arch["vf"])])
-        self.latent_dim_pi = arch["pi"][-1] if arch["pi"] else self.half
+        self.latent_dim_pi = arch["pi"][-1] if arch["pi"] else front
         self.latent_dim_vf = arch["vf"][-1] if arch["vf"] else width
 
     def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         return self.forward_actor(features), self.forward_critic(features)
 
     def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
-        found: torch.Tensor = self.policy_net(features[..., : self.half])
+        found: torch.Tensor = self.policy_net(features[..., : self.front])
         return found
 
     def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
@@ -73,11 +55,73 @@ class SplitNetworks(nn.Module):
         return found
 
 
-class AsymmetricPolicy(ActorCriticPolicy):
-    """The policy of stable-baselines3 with `SplitNetworks`; net_arch: {pi: [...], vf: [...]}."""
+class AsymmetricOnPolicy(ActorCriticPolicy):
+    """For PPO and A2C. front: k; net_arch: {pi: [...], vf: [...]} or one list for both."""
+
+    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
+        self._front = front
+        super().__init__(*arguments, **named)
 
     def _build_mlp_extractor(self) -> None:
         arch = (
             self.net_arch if isinstance(self.net_arch, dict) else {"pi": self.net_arch, "vf": self.net_arch}
         )
-        self.mlp_extractor = SplitNetworks(self.features_dim, arch, self.activation_fn)
+        self.mlp_extractor = SplitNetworks(self._front, self.features_dim, arch, self.activation_fn)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "front": self._front}
+
+
+class AsymmetricRecurrent(RecurrentActorCriticPolicy):
+    """For RecurrentPPO: the memory is the actor's alone; the critic sees the state, so that it needs none."""
+
+    def __init__(
+        self, observation_space: Box, action_space: Any, lr_schedule: Any, front: int, **named: Any
+    ) -> None:
+        own = {**named, "share_features_extractor": False, "enable_critic_lstm": False}
+        super().__init__(observation_space, action_space, lr_schedule, **own)
+        self._front = front
+        self.pi_features_extractor = Front(observation_space, front)
+        self.lstm_actor = nn.LSTM(front, self.lstm_output_dim, **self.lstm_kwargs)
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "front": self._front}
+
+
+class AsymmetricSac(SACPolicy):
+    """For SAC."""
+
+    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
+        self._front = front
+        super().__init__(*arguments, **named)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> SacActor:
+        return super().make_actor(Front(self.observation_space, self._front))
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "front": self._front}
+
+
+class AsymmetricTd3(TD3Policy):
+    """For TD3 and DDPG."""
+
+    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
+        self._front = front
+        super().__init__(*arguments, **named)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Td3Actor:
+        return super().make_actor(Front(self.observation_space, self._front))
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "front": self._front}
+
+
+POLICIES: dict[str, type[Any]] = {
+    "a2c": AsymmetricOnPolicy,
+    "ddpg": AsymmetricTd3,
+    "ppo": AsymmetricOnPolicy,
+    "recurrent": AsymmetricRecurrent,
+    "sac": AsymmetricSac,
+    "td3": AsymmetricTd3,
+}

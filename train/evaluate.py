@@ -54,6 +54,9 @@ class Judge:
     def __call__(self, policy: Policy | float) -> dict[str, Array]:
         """(loads,) for each of the world's measures; a number is a constant command."""
 
+        if isinstance(policy, Policy):
+            policy.reset()
+
         def act(seen: NDArray[np.float32]) -> Array:
             if isinstance(policy, Policy):
                 return policy.commands(seen, forces(self.task, seen))

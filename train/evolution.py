@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.control.policy import Network
+from mrdamp.control.networks import Network
 from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]

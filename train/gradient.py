@@ -4,20 +4,31 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import sb3_contrib
 import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.noise import OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from torch import nn
 
-from mrdamp.control.policy import Network
+from mrdamp.control.networks import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
-from mrdamp.train.asymmetric import AsymmetricPolicy, Privileged
-from mrdamp.train.export import network
+from mrdamp.train.asymmetric import POLICIES
+from mrdamp.train.evaluate import forces
+from mrdamp.train.export import memory, network
+from mrdamp.train.lessons import Lessons
+from mrdamp.train.pool import Drawn, Known, known
 from mrdamp.train.run import Progress, Run
-from mrdamp.train.wrappers import ForceAction, Whitened
+from mrdamp.train.wrappers import PolicyAction, Whitened
+
+_OFF_POLICY = ("ddpg", "sac", "td3")
+_NOTHING = (
+    1e-3  # of the actor's last layer at the start, over its usual size: what is learned begins at the teacher
+)
 
 
 class GradientRun(Run):
@@ -26,22 +37,25 @@ class GradientRun(Run):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         torch.set_num_threads(1)
+        self._teacher = self.taught() if self.chosen.teacher else None
+        self.model: BaseAlgorithm | None = None
+        runs = self._pool()
         base = PlantVecEnv(self.task)
         base.seed(int(self.draws.generate_state(1)[0] // 2))
-        venv: VecEnv = base
-        if self.levels is not None:
-            venv = ForceAction(base, self.task.observer, self.levels, self.command_max)
-        venv = Whitened(venv, self.matrix)
-        if self.chosen.privileged:
-            venv = Privileged(venv, self.world, self.task)
+        venv: VecEnv = Whitened(PolicyAction(base, self.task, self.policy()), self.matrix)
+        if runs:
+            exponent = self.chosen.exponent or self.world.exponent
+            told = self.chosen.privileged
+            venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, told=told)
         self.venv = VecMonitor(venv)
         self.model = self._model(int(self.seed.generate_state(1)[0] // 2))
 
     @property
     def timesteps(self) -> int:
-        return int(self.model.num_timesteps)
+        return int(self.model.num_timesteps) if self.model is not None else 0
 
     def learn(self, progress: Progress) -> None:
+        assert self.model is not None
         left = self.chosen.n_timesteps - self.timesteps
         if left > 0:
             self.model.learn(left, _Callback(self, progress), reset_num_timesteps=False, tb_log_name="run")
@@ -49,42 +63,101 @@ class GradientRun(Run):
                 self.evaluate()
 
     def evaluate(self) -> dict[str, float]:
+        assert self.model is not None
         row = super().evaluate()
         for name, value in row.items():
             self.model.logger.record(f"validation/{name}", value)
         return row
 
     def network(self) -> Network:
+        if self.model is None:  # the base that a learner begins at
+            return Network(((np.zeros((1, len(self.matrix))), np.zeros(1)),), "identity")
         return network(self.model.policy)
 
+    def memory(self) -> Memory | None:
+        return memory(self.model.policy) if self.model is not None else None
+
+    def teacher(self) -> Any:
+        return self._teacher
+
     def save(self) -> None:
+        assert self.model is not None
         fresh = self.out / "checkpoint.new.zip"
         self.model.save(fresh)
         fresh.replace(self.out / "checkpoint.zip")
 
+    def _pool(self) -> list[Known]:
+        """Runs of the base under the loads of the pool, which the task draws from."""
+        many = self.chosen.pool
+        if not many:
+            return []
+        rng = np.random.default_rng(self.pooled)
+        loads = self.world.some(rng, many)
+        base = self.policy()
+        runs = known(self.world, self.task, loads, lambda seen: base.commands(seen, forces(self.task, seen)))
+        self.task = self.world.task(self.task.n, self.chosen.engine, Drawn([run.load for run in runs]))
+        return runs
+
     def _model(self, seed: int) -> BaseAlgorithm:
         chosen, name = self.chosen, self.options.algorithm
-        algorithm: type[BaseAlgorithm] = getattr(stable_baselines3, name.upper())
+        algorithm: type[BaseAlgorithm] = (
+            sb3_contrib.RecurrentPPO if name == "recurrent" else getattr(stable_baselines3, name.upper())
+        )
         checkpoint = self.out / "checkpoint.zip"
         if checkpoint.is_file():
             return algorithm.load(checkpoint, env=self.venv, device="cpu")
+        if chosen.freeze and name in _OFF_POLICY:
+            raise InputError(f"{name}: freeze is for a2c, ppo and recurrent")
         policy_kwargs: dict[str, Any] = dict(chosen.policy_kwargs)
         if "activation_fn" in policy_kwargs:
             policy_kwargs["activation_fn"] = getattr(nn, str(policy_kwargs["activation_fn"]))
-        if chosen.privileged and name not in ("a2c", "ppo"):
-            raise InputError(f"{name}: privileged is for a2c and ppo")
+        given = dict(chosen.learner)
+        if chosen.explore:
+            if name not in _OFF_POLICY:
+                raise InputError(f"{name}: explore is for {', '.join(_OFF_POLICY)}")
+            given["action_noise"] = self._noise()
+        policy = POLICIES[name] if chosen.policy == "MlpPolicy" else chosen.policy
+        if policy is POLICIES[name]:
+            policy_kwargs["front"] = len(self.matrix)
+        elif chosen.privileged:
+            raise InputError(f"{name}: privileged is for policy: MlpPolicy")
         try:
-            return algorithm(
-                AsymmetricPolicy if chosen.privileged else chosen.policy,
-                self.venv, seed=seed, device="cpu", policy_kwargs=policy_kwargs,
-                tensorboard_log=str(self.out / "tensorboard"), **chosen.learner,
+            model = algorithm(
+                policy, self.venv, seed=seed, device="cpu", policy_kwargs=policy_kwargs,
+                tensorboard_log=str(self.out / "tensorboard"), **given,
             )  # fmt: skip
         except (TypeError, ValueError, AssertionError) as error:
             raise InputError(f"{name}: hyperparameters: {error}") from None
+        if self._teacher is not None:
+            _begin_at_nothing(model.policy)
+        return model
+
+    def _noise(self) -> OrnsteinUhlenbeckActionNoise:
+        """Of standard deviation `explore`; white noise of 2 ms hardly passes the driver's lag."""
+        theta = 1.0 / self.chosen.correlated
+        sigma = self.chosen.explore * np.sqrt(2.0 * theta) * np.ones(1)
+        return OrnsteinUhlenbeckActionNoise(np.zeros(1), sigma, theta=theta, dt=1.0)
+
+
+def _begin_at_nothing(policy: Any) -> None:
+    """Makes the actor's last layer small, so that its first actions are nearly zero."""
+    if hasattr(policy, "action_net"):
+        last = [policy.action_net]
+    elif hasattr(policy.actor, "latent_pi"):
+        last = [policy.actor.mu]
+    else:
+        last = [
+            [m for m in actor.mu if isinstance(m, nn.Linear)][-1]
+            for actor in (policy.actor, policy.actor_target)
+        ]
+    with torch.no_grad():
+        for layer in last:
+            layer.weight.mul_(_NOTHING)
+            layer.bias.zero_()
 
 
 class _Callback(BaseCallback):
-    """Progress, and evaluations where they are due."""
+    """Progress, evaluations where they are due, and an actor that waits for its critic."""
 
     def __init__(self, run: GradientRun, progress: Progress) -> None:
         super().__init__()
@@ -100,3 +173,13 @@ class _Callback(BaseCallback):
             run.tell(self._progress)
         if run.due():
             run.evaluate()
+        self._freeze(run.timesteps < run.chosen.freeze)
+
+    def _freeze(self, frozen: bool) -> None:
+        policy: Any = self.model.policy
+        parts = [policy.action_net, policy.mlp_extractor.policy_net] if hasattr(policy, "action_net") else []
+        parts += [policy.lstm_actor] if hasattr(policy, "lstm_actor") else []
+        for parameter in [p for part in parts for p in part.parameters()]:
+            parameter.requires_grad_(not frozen)
+        if hasattr(policy, "log_std"):
+            policy.log_std.requires_grad_(not frozen)

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, LoadSource, WindLoads
+from mrdamp.envs.car_roads import Bumps, IsoRoads, RoadSource
 from mrdamp.envs.loads import TIME_SCALE, MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
 from mrdamp.motions import GroundMotion, embedded_motion
+from mrdamp.simulation.roads import CLASSES, Road
 
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
 VALIDATION_SEED = 902
@@ -80,11 +82,19 @@ def validation_motions(count: int = 12, amplitudes: Sequence[float] = AMPLITUDES
     return [motion.scaled(a * _PEAK / motion.pga) for motion in drawn for a in amplitudes]
 
 
-def some_motions(rng: np.random.Generator, count: int, duration: float = 20.0) -> list[GroundMotion]:
+def some_motions(
+    rng: np.random.Generator, count: int, duration: float = 20.0, spread: float = 0.0
+) -> list[GroundMotion]:
     """count synthetic motions of `duration` s full-size, for searches that run every candidate under all of them:
-    AMPLITUDES in turn on soft ground, then on the next."""
-    kinds = _kinds(duration, 0.4 * duration, (1.0, 1.0))
-    drawn = [kinds[k // len(AMPLITUDES) % len(kinds)].draw(rng) for k in range(count)]
+    AMPLITUDES in turn on soft ground, then on the next. spread: durations are drawn up to this share longer or shorter.
+    """
+
+    def one(k: int) -> GroundMotion:
+        lasts = duration * rng.uniform(1 - spread, 1 + spread) if spread else duration
+        kinds = _kinds(lasts, 0.4 * lasts, (1.0, 1.0))
+        return kinds[k // len(AMPLITUDES) % len(kinds)].draw(rng)
+
+    drawn = [one(k) for k in range(count)]
     factors = np.resize(AMPLITUDES, count) * _PEAK
     return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 
@@ -100,9 +110,9 @@ class CableLoads:
         d = self.duration
         return WindLoads(duration=d), AmbientLoads(duration=d), AmbientLoads(shape="uniform", duration=d)
 
-    def some(self, rng: np.random.Generator, length: float, count: int) -> list[CableLoad]:
-        """count loads, of each source in turn."""
-        return [self.sources[k % len(self.sources)].draw(rng, length) for k in range(count)]
+    def some(self, rng: np.random.Generator, length: float, count: int, first: int = 0) -> list[CableLoad]:
+        """count loads, of each source in turn from number `first` on."""
+        return [self.sources[(first + k) % len(self.sources)].draw(rng, length) for k in range(count)]
 
     def draw(self, rng: np.random.Generator, length: float) -> CableLoad:
         return self.sources[int(rng.integers(len(self.sources)))].draw(rng, length)
@@ -111,3 +121,26 @@ class CableLoads:
 def validation_loads(length: float, count: int = 12) -> list[CableLoad]:
     """count loads on a cable of `length` m, drawn apart from those of training."""
     return CableLoads().some(np.random.default_rng([VALIDATION_SEED, 2]), length, count)
+
+
+@dataclass(frozen=True)
+class TrainingRoads:
+    """Roads of ISO 8608 of each class, and bumps: one of them for each episode. duration: s, of a road."""
+
+    duration: float = 10.0
+
+    @property
+    def sources(self) -> tuple[RoadSource, ...]:
+        return (*(IsoRoads((c,), (8.0, 32.0), self.duration) for c in CLASSES), Bumps())
+
+    def some(self, rng: np.random.Generator, count: int, first: int = 0) -> list[Road]:
+        """count roads, of each source in turn from number `first` on."""
+        return [self.sources[(first + k) % len(self.sources)].draw(rng) for k in range(count)]
+
+    def draw(self, rng: np.random.Generator) -> Road:
+        return self.sources[int(rng.integers(len(self.sources)))].draw(rng)
+
+
+def validation_roads(count: int = 40) -> list[Road]:
+    """count roads, drawn apart from those of training."""
+    return TrainingRoads().some(np.random.default_rng([VALIDATION_SEED, 3]), count)

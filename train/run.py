@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Network, Policy
+from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import Judge, forces
-from mrdamp.train.imitation import estimated
+from mrdamp.train.imitation import estimated, imitated
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 
@@ -31,6 +32,7 @@ Progress = Callable[[str, float], None]
 _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that the whitening is taken from
 _HELD = 50  # control periods that an action is held for there
 _FLOOR = 1e-3
+_LESSONS = 6  # loads that a teacher is watched under
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,13 @@ class Run(ABC):
         self.command_max = float(self.task.command_max[0])
         levels = self.world.levels(self.task) if chosen.action == "force" else None
         self.levels = levels.switching() if levels is not None and chosen.switch else levels
-        self.draws, explore, self.seed, self.lessons = np.random.SeedSequence(options.seed).spawn(4)
+        self.draws, explore, self.seed, self.lessons, self.pooled = np.random.SeedSequence(
+            options.seed
+        ).spawn(5)
+        if chosen.teacher and self.levels is None:
+            raise InputError("hyperparameters: teacher is for action: force")
+        if self.least() and "force" not in self.task.observer.peaks:
+            raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
         self.judge = Judge(self.world, self.world.validation())
         self.curve: list[dict[str, float]] = []
@@ -92,8 +100,28 @@ class Run(ABC):
         """What has been learned so far."""
 
     def least(self) -> LeastCommand | None:
-        """What has been learned of a least command."""
+        """Of weak motion: that of the settings, or what has been learned of it."""
+        given = self.chosen.least
+        if given is None:
+            return None
+        if not isinstance(given, Mapping) or set(given) != {"level", "fade"}:
+            raise InputError(f"hyperparameters: least is {given!r}; allowed: level and fade, or nothing")
+        return LeastCommand.from_dict(given)
+
+    def memory(self) -> Memory | None:
+        """What has been learned of a memory before the network."""
         return None
+
+    def teacher(self) -> Array | None:
+        """(inputs,) weights of the action that the network corrects, see `Policy`."""
+        return None
+
+    def taught(self) -> Array:
+        """(inputs,) weights whose action is nearest to the teacher's wanted force. Raises InputError."""
+        assert self.levels is not None
+        loads = self.world.draw(np.random.default_rng(self.lessons), _LESSONS)
+        stage = self.world.stage(self.task, self.chosen.teacher)
+        return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
 
     @abstractmethod
     def save(self) -> None:
@@ -138,7 +166,7 @@ class Run(ABC):
         name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
-            self.least(),
+            self.least(), self.teacher(), self.chosen.reach, self.memory(),
         )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:

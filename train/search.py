@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.least_command import LeastCommand
-from mrdamp.control.policy import Network
+from mrdamp.control.networks import Network
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
-from mrdamp.train.imitation import imitated
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.settings import Options, Settings
 
@@ -23,15 +22,9 @@ Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`: loads and candidates a generation; the first step size; the
 #: score's share for the mean current over its largest; white noise on what candidates see, in the observer's units, so
-#: that what only exact measurements allow is not found; a classical controller whose wanted force the search begins at,
-#: as `clipped-optimal:balance=30`, or nothing to begin at no action; level (A or V) and fade (N) that a least command
-#: begins at, or nothing to have none.
-DEFAULTS: Mapping[str, Any] = {
-    "loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "noise": 0.0, "teacher": "",
-    "least": None,
-}  # fmt: skip
+#: that what only exact measurements allow is not found. A least command is searched from the one of `Settings` on.
+DEFAULTS: Mapping[str, Any] = {"loads": 12, "population": 12, "sigma": 0.1, "current": 0.05, "noise": 0.0}
 
-_LESSONS = 6  # loads that a teacher is watched under
 _SPREAD = 0.3  # of level and fade, in the logarithm, in the first generation
 
 
@@ -49,16 +42,14 @@ class EvolutionRun(Run):
         self._current, self._noise = float(own["current"]), float(own["noise"])
         if not 0 <= self._noise < math.inf:
             raise InputError(f"es: hyperparameters: noise is {self._noise}; allowed: a number >= 0")
-        self._sigma, self._least_start = float(own["sigma"]), self._least_of(own["least"])
+        self._sigma = float(own["sigma"])
         super().__init__(options, chosen, out, 1)
         self.task = self.world.searching(self.population * self.loads_count)
-        if self._least_start and "force" not in self.task.observer.peaks:
-            raise InputError("es: hyperparameters: least needs env_kwargs.peaks of the force")
         self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
-        if own["teacher"]:
-            start = self.shape.following(start, self._taught(str(own["teacher"])))
+        if chosen.teacher:
+            start = self.shape.following(start, self.taught())
         if self._least_start:
             start = np.concatenate([start, np.zeros(2)])
         self.cma = Cma(start, self._sigma, self.population, rng)
@@ -90,24 +81,14 @@ class EvolutionRun(Run):
     def least(self) -> LeastCommand | None:
         return self._least(self.cma.average)
 
+    @property
+    def _least_start(self) -> LeastCommand | None:
+        return super().least()
+
     def save(self) -> None:
         fresh = self.out / "checkpoint.new.npz"
         self.cma.save(fresh)
         fresh.replace(self._checkpoint)
-
-    def _taught(self, spec: str) -> Array:
-        """(inputs,) weights whose action is nearest to the teacher's."""
-        if self.levels is None:
-            raise InputError("es: hyperparameters: teacher is for action: force")
-        loads = self.world.draw(np.random.default_rng(self.lessons), _LESSONS)
-        stage = self.world.stage(self.task, spec)
-        return imitated(stage, loads, self.task.observer, self.matrix, self.levels.force_max)
-
-    @staticmethod
-    def _least_of(given: Any) -> LeastCommand | None:
-        if given is not None and (not isinstance(given, Mapping) or set(given) != {"level", "fade"}):
-            raise InputError(f"es: hyperparameters: least is {given!r}; allowed: level and fade, or nothing")
-        return LeastCommand.from_dict(given) if given is not None else None
 
     def _least(self, numbers: Array) -> LeastCommand | None:
         """Of a candidate (numbers,): its last two numbers, in the logarithm."""

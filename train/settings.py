@@ -11,8 +11,12 @@ from typing import Any, Literal
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 
-#: Those of stable-baselines3, and the evolution strategy of `mrdamp.train.evolution`.
-ALGORITHMS = ("a2c", "ddpg", "es", "ppo", "sac", "td3")
+#: Those of stable-baselines3, `recurrent` (RecurrentPPO of sb3-contrib), and the evolution strategy of
+#: `mrdamp.train.evolution`.
+ALGORITHMS = ("a2c", "ddpg", "es", "ppo", "recurrent", "sac", "td3")
+
+
+_WHOLE = ("pool", "freeze")
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,18 @@ class Settings:
     judged in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the
     wanted force, which the damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical
     controller, as `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. normalize: whiten the
-    observations. privileged: the critic sees the motion over its size without control (on-policy learners).
+    observations. teacher: a classical controller whose wanted force, as a linear function of the observations, is what
+    the learner begins at; reach: how far a learner of stable-baselines3 may go from it, over the largest force. least:
+    `level` (A or V) and `fade` (N) of a least command, see `mrdamp.control.least_command`; none: no such command.
     env_kwargs: of the environment. policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the
     algorithm's other arguments.
+
+    For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
+    `mrdamp.train.lessons`; 0: new loads throughout, with the environment's reward. exponent: of that reward, none: the
+    world's. price: of the mean current over its largest, in the score's unit. privileged: the critic sees the full
+    state and the load to come. freeze: control periods at the start in which the critic learns alone. explore: of DDPG,
+    SAC and TD3, the standard deviation of Ornstein-Uhlenbeck noise on the actions; 0: none. correlated: its correlation
+    time in control periods.
     """
 
     n_envs: int = 8
@@ -63,7 +76,16 @@ class Settings:
     switch: bool = False
     estimator: str = ""
     normalize: bool = True
+    teacher: str = ""
+    reach: float = 1.0
+    least: Mapping[str, float] | None = None
+    pool: int = 0
+    exponent: float | None = None
+    price: float = 0.0
     privileged: bool = False
+    freeze: int = 0
+    explore: float = 0.0
+    correlated: float = 10.0
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     policy: str = "MlpPolicy"
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
@@ -74,10 +96,19 @@ class Settings:
             raise InputError(f"hyperparameters: action is {self.action!r}; allowed: command, force")
         if self.engine not in ("chain", "mujoco"):
             raise InputError(f"hyperparameters: engine is {self.engine!r}; allowed: chain, mujoco")
-        for name in ("n_envs", "n_timesteps"):
+        for name, least in (("n_envs", 1), ("n_timesteps", 1), ("pool", 0), ("freeze", 0)):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < 1:
-                raise InputError(f"hyperparameters: {name} is {value!r}; allowed: a whole number > 0")
+            if not isinstance(value, int) or value < least:
+                raise InputError(
+                    f"hyperparameters: {name} is {value!r}; allowed: a whole number, {least} or more"
+                )
+        for name, open_end in (("reach", True), ("correlated", True), ("price", False), ("explore", False)):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not (value > 0 or (value == 0 and not open_end)):
+                allowed = "a number > 0" if open_end else "a number, 0 or more"
+                raise InputError(f"hyperparameters: {name} is {value!r}; allowed: {allowed}")
+        if self.privileged and not self.pool:
+            raise InputError("hyperparameters: privileged needs a pool of loads; set pool")
         for name in ("env_kwargs", "policy_kwargs"):
             if not isinstance(getattr(self, name), Mapping):
                 raise InputError(f"hyperparameters: {name} is no mapping of names to values")
@@ -96,7 +127,8 @@ def settings(options: Options) -> Settings:
     if options.timesteps is not None:
         chosen["n_timesteps"] = options.timesteps
     known = {f.name for f in fields(Settings)} - {"learner"}
-    own = {k: _number(v) if k.startswith("n_") and k in known else v for k, v in chosen.items() if k in known}
+    own = {k: v for k, v in chosen.items() if k in known}
+    own |= {k: _number(v) for k, v in own.items() if k.startswith("n_") or k in _WHOLE}
     return Settings(**own, learner={k: v for k, v in chosen.items() if k not in known})
 
 

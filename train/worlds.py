@@ -13,36 +13,59 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control import cable as cable_controllers
+from mrdamp.control import car as car_controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_task import CablePlant, CableTask, default_places
+from mrdamp.envs.car_task import CarPlant, CarTask
 from mrdamp.envs.frame_task import FrameTask
-from mrdamp.envs.plant import FramePlant
+from mrdamp.envs.plant import FramePlant, RowPlant
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train.loads import (
     CableLoads,
+    TrainingRoads,
     some_motions,
     training_motions,
     validation_loads,
     validation_motions,
+    validation_roads,
 )
 
 Array = NDArray[np.float64]
 
 _DRAWN = 12.0  # s, of the cable's loads that a search draws
+_SPREAD = 0.5  # of durations, where they differ: up to so much longer or shorter
 _SEARCHED = (
-    5e-4  # s, of the frame's step at least in a search: the engine at .1 ms gives the same peaks within .5 %
+    5e-4  # s, of the frame's step at least on the chain: the engine at .1 ms gives the same peaks within .5 %
 )
+
+
+def _longer(rng: np.random.Generator) -> float:
+    return float(rng.uniform(1.0 - _SPREAD, 1.0 + _SPREAD))
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A part of a world's score: share times a measure, over loads.
+
+    The measure comes from a column of what happens in a control period (its `power`-th power is the size, 1/2 of a mean
+    square), as the mean over time to the power of 1/exponent; a peak is nearly that for large exponents.
+    """
+
+    measure: str
+    share: float
+    column: int
+    power: float = 1.0
 
 
 @dataclass(frozen=True)
 class Stage:
     """A plant with a controller of its own, which runs apart from any task."""
 
-    plant: FramePlant | CablePlant
+    plant: RowPlant
     controller: Controller
 
 
@@ -54,18 +77,29 @@ class World(ABC):
 
     option: ClassVar[str]
     measures: ClassVar[tuple[str, ...]]
+    #: Of the criteria's norm over time, unless the hyperparameters say otherwise.
+    exponent: ClassVar[float]
+
+    @property
+    @abstractmethod
+    def criteria(self) -> tuple[Criterion, ...]:
+        """What the score is made of."""
+
+    def sizes_of(self, period: Array) -> Array:
+        """(n, criteria) from what happened in a control period, (n, ...)."""
+        return np.stack([period[:, c.column] ** c.power for c in self.criteria], axis=1)
 
     @abstractmethod
     def observing(self, observer: Observer) -> World:
         """The same with another observer."""
 
     @abstractmethod
-    def task(self, n: int, engine: str = "chain") -> Task:
-        """n rows under training loads."""
+    def task(self, n: int, engine: str = "chain", loads: Any = None) -> Task:
+        """n rows under training loads, or those of a source."""
 
     @abstractmethod
     def judging(self, n: int) -> Task:
-        """n rows in MuJoCo whose `info` holds the measures as they are reported, whatever the reward is."""
+        """n rows in MuJoCo, without noise, whose `info` holds the measures as reported, whatever the reward is."""
 
     @abstractmethod
     def searching(self, n: int) -> Task:
@@ -74,6 +108,11 @@ class World(ABC):
     @abstractmethod
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         """Loads as training draws them."""
+
+    @abstractmethod
+    def some(self, rng: np.random.Generator, count: int) -> list[Any]:
+        """The same, of durations that differ: rows that start together must not stay in step, or a batch of them is
+        all calm or all strong."""
 
     @abstractmethod
     def validation(self) -> Sequence[Any]:
@@ -86,10 +125,6 @@ class World(ABC):
     @abstractmethod
     def stage(self, task: Task, spec: str) -> Stage:
         """One structure as those of the task, and a classical controller for it. Raises InputError."""
-
-    @abstractmethod
-    def sizes(self, task: Task) -> Array:
-        """(n,) of the rows' motion without control, in the observer's units."""
 
     @abstractmethod
     def score(self, means: Mapping[str, float]) -> float:
@@ -107,22 +142,35 @@ class FrameWorld(World):
     weight: float = 0.3
     option: ClassVar[str] = "motion"
     measures: ClassVar[tuple[str, ...]] = ("drift_ratio", "acceleration_ratio", "mean_current")
+    exponent: ClassVar[float] = 8.0
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        whole = 1 + self.weight
+        return Criterion("drift_ratio", 1 / whole, 0), Criterion("acceleration_ratio", self.weight / whole, 1)
 
     def observing(self, observer: Observer) -> FrameWorld:
         return replace(self, arguments={**self.arguments, "observer": observer})
 
-    def task(self, n: int, engine: str = "chain") -> FrameTask:
-        return FrameTask(n, motions=training_motions(), engine=engine, **self.arguments)
+    def task(self, n: int, engine: str = "chain", loads: Any = None) -> FrameTask:
+        own = {**self.arguments, **(self._longer if engine == "chain" else {})}
+        return FrameTask(n, motions=loads or training_motions(), engine=engine, **own)
 
     def judging(self, n: int) -> FrameTask:
-        return FrameTask(n, **{**self.arguments, "reward": None})
+        return FrameTask(n, **{**self.arguments, "reward": None, "noise": None})
 
     def searching(self, n: int) -> FrameTask:
-        step = max(self.arguments.get("timestep", _SEARCHED), _SEARCHED)
-        return FrameTask(n, **{**self.arguments, "reward": None, "timestep": step, "engine": "chain"})
+        return FrameTask(n, **{**self.arguments, **self._longer, "reward": None, "engine": "chain"})
+
+    @property
+    def _longer(self) -> dict[str, float]:
+        return {"timestep": max(self.arguments.get("timestep", _SEARCHED), _SEARCHED)}
 
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         return some_motions(rng, count)
+
+    def some(self, rng: np.random.Generator, count: int) -> list[Any]:
+        return some_motions(rng, count, spread=_SPREAD)
 
     def validation(self) -> Sequence[Any]:
         return validation_motions()
@@ -143,10 +191,6 @@ class FrameWorld(World):
         site = replace(registry.Site.of(model, plant.period), command_max=plant.command_max)
         return Stage(plant, registry.make(spec, site))
 
-    def sizes(self, task: Task) -> Array:
-        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
-        return np.asarray(task.score.values[:, 1] / scales.get("acceleration_1", 5.0))
-
     def score(self, means: Mapping[str, float]) -> float:
         return (means["drift_ratio"] + self.weight * means["acceleration_ratio"]) / (1 + self.weight)
 
@@ -158,15 +202,20 @@ class CableWorld(World):
     arguments: Mapping[str, Any]
     option: ClassVar[str] = "load"
     measures: ClassVar[tuple[str, ...]] = ("motion_ratio", "mean_current")
+    exponent: ClassVar[float] = 2.0
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        return (Criterion("motion_ratio", 1.0, 0, 0.5),)
 
     def observing(self, observer: Observer) -> CableWorld:
         return replace(self, arguments={**self.arguments, "observer": observer})
 
-    def task(self, n: int, engine: str = "chain") -> CableTask:
-        return CableTask(n, loads=CableLoads(), engine=engine, **self.arguments)
+    def task(self, n: int, engine: str = "chain", loads: Any = None) -> CableTask:
+        return CableTask(n, loads=loads or CableLoads(), engine=engine, **self.arguments)
 
     def judging(self, n: int) -> CableTask:
-        return CableTask(n, **{**self.arguments, "reward": None})
+        return CableTask(n, **{**self.arguments, "reward": None, "noise": None})
 
     def searching(self, n: int) -> CableTask:
         return CableTask(n, **{**self.arguments, "reward": None, "engine": "chain"})
@@ -174,6 +223,12 @@ class CableWorld(World):
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         length = self.task(1).cable.length
         return CableLoads(_DRAWN).some(rng, length, count)
+
+    def some(self, rng: np.random.Generator, count: int) -> list[Any]:
+        length = self.task(1).cable.length
+        return [
+            load for k in range(count) for load in CableLoads(_DRAWN * _longer(rng)).some(rng, length, 1, k)
+        ]
 
     def validation(self) -> Sequence[Any]:
         return validation_loads(self.task(1).cable.length)
@@ -195,17 +250,72 @@ class CableWorld(World):
         )
         return Stage(plant, cable_controllers.make(spec, site))
 
-    def sizes(self, task: Task) -> Array:
-        assert isinstance(task, CableTask)
-        return np.asarray(np.sqrt(task.score.values[:, 0]) / (2e-3 * task.cable.length))
-
     def score(self, means: Mapping[str, float]) -> float:
         return means["motion_ratio"]
 
 
-WORLDS: Mapping[str, type[FrameWorld] | type[CableWorld]] = {
+@dataclass(frozen=True)
+class CarWorld(World):
+    """`mrdamp/QuarterCar-v0`. arguments: of `CarTask`. holding: share of the dynamic tyre load in the score.
+
+    The rest is that of comfort. With a half each, as `mrdamp compare car` tunes, a policy may give up road holding for
+    comfort; the share is such that it has that of the linear suspension.
+    """
+
+    arguments: Mapping[str, Any]
+    holding: float = 0.5
+    option: ClassVar[str] = "road"
+    measures: ClassVar[tuple[str, ...]] = ("comfort_ratio", "load_ratio", "mean_current")
+    exponent: ClassVar[float] = 2.0
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        comfort = Criterion("comfort_ratio", 1.0 - self.holding, 0, 0.5)
+        return comfort, Criterion("load_ratio", self.holding, 1, 0.5)
+
+    def observing(self, observer: Observer) -> CarWorld:
+        return replace(self, arguments={**self.arguments, "observer": observer})
+
+    def task(self, n: int, engine: str = "chain", loads: Any = None) -> CarTask:
+        return CarTask(n, roads=loads or TrainingRoads(), engine=engine, **self.arguments)
+
+    def judging(self, n: int) -> CarTask:
+        return CarTask(n, **{**self.arguments, "reward": None, "noise": None})
+
+    def searching(self, n: int) -> CarTask:
+        return CarTask(n, **{**self.arguments, "reward": None, "engine": "chain"})
+
+    def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
+        return TrainingRoads().some(rng, count)
+
+    def some(self, rng: np.random.Generator, count: int) -> list[Any]:
+        return [road for k in range(count) for road in TrainingRoads(10.0 * _longer(rng)).some(rng, 1, k)]
+
+    def validation(self) -> Sequence[Any]:
+        return validation_roads()
+
+    def levels(self, task: Task) -> ForceLevels:
+        assert isinstance(task, CarTask)
+        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
+        return ForceLevels.of(task.model, float(task.command_max[0]), scales["stroke"], task.car.bounce)
+
+    def stage(self, task: Task, spec: str) -> Stage:
+        assert isinstance(task, CarTask)
+        largest, period = float(task.command_max[0]), task.rows.period
+        plant = CarPlant(
+            task.car, task.model, period=period, timestep=task.rows.plants.timestep, command_max=largest
+        )
+        site = car_controllers.CarSite(task.car, task.model, largest, self.levels(task).force_max, period)
+        return Stage(plant, car_controllers.make(spec, site))
+
+    def score(self, means: Mapping[str, float]) -> float:
+        return (1.0 - self.holding) * means["comfort_ratio"] + self.holding * means["load_ratio"]
+
+
+WORLDS: Mapping[str, type[FrameWorld] | type[CableWorld] | type[CarWorld]] = {
     "mrdamp/Frame-v0": FrameWorld,
     "mrdamp/Cable-v0": CableWorld,
+    "mrdamp/QuarterCar-v0": CarWorld,
 }
 
 

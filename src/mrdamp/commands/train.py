@@ -14,7 +14,7 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.train.sweep import Setting
 
-_ALGORITHMS = ("ppo", "sac", "td3", "a2c", "ddpg", "es")
+_ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es")
 
 
 def add_to(commands: Any) -> None:
@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("environment", help="mrdamp/Frame-v0 or mrdamp/Cable-v0")
     p.add_argument(
         "--algo", default="es", choices=_ALGORITHMS,
-        help="of stable-baselines3, or es: an evolution strategy (default: %(default)s)",
+        help="of stable-baselines3 (recurrent: of sb3-contrib), or es: an evolution strategy (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
     p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
