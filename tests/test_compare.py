@@ -30,8 +30,9 @@ from mrdamp.compare.motions import (
 from mrdamp.compare.runner import run_all
 from mrdamp.compare.summary import difference, interval, summarise
 from mrdamp.compare.tables import differences_csv
+from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Network, Policy
+from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.criteria import evaluate

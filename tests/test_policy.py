@@ -14,8 +14,9 @@ import pytest
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
+from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Network, Policy
+from mrdamp.control.policy import Policy
 from mrdamp.envs.plant import default_damper
 from mrdamp.errors import InputError
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def small(seed: int = 0, *overrides: str) -> Options:
 
 # --- settings ---------------------------------------------------------------------------
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0"])
+@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"])
 def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
     algorithm: str, environment: str
 ) -> None:
@@ -233,8 +234,9 @@ def test_a_search_begins_at_its_teacher(environment: str, tmp_path: Path) -> Non
     run = EvolutionRun(options, chosen, tmp_path)
     taught = run.network().layers[-1][0][0]
     assert np.linalg.norm(taught) > float(chosen.learner["sigma"])
+    wrong = replace(options, overrides=(*options.overrides, "teacher=passive-on"))
     with pytest.raises(InputError, match="passive-on: it has no wanted force"):
-        run._taught("passive-on")
+        EvolutionRun(wrong, settings(wrong), tmp_path)
 
 
 # --- whole trainings --------------------------------------------------------------------
@@ -268,7 +270,8 @@ def test_a_training_writes_a_policy_and_goes_on_from_its_checkpoint(tmp_path: Pa
 
 def test_a_least_command_is_searched_from_where_it_begins_and_never_above_the_largest(tmp_path: Path) -> None:
     run = EvolutionRun(small(), settings(small()), tmp_path)
-    start = settings(small()).learner["least"]
+    start = settings(small()).least
+    assert start is not None
     assert run.least() == LeastCommand(**start)
     moved = run.cma.average.copy()
     moved[-2:] = 0.1  # a first step of the search

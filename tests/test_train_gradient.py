@@ -9,22 +9,28 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
+pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed")
 
+import sb3_contrib
 import stable_baselines3
+import torch
 from stable_baselines3.common.vec_env import VecEnv
 
 from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
 from mrdamp.train import loads
-from mrdamp.train.asymmetric import AsymmetricPolicy, Privileged
-from mrdamp.train.export import network
+from mrdamp.train.asymmetric import POLICIES
+from mrdamp.train.evaluate import forces
+from mrdamp.train.export import memory, network
+from mrdamp.train.gradient import GradientRun
 from mrdamp.train.learn import train
-from mrdamp.train.settings import Options
-from mrdamp.train.worlds import FrameWorld
-from mrdamp.train.wrappers import ForceAction, Whitened
+from mrdamp.train.settings import Options, settings
+from mrdamp.train.wrappers import PolicyAction, Whitened
 
 PERIOD = 4e-3
 
@@ -42,10 +48,19 @@ def frames(n: int = 2) -> tuple[FrameTask, PlantVecEnv]:
     return task, venv
 
 
-def test_force_actions_become_the_commands_of_the_levels() -> None:
+def nothing(task: FrameTask, **named: Any) -> Policy:
+    """A policy whose network says nothing."""
+    size = task.observer.size
+    net = Network(((np.zeros((1, size)), np.zeros(1)),))
+    fresh = Observer.from_dict(task.observer.to_dict())
+    return Policy(
+        "p", PERIOD, fresh, np.eye(size), net, 2.25, ForceLevels((0.0, 2.25), (100.0, 1100.0)), **named
+    )
+
+
+def test_actions_become_the_commands_of_the_policy() -> None:
     task, venv = frames()
-    levels = ForceLevels((0.0, 2.25), (100.0, 1100.0))
-    wrapped = ForceAction(venv, task.observer, levels, 2.25)
+    wrapped = PolicyAction(venv, task, nothing(task))
     seen = wrapped.reset()
     column = task.observer.signals.index("force")
     width = task.observer.width
@@ -59,42 +74,111 @@ def test_force_actions_become_the_commands_of_the_levels() -> None:
         assert seen[:, width - 1] * 2.25 == pytest.approx(expected, abs=1e-5)
 
 
-def test_whitened_and_privileged_observations_are_what_they_say() -> None:
+def test_a_learner_corrects_its_teacher_by_its_reach() -> None:
+    task, _ = frames()
+    rng = np.random.default_rng(0)
+    teacher = 0.1 * rng.standard_normal(task.observer.size)
+    policy = nothing(task, teacher=teacher, reach=0.25)
+    seen = rng.standard_normal((9, task.observer.size)).astype(np.float32)
+    force, actions = forces(task, seen), rng.uniform(-1, 1, 9)
+    wanted = 1100.0 * np.clip(seen.astype(float) @ teacher + 0.25 * actions, -1, 1)
+    assert policy.levels is not None
+    assert policy.driven(actions, seen, force) == pytest.approx(policy.levels.command(wanted, force))
+    assert np.abs(policy.driven(actions, seen, force) - policy.commands(seen, force)).max() > 0.05
+
+
+def test_whitened_observations_are_what_they_say() -> None:
     task, venv = frames()
     matrix = np.random.default_rng(0).standard_normal((3, task.observer.size)).astype(np.float32)
-    wrapped = Privileged(Whitened(venv, matrix), FrameWorld({}), task)
+    wrapped = Whitened(venv, matrix)
     _, plain = frames()
-    seen, raw = wrapped.reset(), plain.reset()
-    actions = np.zeros((2, 1), np.float32)
+    assert wrapped.reset() == pytest.approx(plain.reset() @ matrix.T)
     ended = 0
     while not ended:
-        before = FrameWorld({}).sizes(task).copy()
-        seen, _, done, infos = wrapped.step(actions)
-        raw, _, _, raw_infos = plain.step(actions)
+        seen, _, done, infos = wrapped.step(np.zeros((2, 1), np.float32))
+        raw, _, _, raw_infos = plain.step(np.zeros((2, 1), np.float32))
         for row in np.flatnonzero(done):
-            last = raw_infos[row]["terminal_observation"] @ matrix.T
-            both = np.concatenate([last, last / before[row]])
-            assert infos[row]["terminal_observation"] == pytest.approx(both, rel=1e-4, abs=1e-6)
+            last = matrix @ raw_infos[row]["terminal_observation"]
+            assert infos[row]["terminal_observation"] == pytest.approx(last, rel=1e-4, abs=1e-6)
             ended += 1
-        half = raw @ matrix.T
-        sizes = FrameWorld({}).sizes(task)[:, None]
-        assert seen == pytest.approx(np.concatenate([half, half / sizes], axis=1), rel=1e-4, abs=1e-6)
+        assert seen == pytest.approx(raw @ matrix.T, rel=1e-4, abs=1e-6)
 
 
-def test_the_actor_does_not_see_the_privileged_half() -> None:
-    task, venv = frames()
-    wrapped = Privileged(Whitened(venv, np.eye(task.observer.size, dtype=np.float32)), FrameWorld({}), task)
-    arch = {"net_arch": {"pi": [8], "vf": [8]}}
-    model = stable_baselines3.PPO(
-        AsymmetricPolicy, wrapped, policy_kwargs=arch, n_steps=8, batch_size=8, device="cpu"
+#: Of each learner: a network of its own, short rollouts.
+LEARNERS: dict[str, dict[str, Any]] = {
+    "a2c": {"n_steps": 8},
+    "ddpg": {},
+    "ppo": {"n_steps": 8, "batch_size": 8},
+    "recurrent": {"n_steps": 8, "batch_size": 8, "policy_kwargs": {"lstm_hidden_size": 8}},
+    "sac": {},
+    "td3": {},
+}
+
+
+@pytest.mark.parametrize("algorithm", LEARNERS)
+def test_the_actor_does_not_see_what_the_critic_is_told(algorithm: str) -> None:
+    _, venv = frames()
+    size = venv.observation_space.shape[0]
+    front = size - 2
+    arguments = {**LEARNERS[algorithm]}
+    kwargs = {**arguments.pop("policy_kwargs", {}), "front": front}
+    maker: Any = (
+        sb3_contrib.RecurrentPPO
+        if algorithm == "recurrent"
+        else getattr(stable_baselines3, algorithm.upper())
     )
-    rng = np.random.default_rng(0)
-    one = rng.standard_normal((1, 2 * task.observer.size)).astype(np.float32)
-    other = one.copy()
-    other[:, task.observer.size :] = 5.0
-    assert model.predict(one, deterministic=True)[0] == model.predict(other, deterministic=True)[0]
-    tensor = model.policy.obs_to_tensor(one)[0], model.policy.obs_to_tensor(other)[0]
-    assert model.policy.predict_values(tensor[0]) != model.policy.predict_values(tensor[1])
+    model = maker(POLICIES[algorithm], venv, seed=1, device="cpu", policy_kwargs=kwargs, **arguments)
+    one = np.random.default_rng(0).standard_normal((1, size)).astype(np.float32)
+    other, moved = one.copy(), one.copy()
+    other[:, front:] = 5.0
+    moved[:, 0] += 1.0
+
+    def acts(seen: Any) -> float:
+        return float(model.predict(seen, deterministic=True)[0][0, 0])
+
+    def worth(seen: Any) -> float:
+        tensor = model.policy.obs_to_tensor(seen)[0]
+        with torch.no_grad():
+            if algorithm == "recurrent":
+                state = tuple(torch.zeros(model.policy.lstm_hidden_state_shape) for _ in range(2))
+                return float(model.policy.predict_values(tensor, state, torch.zeros(1)))
+            if hasattr(model.policy, "predict_values"):
+                return float(model.policy.predict_values(tensor))
+            return float(model.policy.critic(tensor, torch.zeros(1, 1))[0])
+
+    assert acts(one) == acts(other) != acts(moved)
+    assert worth(one) != worth(other)
+    if algorithm != "recurrent":
+        exported = network(model.policy)(one[:, :front].astype(np.float64))
+        assert float(exported[0, 0]) == pytest.approx(acts(one), abs=2e-6)
+
+
+def test_a_memory_is_exported_with_its_past() -> None:
+    task, venv = frames()
+    size = task.observer.size
+    kwargs = {"lstm_hidden_size": 6, "net_arch": {"pi": [5], "vf": [4]}, "front": size}
+    model = sb3_contrib.RecurrentPPO(
+        POLICIES["recurrent"], venv, seed=1, n_steps=8, batch_size=8, policy_kwargs=kwargs, device="cpu"
+    )
+    policy = Policy(
+        "p", PERIOD, Observer.from_dict(task.observer.to_dict()), np.eye(size), network(model.policy), 2.0,
+        memory=memory(model.policy),
+    )  # fmt: skip
+    policy = Policy.from_dict(policy.to_dict())
+    seen = np.random.default_rng(0).standard_normal((12, 3, size)).astype(np.float32)
+    for _ in range(2):  # the second time from a fresh start
+        state, first = None, True
+        policy.reset()
+        found = []
+        for row in seen:
+            action, state = model.predict(row, state, np.full(3, first), deterministic=True)
+            command = policy.commands(row)
+            assert command == pytest.approx(np.clip(action[:, 0], -1, 1) + 1, abs=1e-5)
+            found.append(command)
+            first = False
+        assert np.ptp(found) > 1e-3
+    again = policy.commands(seen[0])
+    assert np.abs(again - found[0]).max() > 1e-5  # it has not forgotten
 
 
 @pytest.mark.parametrize(
@@ -135,15 +219,14 @@ def test_an_actor_of_another_form_is_refused() -> None:
         network(model.policy)
 
 
+#: What makes a training of stable-baselines3 take a second or two.
+SMALL = (
+    "n_envs=4", "pool=6", f"env_kwargs.period={PERIOD}", "env_kwargs.duration=0.4", "normalize=false",
+)  # fmt: skip
+
+
 def ppo(timesteps: int = 512) -> Options:
-    small = (
-        "n_envs=4",
-        "n_steps=32",
-        "batch_size=64",
-        f"env_kwargs.period={PERIOD}",
-        "env_kwargs.duration=0.4",
-    )
-    return Options(timesteps=timesteps, overrides=(*small, "normalize=false"), evaluations=2)
+    return Options(timesteps=timesteps, overrides=(*SMALL, "n_steps=32", "batch_size=64"), evaluations=2)
 
 
 def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
@@ -161,20 +244,52 @@ def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
     assert list((tmp_path / "tensorboard").rglob("events.*"))
 
 
+@pytest.mark.parametrize("algorithm", ["recurrent", "sac", "td3"])
+def test_every_learner_trains_from_its_teacher(algorithm: str, tmp_path: Path) -> None:
+    own = {
+        "recurrent": ("n_steps=16", "batch_size=32"),
+        "sac": ("learning_starts=64", "buffer_size=1000"),
+        "td3": ("learning_starts=64", "buffer_size=1000"),
+    }[algorithm]
+    options = Options(algorithm=algorithm, timesteps=256, overrides=(*SMALL, *own), evaluations=1)
+    result = train(options, tmp_path)
+    base = GradientRun(options, settings(options), tmp_path / "other", 4)
+    base.model = None
+    judged = base.judge(base.policy())
+    # It begins at the teacher, and what is kept is no worse.
+    assert result.curve[0]["drift_ratio"] == pytest.approx(float(judged["drift_ratio"].mean()), rel=2e-3)
+    assert result.best["score"] <= result.curve[0]["score"]
+    assert result.curve[-1]["score"] != result.curve[0]["score"]
+
+
+def test_noise_explores_around_a_deterministic_actor(tmp_path: Path) -> None:
+    for algorithm in ("td3", "ddpg"):
+        options = Options(algorithm=algorithm, overrides=SMALL)
+        noise: Any = GradientRun(options, settings(options), tmp_path / algorithm, 4).model
+        source = noise.action_noise
+        drawn = np.array([source() for _ in range(40_000)])[:, 0]
+        chosen = settings(options)
+        assert drawn.std() == pytest.approx(chosen.explore, rel=0.15)
+        lag = int(chosen.correlated)
+        correlation = np.corrcoef(drawn[:-lag], drawn[lag:])[0, 1]
+        assert correlation == pytest.approx(np.exp(-1), abs=0.1)
+
+
 def test_what_the_learner_does_not_know_is_refused(tmp_path: Path) -> None:
-    options = Options(overrides=(*ppo().overrides, "learning_rte=1"))
-    with pytest.raises(InputError, match="learning_rte"):
-        train(options, tmp_path)
-    assert not (tmp_path / "options.json").exists()
-    with pytest.raises(InputError, match="privileged"):
-        train(
-            Options(algorithm="sac", overrides=("privileged=true", "n_envs=1", "normalize=false")), tmp_path
-        )
+    for algorithm, wrong, said in (
+        ("ppo", "learning_rte=1", "learning_rte"),
+        ("ppo", "explore=0.1", "explore is for"),
+        ("sac", "freeze=10", "freeze is for"),
+        ("ppo", "pool=0", "privileged needs a pool"),
+        ("ppo", "action=command", "teacher is for action: force"),
+        ("ppo", "reach=0", "reach"),
+    ):
+        options = Options(algorithm=algorithm, overrides=(*SMALL, wrong))
+        with pytest.raises(InputError, match=said):
+            train(options, tmp_path)
+        assert not (tmp_path / "options.json").exists()
 
 
 def test_the_wrappers_are_vector_environments() -> None:
     task, venv = frames()
-    assert isinstance(ForceAction(venv, task.observer, ForceLevels((0, 1), (0, 1)), 1.0), VecEnv)
-    blind = FrameTask(1, signals=["acceleration_1"])
-    with pytest.raises(InputError, match="force"):
-        ForceAction(PlantVecEnv(blind), blind.observer, ForceLevels((0, 1), (0, 1)), 1.0)
+    assert isinstance(PolicyAction(venv, task, nothing(task)), VecEnv)

@@ -11,6 +11,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import OrnsteinUhlenbeckActionNoise
+from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from torch import nn
 
@@ -25,6 +26,9 @@ from mrdamp.train.pool import Drawn, Known, known
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.wrappers import PolicyAction, Whitened
 
+_FALLING = (
+    "linear_"  # before a learning rate that falls to zero over the training, as RL Baselines3 Zoo has `lin_`
+)
 _OFF_POLICY = ("ddpg", "sac", "td3")
 _NOTHING = (
     1e-3  # of the actor's last layer at the start, over its usual size: what is learned begins at the teacher
@@ -112,6 +116,9 @@ class GradientRun(Run):
         if "activation_fn" in policy_kwargs:
             policy_kwargs["activation_fn"] = getattr(nn, str(policy_kwargs["activation_fn"]))
         given = dict(chosen.learner)
+        rate = str(given.get("learning_rate", ""))
+        if rate.startswith(_FALLING):
+            given["learning_rate"] = LinearSchedule(_number(rate.removeprefix(_FALLING)), 0.0, 1.0)
         if chosen.explore:
             if name not in _OFF_POLICY:
                 raise InputError(f"{name}: explore is for {', '.join(_OFF_POLICY)}")
@@ -137,6 +144,15 @@ class GradientRun(Run):
         theta = 1.0 / self.chosen.correlated
         sigma = self.chosen.explore * np.sqrt(2.0 * theta) * np.ones(1)
         return OrnsteinUhlenbeckActionNoise(np.zeros(1), sigma, theta=theta, dt=1.0)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(
+            f"hyperparameters: learning_rate is linear_{text}; allowed: linear_ and a number"
+        ) from None
 
 
 def _begin_at_nothing(policy: Any) -> None:
@@ -182,4 +198,4 @@ class _Callback(BaseCallback):
         for parameter in [p for part in parts for p in part.parameters()]:
             parameter.requires_grad_(not frozen)
         if hasattr(policy, "log_std"):
-            policy.log_std.requires_grad_(not frozen)
+            policy.log_std.requires_grad_(not frozen and not self._running.chosen.fixed_std)

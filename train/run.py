@@ -68,7 +68,7 @@ class Run(ABC):
         ).spawn(5)
         if chosen.teacher and self.levels is None:
             raise InputError("hyperparameters: teacher is for action: force")
-        if self.least() and "force" not in self.task.observer.peaks:
+        if self.least_given() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
         self.judge = Judge(self.world, self.world.validation())
@@ -100,7 +100,11 @@ class Run(ABC):
         """What has been learned so far."""
 
     def least(self) -> LeastCommand | None:
-        """Of weak motion: that of the settings, or what has been learned of it."""
+        """What has been learned of a least command, or that of the settings."""
+        return self.least_given()
+
+    def least_given(self) -> LeastCommand | None:
+        """The least command of the settings. Raises InputError."""
         given = self.chosen.least
         if given is None:
             return None

@@ -50,7 +50,7 @@ class EvolutionRun(Run):
         start = self.shape.start(rng)
         if chosen.teacher:
             start = self.shape.following(start, self.taught())
-        if self._least_start:
+        if self.least_given():
             start = np.concatenate([start, np.zeros(2)])
         self.cma = Cma(start, self._sigma, self.population, rng)
         self._periods = 0
@@ -81,10 +81,6 @@ class EvolutionRun(Run):
     def least(self) -> LeastCommand | None:
         return self._least(self.cma.average)
 
-    @property
-    def _least_start(self) -> LeastCommand | None:
-        return super().least()
-
     def save(self) -> None:
         fresh = self.out / "checkpoint.new.npz"
         self.cma.save(fresh)
@@ -92,7 +88,7 @@ class EvolutionRun(Run):
 
     def _least(self, numbers: Array) -> LeastCommand | None:
         """Of a candidate (numbers,): its last two numbers, in the logarithm."""
-        start = self._least_start
+        start = self.least_given()
         if start is None:
             return None
         level, fade = np.exp(_SPREAD / self._sigma * numbers[-2:]).tolist()
@@ -118,7 +114,7 @@ class EvolutionRun(Run):
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
                 command = self.levels.command(action * self.levels.force_max, forces(self.task, seen))
-            if self._least_start is None:
+            if self.least_given() is None:
                 return command
             peaks = self.task.observer.peak(seen, "force").reshape(self.population, many)
             floor = [low(p) for low, p in zip(least, peaks, strict=True) if low is not None]

@@ -59,12 +59,13 @@ class Settings:
     the learner begins at; reach: how far a learner of stable-baselines3 may go from it, over the largest force. least:
     `level` (A or V) and `fade` (N) of a least command, see `mrdamp.control.least_command`; none: no such command.
     env_kwargs: of the environment. policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the
-    algorithm's other arguments.
+    algorithm's other arguments; learning_rate may be `linear_0.001`, which falls to zero over the training.
 
     For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
     `mrdamp.train.lessons`; 0: new loads throughout, with the environment's reward. exponent: of that reward, none: the
     world's. price: of the mean current over its largest, in the score's unit. privileged: the critic sees the full
-    state and the load to come. freeze: control periods at the start in which the critic learns alone. explore: of DDPG,
+    state and the load to come. freeze: control periods at the start in which the critic learns alone. fixed_std: on-policy
+    learners keep the standard deviation they explore with, which narrows too early otherwise. explore: of DDPG,
     SAC and TD3, the standard deviation of Ornstein-Uhlenbeck noise on the actions; 0: none. correlated: its correlation
     time in control periods.
     """
@@ -84,6 +85,7 @@ class Settings:
     price: float = 0.0
     privileged: bool = False
     freeze: int = 0
+    fixed_std: bool = False
     explore: float = 0.0
     correlated: float = 10.0
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,128 @@
+"""The reward that a learner is paid, and what its critic is told, against the score that a policy is judged by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
+
+from mrdamp.envs.sb3 import PlantVecEnv
+from mrdamp.envs.task import Task
+from mrdamp.simulation.roads import iso8608
+from mrdamp.train.lessons import Lessons
+from mrdamp.train.pool import Drawn, Known, known
+from mrdamp.train.worlds import World, world
+
+Array = NDArray[np.float64]
+FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
+PLAIN: dict[str, dict[str, Any]] = {
+    FRAME: {"period": 2e-3, "duration": 1.5},
+    CABLE: {"timestep": 5e-4},
+    CAR: {},
+}
+#: Shares of the largest command: of the base, and of another that is near enough for a linear law.
+BASE, OTHER = 0.3, 0.33
+
+
+def pooled(environment: str, count: int = 3) -> tuple[World, Task, list[Known]]:
+    chosen = world(environment, PLAIN[environment])
+    rng = np.random.default_rng(1)
+    roads = [iso8608("C", 15.0, 2.0, seed) for seed in range(count)]
+    loads = roads if environment == CAR else chosen.draw(rng, count)
+    task = chosen.task(2)
+    largest = float(task.command_max[0])
+    runs = known(chosen, task, loads, lambda seen: np.full(len(seen), BASE * largest))
+    return chosen, chosen.task(2, "chain", Drawn([run.load for run in runs])), runs
+
+
+def paid(lessons: Lessons, share: float, runs: list[Known]) -> dict[int, float]:
+    """The sum of an episode's rewards at a constant command, by load."""
+    lessons.seed(4)
+    lessons.reset()
+    found: dict[int, float] = {}
+    sums = np.zeros(lessons.num_envs)
+    while len(found) < len(runs):
+        before = lessons._load.copy()
+        _, reward, done, infos = lessons.step(np.full((lessons.num_envs, 1), 2 * share - 1))
+        sums += reward
+        for row in np.flatnonzero(done):
+            assert not infos[row]["TimeLimit.truncated"]
+            assert len(infos[row]["terminal_observation"]) == lessons.observation_space.shape[0]
+            found[int(before[row])], sums[row] = sums[row], 0.0
+    return found
+
+
+@pytest.mark.parametrize(("environment", "exponent"), [(FRAME, 16.0), (FRAME, 8.0), (CABLE, 2.0), (CAR, 2.0)])
+def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float) -> None:
+    """For RMS values to first order, for peaks through their p-norm: the longer the power, the nearer."""
+    chosen, task, runs = pooled(environment)
+    lessons = Lessons(PlantVecEnv(task), chosen, task, runs, exponent, scale=1.0)
+    assert all(abs(v) < 2e-5 for v in paid(lessons, BASE, runs).values())
+    gains = paid(lessons, OTHER, runs)
+    largest = float(task.command_max[0])
+    other = known(
+        chosen, chosen.task(2), [r.load for r in runs], lambda seen: np.full(len(seen), OTHER * largest)
+    )
+    shares = np.array([c.share for c in chosen.criteria])
+    for k, (run, moved) in enumerate(zip(runs, other, strict=True)):
+        if chosen.exponent == 2.0:
+            expected = float((run.ratios - moved.ratios) @ shares)
+        else:
+            norms = [(r.criteria**exponent).sum(axis=0) ** (1 / exponent) for r in (run, moved)]
+            expected = float((run.ratios * (1 - norms[1] / norms[0])) @ shares)
+        assert gains[k] == pytest.approx(expected, rel=0.25, abs=1e-5)
+        assert abs(expected) > 1e-5
+
+
+def test_runs_of_the_pool_are_those_of_the_task() -> None:
+    chosen, _, runs = pooled(FRAME)
+    for run in runs:
+        assert run.measured.shape[0] == len(run.criteria) + 1
+        # A period's largest is at least what is measured at its start.
+        names = chosen.task(1).rows.names
+        drifts = [k for k, name in enumerate(names) if name.startswith("drift")]
+        starts = np.abs(run.measured[:-1, drifts]).max(axis=1)
+        assert (run.criteria[:, 0] >= starts - 1e-9).all()
+    peaks = [run.criteria.max(axis=0) for run in runs]
+    assert len({float(p[0]) for p in peaks}) == len(runs)
+
+
+def test_the_current_has_its_price() -> None:
+    chosen, task, runs = pooled(FRAME)
+    free = paid(Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, scale=1.0), BASE, runs)
+    dear = paid(Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, price=0.5, scale=1.0), BASE, runs)
+    for k in free:
+        assert free[k] - dear[k] == pytest.approx(0.5 * BASE, rel=0.02)
+
+
+def test_the_critic_is_told_of_base_time_and_size() -> None:
+    chosen, task, runs = pooled(FRAME)
+    lessons = Lessons(PlantVecEnv(task), chosen, task, runs, 8.0)
+    width, names = task.observer.size, len(task.rows.names)
+    seen = lessons.reset()
+    off = slice(width + 2 * names, width + 3 * names)
+    left = width + lessons.extra - 2
+    for t in range(1, 60):
+        assert seen.shape == (2, width + lessons.extra)
+        assert np.abs(seen[:, off]).max() < 1e-2  # on the base's own way
+        seen, _, _, _ = lessons.step(np.full((2, 1), 2 * BASE - 1))
+        length = np.array([len(runs[k].criteria) for k in lessons._load])
+        assert seen[:, left] == pytest.approx(np.minimum((length - t) / 200, 1), abs=1e-6)
+    for _ in range(40):
+        seen, _, _, _ = lessons.step(np.ones((2, 1)))
+    assert np.abs(seen[:, off]).max() > 1e-2
+    sizes = {int(k): float(s) for k, s in zip(lessons._load, seen[:, -1], strict=True)}
+    order = sorted(sizes, key=lambda k: float(runs[k].criteria.max()))
+    assert [sizes[k] for k in order] == sorted(sizes.values())
+
+
+def test_loads_of_a_pool_do_not_stay_in_step() -> None:
+    for environment in (FRAME, CABLE, CAR):
+        chosen = world(environment, {k: v for k, v in PLAIN[environment].items() if k != "duration"})
+        durations = [load.duration for load in chosen.some(np.random.default_rng(0), 12)]
+        assert max(durations) > 1.5 * min(durations)
+        assert len({round(d, 2) for d in durations}) > 8
