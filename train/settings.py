@@ -64,8 +64,8 @@ class Settings:
     For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
     `mrdamp.train.lessons`; 0: new loads throughout, with the environment's reward. exponent: of that reward, none: the
     world's. price: of the mean current over its largest, in the score's unit. privileged: the critic sees the full
-    state and the load to come. freeze: control periods at the start in which the critic learns alone. fixed_std: on-policy
-    learners keep the standard deviation they explore with, which narrows too early otherwise. explore: of DDPG,
+    state and the load to come. freeze: control periods at the start in which the critic learns alone. fixed_std:
+    on-policy learners keep the standard deviation they explore with, which narrows early otherwise. explore: of DDPG,
     SAC and TD3, the standard deviation of Ornstein-Uhlenbeck noise on the actions; 0: none. correlated: its correlation
     time in control periods.
     """
