@@ -26,6 +26,7 @@ from mrdamp.envs.frame import FrameEnv
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
 from mrdamp.envs.plant import FramePlant, Plant, default_damper
+from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.reward import FrameReward
 from mrdamp.registration import ENVIRONMENTS, register
 
@@ -50,6 +51,7 @@ __all__ = [
     "MixedMotions",
     "Observer",
     "Plant",
+    "PlantEnv",
     "RecordedMotions",
     "RecordedRoads",
     "SyntheticMotions",

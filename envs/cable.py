@@ -7,9 +7,10 @@ from typing import Any
 from mrdamp.envs.cable_task import CableTask
 from mrdamp.envs.cable_view import CableView
 from mrdamp.envs.plant_env import PlantEnv
+from mrdamp.envs.view import View
 
 
-class CableEnv(PlantEnv):
+class CableEnv(PlantEnv[CableTask]):
     """
     ## Description
 
@@ -72,6 +73,8 @@ class CableEnv(PlantEnv):
 
     ## Arguments
 
+    Beside those of every environment (`PlantEnv`):
+
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|
     | `cable` | `StayCable` | the laboratory cable | length, tension, mass, place of the damper, damping, sag |
@@ -79,41 +82,19 @@ class CableEnv(PlantEnv):
     | `measured_at` | places x / L | the damper's and five times it | where motion is measured |
     | `loads` | `LoadSource` | `WindLoads()` | `WindLoads`, `AmbientLoads`, or one of your own |
     | `reward` | `CableReward`, mapping | `CableReward()` | weights of the parts, exponent |
-    | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
-    | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
-    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
-    | `observer` | `Observer`, mapping | from those | takes their place |
-    | `full_state` | bool | False | see above |
-    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 0.2}` |
-    | `period` | s | 0.005 | of control; the load goes on within it |
-    | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
     | `timestep` | s | 0.001 | the largest of the engine |
-    | `command_max` | A or V | the model's | the largest command |
-    | `render_mode` | str | None | `human`, `rgb_array` |
-    | `camera`, `size` | str, (width, height) | front, (640, 480) | `front`, `along`, `damper` |
-    | `exaggeration` | float | by the motion | of the motion as drawn; the damper turns orange with the current |
-
-    Several environments at once: `gymnasium.make_vec("mrdamp/Cable-v0", num_envs=64, engine="chain")`
-    (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(CableTask(64, engine="chain"))`. On the chain observations
-    and rewards are MuJoCo's where both take short steps (`tests/test_env_chain.py`), `noise` is drawn from numbers of
-    its own, and `threads` share the rows.
-    `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+    | `camera` | str | front | `front`, `along`, `damper` |
 
     ## Version History
 
     * v0: first version
     """
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        camera: str = "front",
-        size: tuple[int, int] = (640, 480),
-        exaggeration: float | None = None,
-        **arguments: Any,
-    ) -> None:
-        task = CableTask(1, **arguments)
-        super().__init__(
-            task, lambda: CableView(task.cable, task.model, camera, size), render_mode, exaggeration
-        )
+    default_camera = "front"
+
+    @staticmethod
+    def make_task(**arguments: Any) -> CableTask:
+        return CableTask(1, **arguments)
+
+    def make_view(self, camera: str, size: tuple[int, int]) -> View:
+        return CableView(self.task.cable, self.task.model, camera, size)

@@ -11,9 +11,10 @@ from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import modal_xml
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_rows import DamperSums, currents, work
-from mrdamp.envs.plants import EngineRows, Moment, Plants, whole_steps
+from mrdamp.envs.plants import EngineRows, Moment, Plants
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.simulation.rows import Stepping
 from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
@@ -32,38 +33,25 @@ class CableRows(EngineRows):
     of `measure`; plants; steps (n,), how many control periods each load lasts.
     """
 
-    def __init__(
-        self,
-        cable: StayCable,
-        damper: Model,
-        places: Sequence[float],
-        period: float,
-        timestep: float,
-        command_max: Array,
-        n: int = 1,
-        threads: int = 1,
-    ) -> None:
+    def __init__(self, cable: StayCable, damper: Model, places: Sequence[float], stepping: Stepping) -> None:
         bad = [x for x in places if not 0 < x < 1]
         if bad:
             raise InputError(f"cable: measured at {bad[0]} of the length; allowed: between 0 and 1")
-        self.cable, self.period, self.command_max = cable, period, command_max
-        self.damper = damper
+        self.cable, self.damper = cable, damper
         self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
-        self.steps = np.ones(n, dtype=np.int64)
         many = range(1, len(self._at) + 1)
         self.names: tuple[str, ...] = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
             *SIGNALS[:-1],
         )
-        self._build(timestep, n, threads)
+        super().__init__(stepping)
 
-    def _build(self, timestep: float, n: int, threads: int) -> None:
-        """Makes the plants, and says where their measurements are."""
-        inner = whole_steps(self.period, timestep)
+    def _build(self) -> None:
+        s, inner = self.stepping, self.stepping.inner
         loads = [f"load_{k + 1}" for k in range(len(self.cable.natural))]
         xml = modal_xml(self.cable, self.damper, self.period / inner)
         self.plants = Plants(
-            xml, loads, ("damper",), inner, n, threads, ("sensordata", "qpos", "qvel", "qacc")
+            xml, loads, ("damper",), inner, s.n, s.threads, ("sensordata", "qpos", "qvel", "qacc")
         )
         at = self.plants.sensors
         self._direct = slice(at["force"].start, at["current"].stop)

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
-from mrdamp.envs.chain_rows import CABLES, of_engine
-from mrdamp.envs.frame_rows import command_range
+from mrdamp.envs.chain_rows import CABLES
+from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, check_options, observer_of
+from mrdamp.envs.task import References, Task, check_options
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
@@ -38,8 +37,7 @@ class CablePlant(RowPlant):
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
-    first is the damper's own by default. period: of control, s; timestep: the largest of the engine, s. Raises
-    InputError.
+    first is the damper's own by default. options: of `RowOptions`. Raises InputError.
     """
 
     def __init__(
@@ -47,21 +45,12 @@ class CablePlant(RowPlant):
         cable: StayCable | None = None,
         model: Model | None = None,
         measured_at: Sequence[float] | None = None,
-        *,
-        period: float = 5e-3,
-        timestep: float | None = None,
-        command_max: float | None = None,
-        engine: str = "mujoco",
+        **options: Any,
     ) -> None:
-        structures, step = of_engine(CABLES, engine)
         self.cable = cable or StayCable()
         damper = model or cable_damper()
-        maximum = command_range([damper], command_max)
-        self.period, self.command_max = period, float(maximum[0])
         places = measured_at or default_places(self.cable)
-        self.rows = structures(
-            self.cable, damper, places, period, step if timestep is None else timestep, maximum
-        )
+        super().__init__(RowOptions(**options).rows(CABLES, [damper], self.cable, damper, places))
 
     @property
     def mean_square(self) -> float:
@@ -86,48 +75,24 @@ class CableTask(Task):
         measured_at: Sequence[float] | None = None,
         loads: LoadSource | None = None,
         reward: CableReward | Mapping[str, Any] | None = None,
-        observer: Observer | Mapping[str, Any] | None = None,
-        signals: Sequence[str] | None = None,
-        history: int = 1,
-        action_in_observation: bool = True,
-        memory: Sequence[float] = (),
-        peaks: Mapping[str, float] | None = None,
-        full_state: bool = False,
-        noise: Mapping[str, float] | None = None,
-        period: float = 5e-3,
-        timestep: float | None = None,
-        command_max: float | None = None,
-        engine: str = "mujoco",
-        threads: int = 1,
+        **options: Any,
     ) -> None:
-        structures, step = of_engine(CABLES, engine)
+        given = TaskOptions(**options)
         self.cable = cable or StayCable()
-        if isinstance(model, str | Path):
-            model = Model.read(model)
-        self.model = model or cable_damper()
-        if full_state:  # as many places as the sines can be told apart at, between the anchorages
+        self.model = model_of(model, cable_damper)
+        if given.full_state:  # as many places as the sines can be told apart at, between the anchorages
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
-        maximum = command_range([self.model], command_max)
-        self.cable_rows = structures(
-            self.cable,
-            self.model,
-            places,
-            period,
-            step if timestep is None else timestep,
-            maximum,
-            n,
-            threads,
-        )
+        self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, n=n)
         self._references = References[Array]()
-        seen = observer_of(
-            observer, cable_observer, self.cable, places, float(maximum[0]), signals, history,
-            action_in_observation, memory, full_state, peaks,
-        )  # fmt: skip
-        self.weights = reward if isinstance(reward, CableReward) else CableReward.from_dict(reward or {})
         self.loads = WindLoads() if loads is None else loads
+        self.weights = CableReward.of(reward)
         self.cable_score = CableScore(self.weights, n)
-        super().__init__(self.cable_rows, self.cable_score, seen, maximum, noise)
+        maximum = self.cable_rows.command_max
+        seen = given.observes(
+            lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum
+        )
+        super().__init__(self.cable_rows, self.cable_score, seen, maximum, given.noise)
 
     drawn_size = 0.45
 
@@ -160,30 +125,20 @@ class CableTask(Task):
         )
 
 
-def cable_observer(
-    cable: StayCable,
-    places: Sequence[float],
-    command_max: float,
-    signals: Sequence[str] | None = None,
-    history: int = 1,
-    action_in_observation: bool = True,
-    memory: Sequence[float] = (),
-    full_state: bool = False,
-    peaks: Mapping[str, float] | None = None,
-) -> Observer:
+def cable_sensors(
+    cable: StayCable, places: Sequence[float], command_max: float, full_state: bool
+) -> tuple[list[str], dict[str, float]]:
     """What a cable's sensors give: accelerations where they are measured, and the damper's stroke and force.
 
-    full_state: displacements and velocities all along the cable, and the coil's current. The scales are those of
-    the first mode with an amplitude of 0.2 % of the length at mid-span, at each place; of the force, what holds the
-    cable fast there.
+    full_state: displacements and velocities all along the cable, and the coil's current. Returns the signals, and the
+    scale of every measurement (SI): those of the first mode with an amplitude of 0.2 % of the length at mid-span, at
+    each place; of the force, what holds the cable fast there.
     """
     many = range(1, len(places) + 1)
-    if signals is None:
-        if full_state:
-            signals = [f"{what}_{j}" for what in ("displacement", "velocity") for j in many] + ["current"]
-        else:
-            signals = [f"acceleration_{j}" for j in many]
-        signals = [*signals, "stroke", "force"]
+    if full_state:
+        signals = [f"{what}_{j}" for what in ("displacement", "velocity") for j in many] + ["current"]
+    else:
+        signals = [f"acceleration_{j}" for j in many]
     amplitude, w = _LARGE * cable.length, cable.first
     here = amplitude * math.sin(math.pi * cable.damper_at)
     scale = {
@@ -196,11 +151,4 @@ def cable_observer(
     for j, x in zip(many, places, strict=True):
         there = amplitude * math.sin(math.pi * x)
         scale |= {f"displacement_{j}": there, f"velocity_{j}": there * w, f"acceleration_{j}": there * w * w}
-    unknown = [name for name in signals if name not in scale]
-    if unknown:
-        raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
-    scales = tuple(scale[name] for name in signals)
-    return Observer(
-        tuple(signals), scales, history, action_in_observation, (command_max,), memory=tuple(memory),
-        peaks=peaks or {},
-    )  # fmt: skip
+    return [*signals, "stroke", "force"], scale

@@ -9,9 +9,10 @@ import numpy as np
 from mrdamp.envs.car_task import CarTask
 from mrdamp.envs.car_view import CarView
 from mrdamp.envs.plant_env import PlantEnv
+from mrdamp.envs.view import View
 
 
-class CarEnv(PlantEnv):
+class CarEnv(PlantEnv[CarTask]):
     """
     ## Description
 
@@ -76,52 +77,31 @@ class CarEnv(PlantEnv):
 
     ## Arguments
 
+    Beside those of every environment (`PlantEnv`):
+
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|
     | `car` | `QuarterCar`, mapping | doi 10.1155/2021/8084343 | masses, stiffnesses, damping |
     | `model` | `Model`, path | the RD-1005 | any identified one: law, NARX, effects |
     | `roads` | `RoadSource` | `IsoRoads()` | classes of ISO 8608 by speed, `Bumps`, `RecordedRoads`, your own |
     | `reward` | `CarReward`, mapping | `CarReward()` | weights of the parts, exponent |
-    | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
-    | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
-    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
-    | `observer` | `Observer`, mapping | from those | takes their place |
-    | `full_state` | bool | False | see above |
-    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 5.0}` |
-    | `period` | s | 0.005 | of control; the road moves within it |
-    | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
     | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine, 0.002 at most |
-    | `command_max` | A or V | the model's | the largest command |
-    | `render_mode` | str | None | `human`, `rgb_array` |
-    | `camera`, `size` | str, (width, height) | corner, (640, 480) | `front`, `corner`, `damper` |
-    | `exaggeration` | float | by the motion | of the motion as drawn; the damper turns orange with the current |
-
-    Several environments at once: `gymnasium.make_vec("mrdamp/QuarterCar-v0", num_envs=64, engine="chain")`
-    (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(CarTask(64, engine="chain"))`. On the chain observations
-    and rewards are MuJoCo's where both take short steps (`tests/test_env_car.py`), `noise` is drawn from numbers of
-    its own, and `threads` share the rows.
-    `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+    | `camera` | str | corner | `front`, `corner`, `damper` |
 
     ## Version History
 
     * v0: first version
     """
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        camera: str = "corner",
-        size: tuple[int, int] = (640, 480),
-        exaggeration: float | None = None,
-        **arguments: Any,
-    ) -> None:
-        task = CarTask(1, **arguments)
+    @staticmethod
+    def make_task(**arguments: Any) -> CarTask:
+        return CarTask(1, **arguments)
+
+    def make_view(self, camera: str, size: tuple[int, int]) -> View:
+        task = self.task
 
         def ahead(places: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
             road, plants = task.car_rows.roads[0], task.car_rows.plants
             return road.at(plants.timestep * plants.step[0] + places / road.speed)
 
-        super().__init__(
-            task, lambda: CarView(task.car, task.model, ahead, camera, size), render_mode, exaggeration
-        )
+        return CarView(task.car, task.model, ahead, camera, size)

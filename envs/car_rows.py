@@ -14,6 +14,7 @@ from mrdamp.envs.frame_xml import frame_models
 from mrdamp.model import Model
 from mrdamp.simulation.comfort import STATES, BlockFilter
 from mrdamp.simulation.roads import Road
+from mrdamp.simulation.rows import Stepping
 from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
@@ -41,25 +42,16 @@ class CarRows(FrameRows):
     row.
     """
 
-    def __init__(
-        self,
-        car: QuarterCar,
-        model: Model,
-        period: float,
-        timestep: float,
-        command_max: Array,
-        n: int = 1,
-        threads: int = 1,
-    ) -> None:
+    def __init__(self, car: QuarterCar, model: Model, stepping: Stepping) -> None:
         self.car = car
-        self.roads: list[Road] = [Road("none", 1.0, np.zeros(3), 1.0)] * n
+        self.roads: list[Road] = [Road("none", 1.0, np.zeros(3), 1.0)] * stepping.n
         own = replace(model, effects=tuple(e for e in model.effects if e.place is None))
-        super().__init__(frame_models(own, car.frame, [(1, 2)]), period, timestep, command_max, n, threads)
+        super().__init__(frame_models(own, car.frame, [(1, 2)]), stepping)
 
-    def _build(self, timestep: float, n: int, threads: int) -> None:
-        super()._build(timestep, n, threads)
+    def _build(self) -> None:
+        super()._build()
         self._filter = BlockFilter(self.plants.timestep, self.plants.inner)
-        self.weighted = np.zeros((n, STATES))
+        self.weighted = np.zeros((self.stepping.n, STATES))
 
     def _mjcf(self, timestep: float) -> tuple[str, str]:
         return car_xml(self.car, self.models[0], timestep), "road"

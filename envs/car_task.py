@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.control.observe import Observer
 from mrdamp.envs.car_reward import CarReward, CarScore, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
-from mrdamp.envs.chain_rows import CARS, of_engine
-from mrdamp.envs.frame_rows import command_range
+from mrdamp.envs.chain_rows import CARS
 from mrdamp.envs.frame_task import largest_force
+from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, check_options, observer_of
+from mrdamp.envs.task import References, Task, check_options
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.simulation.roads import Road, read_road
@@ -45,30 +44,17 @@ class CarPlant(RowPlant):
     """A quarter car with a damper, in MuJoCo or on the chain (engine), for any controller to run on, without rewards.
 
     car: None is that of `QuarterCar`. model: any identified one, None: `car_damper`. Floor 1 of the measurements is the
-    wheel, 2 the body; displacements and velocities are those to the road. period: of control, s; timestep: the largest
-    of the engine, s. Raises InputError.
+    wheel, 2 the body; displacements and velocities are those to the road. options: of `RowOptions`. Raises InputError.
     """
 
-    def __init__(
-        self,
-        car: QuarterCar | None = None,
-        model: Model | None = None,
-        *,
-        period: float = 5e-3,
-        timestep: float | None = None,
-        command_max: float | None = None,
-        engine: str = "mujoco",
-    ) -> None:
-        structures, step = of_engine(CARS, engine)
+    def __init__(self, car: QuarterCar | None = None, model: Model | None = None, **options: Any) -> None:
         self.car = car or QuarterCar()
         damper = model or car_damper()
-        maximum = command_range([damper], command_max)
-        self.period, self.command_max = period, float(maximum[0])
-        self.rows = structures(self.car, damper, period, step if timestep is None else timestep, maximum)
+        super().__init__(RowOptions(**options).rows(CARS, [damper], self.car, damper))
 
 
 class CarTask(Task):
-    """n quarter cars on roads; arguments as in `CarEnv`, observed: those of `car_observer`."""
+    """n quarter cars on roads; arguments as in `CarEnv`."""
 
     def __init__(
         self,
@@ -78,28 +64,21 @@ class CarTask(Task):
         model: Model | Path | str | None = None,
         roads: RoadSource | None = None,
         reward: CarReward | Mapping[str, Any] | None = None,
-        observer: Observer | Mapping[str, Any] | None = None,
-        noise: Mapping[str, float] | None = None,
-        period: float = 5e-3,
-        timestep: float | None = None,
-        command_max: float | None = None,
-        engine: str = "mujoco",
-        threads: int = 1,
-        **observed: Any,
+        **options: Any,
     ) -> None:
-        structures, step = of_engine(CARS, engine)
+        given = TaskOptions(**options)
         self.car = QuarterCar(**car) if isinstance(car, Mapping) else car or QuarterCar()
-        self.model = Model.read(model) if isinstance(model, str | Path) else model or car_damper()
-        maximum = command_range([self.model], command_max)
-        self.car_rows = structures(
-            self.car, self.model, period, step if timestep is None else timestep, maximum, n, threads
-        )
+        self.model = model_of(model, car_damper)
+        self.car_rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
         self._references = References[Array]()
         self.roads = IsoRoads() if roads is None else roads
-        self.weights = reward if isinstance(reward, CarReward) else CarReward.from_dict(reward or {})
+        self.weights = CarReward.of(reward)
         self.car_score = CarScore(self.weights, n)
-        own = car_observer(self.car, self.model, float(maximum[0]), **observed)
-        super().__init__(self.car_rows, self.car_score, observer_of(observer, lambda: own), maximum, noise)
+        maximum = self.car_rows.command_max
+        seen = given.observes(
+            lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum
+        )
+        super().__init__(self.car_rows, self.car_score, seen, maximum, given.noise)
 
     drawn_size = 0.05
 
@@ -137,37 +116,20 @@ class CarTask(Task):
         return road.scaled(float(options.get("amplitude", 1.0)))
 
 
-def car_observer(
-    car: QuarterCar,
-    model: Model,
-    command_max: float,
-    signals: Sequence[str] | None = None,
-    history: int = 1,
-    action_in_observation: bool = True,
-    memory: Sequence[float] = (),
-    full_state: bool = False,
-    peaks: Mapping[str, float] | None = None,
-) -> Observer:
+def car_sensors(
+    car: QuarterCar, model: Model, command_max: float, full_state: bool
+) -> tuple[list[str], dict[str, float]]:
     """What a car's sensors give: accelerations of body and wheel, stroke and force of the damper.
 
-    full_state: the stroke's velocity, the tyre's deflection and the coil's current besides. The scales are sizes on
-    a rough road; of the force, the damper's in the body's bounce of 3 cm at the largest command.
+    full_state: the stroke's velocity, the tyre's deflection and the coil's current besides. Returns the signals, and
+    the scale of every measurement (SI): sizes on a rough road; of the force, the damper's in the body's bounce of 3 cm
+    at the largest command.
     """
-    if signals is None:
-        signals = ["acceleration_2", "acceleration_1", "stroke"]
-        if full_state:
-            signals += ["stroke_velocity", "drift_1", "current"]
-        signals = [*signals, "force"]
+    more = ["stroke_velocity", "drift_1", "current"] if full_state else []
     scale = {
         "acceleration_1": _WHEEL, "acceleration_2": _BODY, "stroke": _STROKE, "stroke_velocity": _VELOCITY,
         "displacement_1": _TYRE, "displacement_2": _STROKE, "velocity_1": _VELOCITY, "velocity_2": _VELOCITY,
         "drift_1": _TYRE, "drift_2": _STROKE, "current": command_max,
     }  # fmt: skip
     scale["force"] = scale["true_force"] = largest_force(model, _STROKE, car.bounce, command_max)
-    unknown = [name for name in signals if name not in scale]
-    if unknown:
-        raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
-    return Observer(
-        tuple(signals), tuple(scale[name] for name in signals), history, action_in_observation, (command_max,),
-        memory=tuple(memory), peaks=peaks or {},
-    )  # fmt: skip
+    return ["acceleration_2", "acceleration_1", "stroke", *more, "force"], scale

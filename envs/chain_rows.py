@@ -16,7 +16,6 @@ from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableRows
 from mrdamp.envs.car_rows import CarRows, road_acceleration
 from mrdamp.envs.frame_rows import FrameRows
-from mrdamp.envs.plants import whole_steps
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.rows import ChainRows
@@ -76,16 +75,10 @@ class Chained:
 class FrameChain(Chained, FrameRows):
     """`FrameRows` on the chain."""
 
-    def _build(self, timestep: float, n: int, threads: int) -> None:
+    def _build(self) -> None:
         between = [model.structure.damper_between for model in self.models if model.structure is not None]
-        inner = whole_steps(self.period, timestep)
-        instants = max(1, round(self.period / inner / _INSTANT))
-        self._hold(
-            ChainRows.frame(
-                self.models[0].frame, self.models, between, self.command_max, self.period, inner, n, threads,
-                instants,
-            )
-        )  # fmt: skip
+        instants = max(1, round(self.period / self.stepping.inner / _INSTANT))
+        self._hold(ChainRows.frame(self.models[0].frame, self.models, between, self.stepping, instants))
 
     def start(self, row: int, motion: GroundMotion) -> Array:
         """As `FrameRows.start`."""
@@ -103,23 +96,11 @@ class FrameChain(Chained, FrameRows):
 class CableChain(Chained, CableRows):
     """`CableRows` on the chain."""
 
-    def _build(self, timestep: float, n: int, threads: int) -> None:
-        cable, inner = self.cable, whole_steps(self.period, timestep)
+    def _build(self) -> None:
+        cable = self.cable
         here, mass = cable.at(cable.damper_at), cable.mass * cable.length
         self._hold(
-            ChainRows.modes(
-                cable.natural,
-                cable.ratio,
-                here,
-                self._at,
-                mass,
-                self.damper,
-                self.command_max,
-                self.period,
-                inner,
-                n,
-                threads,
-            )  # fmt: skip
+            ChainRows.modes(cable.natural, cable.ratio, here, self._at, mass, self.damper, self.stepping)
         )
 
     def start(self, row: int, load: CableLoad) -> Array:
@@ -133,9 +114,8 @@ class CableChain(Chained, CableRows):
 class CarChain(Chained, CarRows):
     """`CarRows` on the chain."""
 
-    def _build(self, timestep: float, n: int, threads: int) -> None:
-        inner = whole_steps(self.period, timestep)
-        self._hold(ChainRows.car(self.car, self.models[0], self.command_max, self.period, inner, n, threads))
+    def _build(self) -> None:
+        self._hold(ChainRows.car(self.car, self.models[0], self.stepping))
 
     def start(self, row: int, motion: Any) -> Array:
         """As `CarRows.start`."""

@@ -7,9 +7,10 @@ from typing import Any
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.frame_view import FrameView
 from mrdamp.envs.plant_env import PlantEnv
+from mrdamp.envs.view import View
 
 
-class FrameEnv(PlantEnv):
+class FrameEnv(PlantEnv[FrameTask]):
     """
     ## Description
 
@@ -78,6 +79,8 @@ class FrameEnv(PlantEnv):
 
     ## Arguments
 
+    Beside those of every environment (`PlantEnv`):
+
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|
     | `model` | `Model`, path, one for each damper | Dyke's 3 kN damper | any identified one: law, NARX, effects |
@@ -85,40 +88,18 @@ class FrameEnv(PlantEnv):
     | `damper_between` | pair or pairs of floors | the structure's | (0, 1) is ground to floor 1 |
     | `motions` | `MotionSource` | `SyntheticMotions()` | Kanai-Tajimi, Clough-Penzien, files, mixtures, amplitudes |
     | `reward` | `FrameReward`, mapping | `FrameReward()` | weights of the parts, exponent, reference |
-    | `signals`, `history`, `action_in_observation` | | see above, 1, True | what the observation holds |
-    | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
-    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
-    | `observer` | `Observer`, mapping | from those | takes their place |
-    | `full_state` | bool | False | see above |
-    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.02, "force": 5.0}` |
-    | `period` | s | 0.005 | of control; the ground moves within it |
-    | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
     | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine |
-    | `command_max` | A or V | the model's | the largest command |
     | `duration` | s | the motion's | cuts long motions |
-    | `render_mode` | str | None | `human`, `rgb_array` |
-    | `camera`, `size` | str, (width, height) | corner, (640, 480) | `front`, `corner`, `damper` |
-    | `exaggeration` | float | by the motion | of the drifts as drawn; the damper turns orange with the current |
-
-    Several environments at once: `gymnasium.make_vec("mrdamp/Frame-v0", num_envs=64, engine="chain")`
-    (`mrdamp.envs.vector`), or `mrdamp.envs.sb3.PlantVecEnv(FrameTask(64, engine="chain"))`. On the chain observations
-    and rewards are MuJoCo's (`tests/test_env_chain.py`: within 0.5 % and 1 % where both take steps of 0.1 ms), `noise`
-    is drawn from numbers of its own, and `threads` share the rows.
-    `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+    | `camera` | str | corner | `front`, `corner`, `damper` |
 
     ## Version History
 
     * v0: first version
     """
 
-    def __init__(
-        self,
-        *,
-        render_mode: str | None = None,
-        camera: str = "corner",
-        size: tuple[int, int] = (640, 480),
-        exaggeration: float | None = None,
-        **arguments: Any,
-    ) -> None:
-        task = FrameTask(1, **arguments)
-        super().__init__(task, lambda: FrameView(task.models, camera, size), render_mode, exaggeration)
+    @staticmethod
+    def make_task(**arguments: Any) -> FrameTask:
+        return FrameTask(1, **arguments)
+
+    def make_view(self, camera: str, size: tuple[int, int]) -> View:
+        return FrameView(self.task.models, camera, size)

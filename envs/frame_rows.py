@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_xml import actuator_name, frame_xml, sensor_name
-from mrdamp.envs.plants import EngineRows, Moment, Plants, whole_steps
+from mrdamp.envs.plants import EngineRows, Moment, Plants
 from mrdamp.envs.sensors import FloorSensors
-from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.simulation.rows import Stepping
 
 Array = NDArray[np.float64]
 
@@ -42,20 +42,10 @@ class FrameRows(EngineRows):
     control periods each motion lasts.
     """
 
-    def __init__(
-        self,
-        models: Sequence[Model],
-        period: float,
-        timestep: float,
-        command_max: Array,
-        n: int = 1,
-        threads: int = 1,
-    ) -> None:
+    def __init__(self, models: Sequence[Model], stepping: Stepping) -> None:
         structure = models[0].structure
         assert structure is not None
-        self.models, self.structure, self.period = tuple(models), structure, period
-        self.command_max = command_max
-        self.steps = np.ones(n, dtype=np.int64)
+        self.models, self.structure = tuple(models), structure
         floors, many = range(1, self.structure.storeys + 1), range(len(self.models))
         self.names: tuple[str, ...] = (
             *(
@@ -65,21 +55,20 @@ class FrameRows(EngineRows):
             ),
             *(sensor_name(s, k) for s in SIGNALS[:-1] for k in many),
         )
-        self._build(timestep, n, threads)
+        super().__init__(stepping)
 
-    def _build(self, timestep: float, n: int, threads: int) -> None:
-        """Makes the plants, and says where their measurements are."""
-        inner, many = whole_steps(self.period, timestep), range(len(self.models))
+    def _build(self) -> None:
+        s, inner, many = self.stepping, self.stepping.inner, range(len(self.models))
         dampers = [actuator_name(k) for k in many]
         xml, load = self._mjcf(self.period / inner)
-        self.plants = Plants(xml, (load,), dampers, inner, n, threads)
-        self.sensors = FloorSensors(self.models[0].frame, self.period, n)
+        self.plants = Plants(xml, (load,), dampers, inner, s.n, s.threads)
+        self.sensors = FloorSensors(self.models[0].frame, self.period, s.n)
         floors, at = range(1, self.structure.storeys + 1), self.plants.sensors
         # `frame_xml` writes what belongs together side by side.
         self._acceleration = slice(at["acceleration_1"].start, at[f"acceleration_{floors[-1]}"].stop, 3)
         self._drift = slice(at["drift_1"].start, at[f"drift_{floors[-1]}"].stop)
         self._drift_velocity = slice(at["drift_velocity_1"].start, at[f"drift_velocity_{floors[-1]}"].stop)
-        of = {s: slice(at[s].start, at[sensor_name(s, many[-1])].stop) for s in SIGNALS}
+        of = {name: slice(at[name].start, at[sensor_name(name, many[-1])].stop) for name in SIGNALS}
         self._pull, self._velocity = of["pull"], of["stroke_velocity"]
         self._current = of["current"]
         self._direct = slice(of["force"].start, of["current"].stop)
@@ -211,19 +200,6 @@ class DamperSums:
         currents, shares, powers, worked = np.add.reduce(self.flat, axis=1).tolist()
         many = current.size
         return [shares / many, powers / many, currents / many, self.half_step * worked]
-
-
-def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:
-    """(m,) largest command of each damper: as given, or the models' own `command_max`. Raises InputError."""
-    if command_max is None:
-        missing = [m.name for m in models if "command_max" not in m.attributes]
-        if missing:
-            raise InputError(f"{missing[0]}: it has no command_max; give command_max (A or V)")
-        command_max = [m.attributes["command_max"] for m in models]
-    values = np.broadcast_to(np.asarray(command_max, dtype=np.float64), (len(models),)).copy()
-    if not ((values > 0) & np.isfinite(values)).all():
-        raise InputError(f"command_max is {command_max}; allowed: numbers > 0, one or one for each damper")
-    return values
 
 
 def as_mapping(names: Sequence[str], values: Sequence[float]) -> Mapping[str, float]:

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.control.observe import Observer
-from mrdamp.envs.chain_rows import FRAMES, of_engine
-from mrdamp.envs.frame_rows import command_range
+from mrdamp.envs.chain_rows import FRAMES
 from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
+from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
-from mrdamp.envs.task import References, Task, check_options, observer_of
+from mrdamp.envs.task import References, Task, check_options
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 from mrdamp.motions import GroundMotion, read_motion
@@ -40,41 +39,23 @@ class FrameTask(Task):
         damper_between: Position | Sequence[Position] | None = None,
         motions: MotionSource | None = None,
         reward: FrameReward | Mapping[str, Any] | None = None,
-        observer: Observer | Mapping[str, Any] | None = None,
-        signals: Sequence[str] | None = None,
-        history: int = 1,
-        action_in_observation: bool = True,
-        memory: Sequence[float] = (),
-        peaks: Mapping[str, float] | None = None,
-        full_state: bool = False,
-        noise: Mapping[str, float] | None = None,
-        period: float = 5e-3,
-        timestep: float | None = None,
-        command_max: float | Sequence[float] | None = None,
         duration: float | None = None,
-        engine: str = "mujoco",
-        threads: int = 1,
+        **options: Any,
     ) -> None:
-        structures, step = of_engine(FRAMES, engine)
+        given = TaskOptions(**options)
         if isinstance(model, str | Path):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
-        maximum = command_range(self.models, command_max)
-        self.frame_rows = structures(
-            self.models, period, step if timestep is None else timestep, maximum, n, threads
-        )
+        self.frame_rows = given.rows(FRAMES, self.models, self.models, n=n)
         self._references = References[Reference]()
-        seen = observer_of(
-            observer, frame_observer, self.models, maximum, signals, history, action_in_observation, memory,
-            full_state, peaks,
-        )  # fmt: skip
-        weights = reward if isinstance(reward, FrameReward) else FrameReward.from_dict(reward or {})
-        if weights.reference == "passive-on" and len(self.models) > 1:
+        self.weights, self.duration = FrameReward.of(reward), duration
+        if self.weights.reference == "passive-on" and len(self.models) > 1:
             raise InputError("reward: reference passive-on is for one damper; allowed here: uncontrolled")
         self.motions = SyntheticMotions() if motions is None else motions
-        self.weights, self.duration = weights, duration
-        self.frame_score = Score(weights, n)
-        super().__init__(self.frame_rows, self.frame_score, seen, maximum, noise)
+        self.frame_score = Score(self.weights, n)
+        maximum = self.frame_rows.command_max
+        seen = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum)
+        super().__init__(self.frame_rows, self.frame_score, seen, maximum, given.noise)
 
     @property
     def structure(self) -> ShearFrame:
@@ -118,52 +99,43 @@ class FrameTask(Task):
         return cut(motion.scaled(float(options.get("amplitude", 1.0))), self.duration)
 
 
-def frame_observer(
-    models: Sequence[Model],
-    command_max: Array,
-    signals: Sequence[str] | None = None,
-    history: int = 1,
-    action_in_observation: bool = True,
-    memory: Sequence[float] = (),
-    full_state: bool = False,
-    peaks: Mapping[str, float] | None = None,
-) -> Observer:
+def frame_sensors(
+    models: Sequence[Model], command_max: Array, full_state: bool
+) -> tuple[list[str], dict[str, float]]:
     """What the frame's sensors give: floor accelerations, stroke and force of every damper.
 
-    full_state: displacements, velocities and coil currents instead of strokes. The scales are those of a strong
-    motion: 5 m/s2, the motion of the first mode with that acceleration, and the damper's force in it at the largest
-    command.
+    full_state: displacements, velocities and coil currents instead of strokes. Returns the signals, and the scale of
+    every measurement (SI): those of a strong motion, which is 5 m/s2, the motion of the first mode with that
+    acceleration, and the damper's force in it at the largest command.
     """
     structure = models[0].structure
     assert structure is not None
     floors, dampers = range(1, structure.storeys + 1), range(len(models))
-    if signals is None:
-        signals = [f"acceleration_{j}" for j in floors]
-        if full_state:
-            signals += [f"displacement_{j}" for j in floors] + [f"velocity_{j}" for j in floors]
-            signals += [sensor_name("current", k) for k in dampers]
-        else:
-            signals += [sensor_name("stroke", k) for k in dampers]
-        signals += [sensor_name("force", k) for k in dampers]
+
+    def of_dampers(name: str) -> list[str]:
+        return [sensor_name(name, k) for k in dampers]
+
+    signals = [f"acceleration_{j}" for j in floors]
+    if full_state:
+        signals += [f"displacement_{j}" for j in floors] + [f"velocity_{j}" for j in floors]
+    signals += of_dampers("current" if full_state else "stroke") + of_dampers("force")
     w = 2 * math.pi * float(structure.frequencies[0])
-    scale = {"acceleration": _STRONG, "stroke_velocity": _STRONG / w, "velocity": _STRONG / w}
-    scale |= dict.fromkeys(("displacement", "drift", "stroke"), _STRONG / w**2)
-    found = []
-    for name in signals:
-        stem, _, number = name.rpartition("_") if name[-1].isdigit() else (name, "", "1")
-        which = int(number) - 1
-        if stem == "current" and which < len(models):
-            found.append(float(command_max[which]))
-        elif stem in ("force", "true_force") and which < len(models):
-            found.append(largest_force(models[which], _STRONG / w**2, w, float(command_max[which])))
-        elif stem in scale:
-            found.append(scale[stem])
-        else:
-            raise InputError(f"observer: no measurement {name!r} in a frame of {structure.storeys} storeys")
-    return Observer(
-        tuple(signals), tuple(found), history, action_in_observation, tuple(command_max), memory=tuple(memory),
-        peaks=peaks or {},
-    )  # fmt: skip
+    velocity, displacement = _STRONG / w, _STRONG / w**2
+    scale = dict.fromkeys((f"acceleration_{j}" for j in floors), _STRONG)
+    scale |= dict.fromkeys((f"velocity_{j}" for j in floors), velocity)
+    scale |= dict.fromkeys(
+        (f"{what}_{j}" for what in ("displacement", "drift") for j in floors), displacement
+    )
+    for k, (model, largest) in enumerate(zip(models, command_max.tolist(), strict=True)):
+        force = largest_force(model, displacement, w, largest)
+        own = (
+            ("stroke", displacement),
+            ("stroke_velocity", velocity),
+            ("current", largest),
+            ("force", force),
+        )
+        scale |= {sensor_name(name, k): value for name, value in (*own, ("true_force", force))}
+    return signals, scale
 
 
 def largest_force(model: Model, stroke: float, w: float, command: float) -> float:

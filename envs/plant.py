@@ -8,9 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from mrdamp import sets
-from mrdamp.envs.chain_rows import FRAMES, of_engine
-from mrdamp.envs.frame_rows import as_mapping, command_range
+from mrdamp.envs.chain_rows import FRAMES
+from mrdamp.envs.frame_rows import as_mapping
 from mrdamp.envs.frame_xml import Position, frame_models
+from mrdamp.envs.options import RowOptions
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.structures import ShearFrame
@@ -54,15 +55,17 @@ def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, 
 class RowPlant:
     """One row as a `Plant`.
 
-    Attributes: rows, of the structure; period, s; command_max, A or V; of_period, what `Rows.advance_one` said of the
-    last control period.
+    Attributes: rows, of the structure; period, s; commands_max, (m,) of all dampers, and command_max, of the first, A
+    or V; of_period, what `Rows.advance_one` said of the last control period.
     """
 
-    rows: Any
-    period: float
-    command_max: float
     of_period: Sequence[float]
-    _dampers = 1
+
+    def __init__(self, rows: Any) -> None:
+        self.rows = rows
+        self.period: float = rows.period
+        self.commands_max = rows.command_max
+        self.command_max = float(rows.command_max[0])
 
     @property
     def time(self) -> float:
@@ -81,7 +84,7 @@ class RowPlant:
 
     def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
         """One control period with the command (or one a damper) held; the measurements at its end."""
-        commands = np.broadcast_to(np.asarray(command, dtype=np.float64), (1, self._dampers))
+        commands = np.broadcast_to(np.asarray(command, dtype=np.float64), (1, len(self.commands_max)))
         self.of_period, values = self.rows.advance_one(commands)
         return as_mapping(self.rows.names, values)
 
@@ -91,9 +94,8 @@ class FramePlant(RowPlant):
 
     model: any identified one (any law, with or without effects; None: `default_damper`), or one a damper.
     structure: None takes the model's own, or Dyke's three-storey frame. damper_between: floors of the damper, or
-    several pairs. period: of control, s; timestep: the largest of the engine, s: the ground moves at each of its
-    steps. command_max: A or V, None: the model's. The measurements of a second damper have `_2` at the end, as
-    `force_2`. Raises InputError.
+    several pairs. options: of `RowOptions`; the ground moves at each of the engine's steps. The measurements of a
+    second damper have `_2` at the end, as `force_2`. Raises InputError.
     """
 
     def __init__(
@@ -101,20 +103,11 @@ class FramePlant(RowPlant):
         model: Model | Sequence[Model] | None = None,
         structure: ShearFrame | None = None,
         damper_between: Position | Sequence[Position] | None = None,
-        *,
-        period: float = 5e-3,
-        timestep: float | None = None,
-        command_max: float | Sequence[float] | None = None,
-        engine: str = "mujoco",
+        **options: Any,
     ) -> None:
-        structures, step = of_engine(FRAMES, engine)
         models = placed(model, structure, damper_between)
-        self.period = period
-        self.commands_max = command_range(models, command_max)
-        self.rows = structures(models, period, step if timestep is None else timestep, self.commands_max)
-        self.command_max = float(self.commands_max[0])
+        super().__init__(RowOptions(**options).rows(FRAMES, models, models))
         self.structure = self.rows.structure
-        self._dampers = len(models)
 
 
 def placed(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Generic, TypeVar
 
 import gymnasium
 import numpy as np
@@ -24,21 +24,58 @@ class EnvState:
     generator: dict[str, Any]
 
 
-class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """One structure under control; `FrameEnv` and `CableEnv` say what it is.
+Kind = TypeVar("Kind", bound=Task)
 
-    make_view: its drawing. exaggeration: how many times larger than it is motion is drawn; None: such that the
-    motion without a damper can be seen well.
+
+class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
+    """A structure under control: `FrameEnv`, `CableEnv` and `CarEnv`.
+
+    Arguments of all of them, beside those of each:
+
+    | Parameter | Type | Default | Description |
+    |-----------|------|---------|-------------|
+    | `signals`, `history`, `action_in_observation` | | the environment's, 1, True | what the observation holds |
+    | `memory` | numbers | none | time constants, in control periods, of leaky averages of the signals, after them |
+    | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
+    | `observer` | `Observer`, mapping | from those | takes their place |
+    | `full_state` | bool | False | observes the state, see the environment |
+    | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 5.0}` |
+    | `period` | s | 0.005 | of control; the load goes on within it |
+    | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
+    | `timestep` | s | the engine's, see the environment | the largest of the engine |
+    | `command_max` | A or V | the model's | the largest command |
+    | `threads` | int | 1 | that share the rows |
+    | `render_mode` | str | None | `human`, `rgb_array` |
+    | `camera`, `size` | str, (width, height) | see the environment, (640, 480) | where from, and pixels |
+    | `exaggeration` | float | by the motion | of the motion as drawn; the damper turns orange with the current |
+
+    Several environments at once: `gymnasium.make_vec(id, num_envs=64, engine="chain")` (`mrdamp.envs.vector`), or
+    `mrdamp.envs.sb3.PlantVecEnv(task)` with a task of 64 rows, such as `FrameTask(64, engine="chain")`. On the chain
+    observations and rewards are MuJoCo's where both take short steps (`tests/test_env_chain.py`), and `noise` is drawn
+    from numbers of its own. `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 200}  # noqa: RUF012
+    #: Of the drawing, unless asked otherwise.
+    default_camera: ClassVar[str] = "corner"
+
+    @staticmethod
+    @abstractmethod
+    def make_task(**arguments: Any) -> Kind:
+        """A task of one row."""
+
+    @abstractmethod
+    def make_view(self, camera: str, size: tuple[int, int]) -> View:
+        """The drawing of the structure."""
 
     def __init__(
         self,
-        task: Task,
-        make_view: Callable[[], View],
+        *,
         render_mode: str | None = None,
+        camera: str | None = None,
+        size: tuple[int, int] = (640, 480),
         exaggeration: float | None = None,
+        **arguments: Any,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(
@@ -46,13 +83,13 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             )
         if exaggeration is not None and not 0 < exaggeration < 1e6:
             raise InputError(f"exaggeration is {exaggeration}; allowed: a number > 0")
-        self.task = task
+        self.task = task = self.make_task(**arguments)
         self.render_mode = render_mode
         self.exaggeration = exaggeration
         self.observation_space = task.observation_space
         self.action_space = task.action_space
         self.metadata = {**self.metadata, "render_fps": round(1 / task.rows.period)}
-        self._make_view = make_view
+        self._drawing = camera or self.default_camera, size
         self._view: View | None = None
 
     def reset(
@@ -78,7 +115,7 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             gymnasium.logger.warn("render() does nothing: the environment was made without a render_mode")
             return None
         if self._view is None:
-            self._view = self._make_view()
+            self._view = self.make_view(*self._drawing)
         larger = self.exaggeration or self.task.drawn_size / self.task.reference_motion(0)
         self._view.update(self.task.rows.position(0), larger, self.task.current_shares(0))
         if self.render_mode == "rgb_array":

@@ -16,17 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
+from mrdamp.simulation.rows import Stepping
 
 Array = NDArray[np.float64]
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
-
-
-def whole_steps(period: float, timestep: float) -> int:
-    """Steps of the engine in a control period, none longer than timestep. Raises InputError."""
-    for name, value in (("period", period), ("timestep", timestep)):
-        if not 0 < value < math.inf:
-            raise InputError(f"{name} is {value}; allowed: > 0 s")
-    return max(1, math.ceil(period / timestep - 1e-9))
 
 
 @dataclass(frozen=True)
@@ -151,12 +144,22 @@ class Plants:
 
 
 class EngineRows:
-    """What all rows in the engine have in common. Attributes: plants; period, s; steps (n,), how many control periods
-    each row's load lasts."""
+    """What all rows in the engine have in common.
+
+    Attributes: stepping; period, s; command_max (m,), A or V; steps (n,), how many control periods each row's load
+    lasts; plants, which `_build` makes.
+    """
 
     plants: Plants
-    period: float
-    steps: NDArray[np.int64]
+
+    def __init__(self, stepping: Stepping) -> None:
+        self.stepping = stepping
+        self.period, self.command_max = stepping.period, stepping.command_max
+        self.steps: NDArray[np.int64] = np.ones(stepping.n, dtype=np.int64)
+        self._build()
+
+    def _build(self) -> None:
+        """Makes the plants, and says where their measurements are."""
 
     def position(self, row: int) -> Array:
         """The coordinates of its drawing."""

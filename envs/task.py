@@ -109,15 +109,6 @@ def check_options(options: Mapping[str, Any], *allowed: str) -> None:
         raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: {', '.join(allowed)}")
 
 
-def observer_of(
-    given: Observer | Mapping[str, Any] | None, default: Callable[..., Observer], *about: Any
-) -> Observer:
-    """The observer that is given, one of its `to_dict`, or the structure's own: default(*about)."""
-    if isinstance(given, Observer):
-        return given
-    return default(*about) if given is None else Observer.from_dict(given)
-
-
 class Task(ABC):
     """n rows of a structure under control.
 

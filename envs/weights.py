@@ -35,6 +35,11 @@ class Weights:
         return np.array([(1.0 if part == "energy" else -1.0) * getattr(self, part) for part in self.parts])
 
     @classmethod
+    def of(cls, given: Self | Mapping[str, Any] | None) -> Self:
+        """Weights as they are given, from names and values, or the default. Raises InputError."""
+        return given if isinstance(given, cls) else cls.from_dict(given or {})  # type: ignore[arg-type]
+
+    @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """From names and values, as in YAML. Raises InputError for an unknown one."""
         known = {f.name for f in fields(cls)}  # type: ignore[arg-type]

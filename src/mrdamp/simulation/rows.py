@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,28 @@ from mrdamp.simulation.comfort import wk_sections
 from mrdamp.structures.cars import QuarterCar
 
 _COORDINATES = 4  # doubles of a row's state before them
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How n rows are stepped. period: of control, s; timestep: the largest within it, s; command_max: (m,) A or V;
+    threads: that share the rows."""
+
+    period: float
+    timestep: float
+    command_max: Array
+    n: int = 1
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name, value in (("period", self.period), ("timestep", self.timestep)):
+            if not 0 < value < math.inf:
+                raise InputError(f"{name} is {value}; allowed: > 0 s")
+
+    @property
+    def inner(self) -> int:
+        """Steps in a control period, none longer than timestep."""
+        return max(1, math.ceil(self.period / self.timestep - 1e-9))
 
 
 @dataclass(frozen=True)
@@ -42,19 +65,16 @@ class ChainRows:
         self,
         make: Callable[[Any, Dampers, Any], int],
         models: Sequence[Model],
-        command_max: Array,
+        stepping: Stepping,
         loads: int,
         coordinates: int,
-        period: float,
-        inner: int,
-        n: int,
-        threads: int,
     ) -> None:
+        n, period = stepping.n, stepping.period
         self._lib = library()
         self._nets: list[Narx | None] = [m.narx for m in models]
         laws = np.array([law_number(m.law) for m in models], dtype=np.intc)
         params = np.ascontiguousarray([vector(m.law, m.attributes) for m in models])
-        largest = np.ascontiguousarray(command_max, dtype=np.float64)
+        largest = np.ascontiguousarray(stepping.command_max, dtype=np.float64)
         handles = (ctypes.c_void_p * len(models))(*(net.handle if net else None for net in self._nets))
         dampers = Dampers(
             len(models),
@@ -67,7 +87,7 @@ class ChainRows:
         self._handle = make(self._lib, dampers, error)
         if not self._handle:
             raise InputError(error.value.decode())
-        self.n, self.inner, self.period, self.threads = n, inner, period, threads
+        self.n, self.inner, self.period, self.threads = n, stepping.inner, period, stepping.threads
         self._loads, self._coordinates, self._dampers = loads, coordinates, len(models)
         self.state = np.zeros((n, self._lib.mrdamp_rows_size(self._handle)))
         self.criteria = np.zeros((n, self._lib.mrdamp_rows_criteria(self._handle)))
@@ -85,11 +105,7 @@ class ChainRows:
         frame: FrameInput,
         models: Sequence[Model],
         between: Sequence[tuple[int, int]],
-        command_max: Array,
-        period: float,
-        inner: int,
-        n: int = 1,
-        threads: int = 1,
+        stepping: Stepping,
         instants: int = 1,
     ) -> ChainRows:
         """Shear frames with dampers between pairs of floors (0 the ground), under ground accelerations (m/s2).
@@ -104,10 +120,13 @@ class ChainRows:
 
         def make(lib: Any, dampers: Dampers, error: Any) -> int:
             return int(
-                lib.mrdamp_rows_frame(given, dampers, places, period, inner, instants, error, ERROR_SIZE) or 0
+                lib.mrdamp_rows_frame(
+                    given, dampers, places, stepping.period, stepping.inner, instants, error, ERROR_SIZE
+                )
+                or 0
             )
 
-        return cls(make, models, command_max, 1, len(frame.mass), period, inner, n, threads)
+        return cls(make, models, stepping, 1, len(frame.mass))
 
     @classmethod
     def modes(
@@ -118,11 +137,7 @@ class ChainRows:
         at: Array,
         mass: float,
         model: Model,
-        command_max: Array,
-        period: float,
-        inner: int,
-        n: int = 1,
-        threads: int = 1,
+        stepping: Stepping,
     ) -> ChainRows:
         """Oscillators of 1 kg under a force (N) each, on which one damper stands.
 
@@ -142,23 +157,21 @@ class ChainRows:
         )
 
         def make(lib: Any, dampers: Dampers, error: Any) -> int:
+            period, inner = stepping.period, stepping.inner
             return int(lib.mrdamp_rows_modes(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
 
         many = len(frequency)
-        return cls(make, [model], command_max, many, many, period, inner, n, threads)
+        return cls(make, [model], stepping, many, many)
 
     @classmethod
     def car(
         cls,
         car: QuarterCar,
         model: Model,
-        command_max: Array,
-        period: float,
-        inner: int,
-        n: int = 1,
-        threads: int = 1,
+        stepping: Stepping,
     ) -> ChainRows:
         """Quarter cars on roads whose vertical acceleration (m/s2) is the load; measured as frames of two floors."""
+        period, inner = stepping.period, stepping.inner
         sections = wk_sections(period / inner)
         weighting = np.ascontiguousarray(sections[:, [0, 1, 2, 4, 5]])
         given = Car(
@@ -169,7 +182,7 @@ class ChainRows:
         def make(lib: Any, dampers: Dampers, error: Any) -> int:
             return int(lib.mrdamp_rows_car(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
 
-        return cls(make, [model], command_max, 1, 2, period, inner, n, threads)
+        return cls(make, [model], stepping, 1, 2)
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):

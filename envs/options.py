@@ -1,0 +1,109 @@
+"""Options that all structures share: how rows are stepped and commanded, and what a task observes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.control.observe import Observer
+from mrdamp.envs.chain_rows import Kind, of_engine
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.simulation.rows import Stepping
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowOptions:
+    """How rows are stepped and commanded.
+
+    period: of control, s; timestep: the largest within it, s, None: the engine's own; command_max: A or V, one or one a
+    damper, None: the models'; engine: `mujoco` or `chain`; threads: that share the rows.
+    """
+
+    period: float = 5e-3
+    timestep: float | None = None
+    command_max: float | Sequence[float] | None = None
+    engine: str = "mujoco"
+    threads: int = 1
+
+    def rows(
+        self,
+        engines: Mapping[str, tuple[type[Kind], float]],
+        dampers: Sequence[Model],
+        *structure: Any,
+        n: int = 1,
+    ) -> Kind:
+        """n rows of a structure on the engine, one of `engines`. Raises InputError."""
+        kind, step = of_engine(engines, self.engine)
+        timestep = step if self.timestep is None else self.timestep
+        largest = command_range(dampers, self.command_max)
+        make: Callable[..., Kind] = kind
+        return make(*structure, Stepping(self.period, timestep, largest, n, self.threads))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskOptions(RowOptions):
+    """Options of every task beside those of its structure: the table of `mrdamp.envs.PlantEnv`."""
+
+    observer: Observer | Mapping[str, Any] | None = None
+    signals: Sequence[str] | None = None
+    history: int = 1
+    action_in_observation: bool = True
+    memory: Sequence[float] = ()
+    peaks: Mapping[str, float] | None = None
+    full_state: bool = False
+    noise: Mapping[str, float] | None = None
+
+    def observes(
+        self, sensors: Callable[[bool], tuple[Sequence[str], Mapping[str, float]]], command_max: Array
+    ) -> Observer:
+        """The observer that is given, one of its `to_dict`, or one of the structure's sensors.
+
+        sensors: of `full_state`, the signals unless asked otherwise, and the scale of every measurement. command_max:
+        (m,) A or V. Raises InputError for a signal without a scale.
+        """
+        if isinstance(self.observer, Observer):
+            return self.observer
+        if self.observer is not None:
+            return Observer.from_dict(self.observer)
+        default, scale = sensors(self.full_state)
+        signals = tuple(default if self.signals is None else self.signals)
+        unknown = [name for name in signals if name not in scale]
+        if unknown:
+            raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
+        return Observer(
+            signals,
+            tuple(scale[name] for name in signals),
+            self.history,
+            self.action_in_observation,
+            tuple(command_max),
+            memory=tuple(self.memory),
+            peaks=self.peaks or {},
+        )
+
+
+def command_range(models: Sequence[Model], command_max: float | Sequence[float] | None) -> Array:
+    """(m,) largest command of each damper: as given, or the models' own `command_max`. Raises InputError."""
+    if command_max is None:
+        missing = [m.name for m in models if "command_max" not in m.attributes]
+        if missing:
+            raise InputError(f"{missing[0]}: it has no command_max; give command_max (A or V)")
+        command_max = [m.attributes["command_max"] for m in models]
+    values = np.broadcast_to(np.asarray(command_max, dtype=np.float64), (len(models),)).copy()
+    if not ((values > 0) & np.isfinite(values)).all():
+        raise InputError(f"command_max is {command_max}; allowed: numbers > 0, one or one for each damper")
+    return values
+
+
+def model_of(given: Model | Path | str | None, default: Callable[[], Model]) -> Model:
+    """A damper's model as it is given, from its file, or the default. Raises InputError."""
+    if isinstance(given, str | Path):
+        return Model.read(given)
+    return default() if given is None else given
