@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp.envs.weights import Weights
+from mrdamp.envs.weights import PartScore, Weights
 from mrdamp.errors import InputError
 from mrdamp.structures.cables import StayCable
 
@@ -74,14 +74,14 @@ def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
     return np.array([*squares / (cable.mass * cable.length), held.max()])
 
 
-class CableScore:
+class CableScore(PartScore[CableReward]):
     """Rewards of n rows, and how each row has done since its start.
 
     values (n, 8) are all it remembers: the free run's mean squares of motion and acceleration and its energy; sums of
     mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods.
     """
 
-    NAMES: tuple[str, ...] = (
+    NAMES = (
         *(f"reward_{part}" for part in PARTS),
         "rms_motion",
         "motion_ratio",
@@ -90,21 +90,12 @@ class CableScore:
         "dissipated_energy",
     )
 
-    def __init__(self, weights: CableReward, n: int) -> None:
-        self.weights = weights
-        self.values = np.ones((n, 8))
-        self._signed = weights.signed
-        self._signs: list[float] = self._signed.tolist()
-        self._parts = np.zeros(len(PARTS))
-
-    def start(self, row: int, free: Array) -> None:
-        self.values[row] = 0.0
-        self.values[row, :3] = free
+    kept = 8
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
         v = self.values
-        info = np.empty((len(v), len(self.NAMES)))
+        info = self._info()
         ratio = period[:, :2] / v[:, :2]
         info[:, 0:2] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
         info[:, 2:4] = period[:, 2:4]

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.weights import Weights
+from mrdamp.envs.weights import PartScore, Weights
 from mrdamp.errors import InputError
 from mrdamp.simulation.comfort import wk
 from mrdamp.structures.cars import QuarterCar
@@ -83,7 +83,7 @@ def reference_run(car: QuarterCar, heights: Array, step: float) -> Array:
     return np.array([np.mean(x * x) for x in linear_run(car, heights, step)])
 
 
-class CarScore:
+class CarScore(PartScore[CarReward]):
     """Rewards of n rows, and how each row has done since its start.
 
     values (n, 12) are all it remembers: the reference's mean squares of weighted acceleration, load and stroke; sums of
@@ -91,7 +91,7 @@ class CarScore:
     and of dissipated energy (J); periods.
     """
 
-    NAMES: tuple[str, ...] = (
+    NAMES = (
         *(f"reward_{part}" for part in PARTS),
         "weighted_acceleration",
         "rms_load",
@@ -106,19 +106,12 @@ class CarScore:
         "dissipated_energy",
     )
 
-    def __init__(self, weights: CarReward, n: int) -> None:
-        self.weights = weights
-        self.values = np.ones((n, 12))
-        self._signed = weights.signed
-
-    def start(self, row: int, reference: Array) -> None:
-        self.values[row] = 0.0
-        self.values[row, :3] = reference
+    kept = 12
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 9), and what `info` says, (n, names)."""
         v, parts = self.values, len(PARTS)
-        info = np.empty((len(v), len(self.NAMES)))
+        info = self._info()
         ratio = period[:, :3] / v[:, :3]
         info[:, :3] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
         info[:, 3:parts] = period[:, 4:7]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ class FrameTask(Task):
         dt = self.frame_rows.plants.timestep
         every = max(1, round(1e-3 / dt))
         reference = self.reference(ground[::every].copy(), every * dt)
-        self.frame_score.start(row, reference)
+        self.frame_score.start(row, astuple(reference))
         return {
             "motion": motion.name,
             "pga": motion.pga,

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.weights import Weights
+from mrdamp.envs.weights import PartScore, Weights
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 
@@ -102,7 +102,7 @@ def reference_run(
     return found
 
 
-class Score:
+class Score(PartScore[FrameReward]):
     """Rewards of n rows, and how each row has done since its start.
 
     values (n, 9) are all it remembers: the reference's drift, acceleration and strain energy; the largest drift and
@@ -110,7 +110,7 @@ class Score:
     periods.
     """
 
-    NAMES: tuple[str, ...] = (
+    NAMES = (
         *(f"reward_{part}" for part in PARTS),
         "peak_drift",
         "peak_acceleration",
@@ -121,23 +121,14 @@ class Score:
         "dissipated_energy",
     )
 
-    def __init__(self, weights: FrameReward, n: int) -> None:
-        self.weights = weights
-        self.values = np.ones((n, 9))
-        self._signed = weights.signed
-        self._signs: list[float] = self._signed.tolist()
-        self._parts = np.zeros(len(PARTS))
-
-    def start(self, row: int, reference: Reference) -> None:
-        self.values[row] = 0.0
-        self.values[row, :3] = reference.drift, reference.acceleration, reference.strain_energy
+    kept = 9
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
         v = self.values
         reference, best = v[:, :2], v[:, 3:5]
         ratio = period[:, :2] / reference
-        info = np.empty((len(v), len(self.NAMES)))
+        info = self._info()
         if self.weights.exponent == 2.0:
             np.multiply(ratio, ratio, out=info[:, 0:2])
         else:

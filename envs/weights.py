@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,3 +47,33 @@ class Weights:
             if name not in known:
                 raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
         return replace(cls(), **data)  # type: ignore[type-var]
+
+
+Of = TypeVar("Of", bound=Weights)
+
+
+class PartScore(Generic[Of]):
+    """Base of the rewards of n rows. values (n, kept) are all that it remembers of them, the reference first.
+
+    NAMES: of what `info` says, the parts of the reward first.
+    """
+
+    NAMES: tuple[str, ...]
+    kept: ClassVar[int]
+
+    def __init__(self, weights: Of, n: int) -> None:
+        self.weights = weights
+        self.values = np.ones((n, self.kept))
+        self._signed = weights.signed
+        # As plain numbers, and their sum as NumPy adds it, for a single row.
+        self._signs: list[float] = self._signed.tolist()
+        self._parts = np.zeros(len(self._signs))
+
+    def start(self, row: int, reference: Sequence[float] | NDArray[np.float64]) -> None:
+        """Row at its start. reference: (3,) what it is measured by."""
+        self.values[row] = 0.0
+        self.values[row, : len(reference)] = reference
+
+    def _info(self) -> NDArray[np.float64]:
+        """(n, names) to be filled."""
+        return np.empty((len(self.values), len(self.NAMES)))

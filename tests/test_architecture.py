@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from modules import TOOLS, loaded
 
 TOOL = Path(__file__).resolve().parents[1] / "tools" / "architecture_picture.py"
 DIAGNOSIS = TOOL.parents[1] / "src" / "mrdamp" / "diagnosis"
@@ -16,13 +16,7 @@ DIAGNOSIS = TOOL.parents[1] / "src" / "mrdamp" / "diagnosis"
 
 @pytest.fixture(scope="module")
 def tool() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("architecture_picture", TOOL)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return loaded(TOOLS / "architecture_picture.py")
 
 
 def test_no_module_or_group_imports_itself_by_a_detour(tool: ModuleType) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import re
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ import mujoco
 import pytest
 
 from mjcf_builders import Damper, Sensor, Values, compiled, document, slider
+from modules import TOOLS, loaded
 from mrdamp.model import core
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,12 +46,7 @@ def first_column(text: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def tool() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("attribute_table", ROOT / "tools" / "attribute_table.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(TOOLS / "attribute_table.py")
 
 
 def test_readme_has_the_tables_of_now(tool: ModuleType) -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from modules import loaded
 from mrdamp.blindtest import report, run, score, seal
 from mrdamp.blindtest.score import Row, Share
 from mrdamp.cli import main as mrdamp
@@ -169,11 +168,7 @@ def test_numbers() -> None:
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs the folder ../shared/cases")
 def test_definitions_are_the_shared_scorer_s() -> None:
-    spec = importlib.util.spec_from_file_location("shared_score", SHARED / "score.py")
-    assert spec is not None
-    assert spec.loader is not None
-    shared: ModuleType = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(shared)
+    shared = loaded(SHARED / "score.py")
     for label in ("none", "parameters", "~hum", "driver_lag", "driver_lag+backlash", "floor_mass@2"):
         verdict, effects = shared.truth(label)
         row = judged(label, answer("none"))

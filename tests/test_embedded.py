@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
-import sys
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -16,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from modules import TOOLS, loaded
 from mrdamp.records import Record, embedded
 
 Array = NDArray[np.float64]
@@ -26,13 +25,7 @@ STEADY = [record for record in RECORDS if re.search(r"\dA$", record.name)]
 
 @pytest.fixture(scope="module")
 def generator() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_embedded", TOOL)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # a dataclass looks its module up
-    spec.loader.exec_module(module)
-    return module
+    return loaded(TOOLS / "make_embedded.py")
 
 
 def reference(record: Record) -> Array:

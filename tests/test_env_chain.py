@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -25,6 +24,7 @@ from mrdamp.model import Effect, Model, effects_from
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import dyke1996
 from networks import random_network
+from refusals import says_that_it_diverged
 
 MOTION = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
 OBSERVED, REWARDED = 0.005, 0.01  # RMS of the difference over the RMS
@@ -312,12 +312,7 @@ def test_bad_engines_and_divergence_are_told() -> None:
         FrameTask(1, engine="fast")
     with pytest.raises(InputError, match="timestep is 0"):
         FrameTask(1, engine="chain", timestep=0.0)
-    task = FrameTask(2, engine="chain")
-    task.reset([0, 1], [np.random.default_rng(k) for k in range(2)])
-    task.step(np.zeros((2, 1)))
-    task.rows.plants.state[1, 5] = math.nan
-    with pytest.raises(InputError, match="diverged"):
-        task.step(np.zeros((2, 1)))
+    says_that_it_diverged(FrameTask(2, engine="chain"))
 
 
 @pytest.mark.parametrize("controller", ["passive-on", "constant:value=0.7", "clipped-optimal"])

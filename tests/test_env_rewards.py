@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def test_each_part_of_a_frames_reward() -> None:
     weights = FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
                           energy=11.0, exponent=2.0)  # fmt: skip
     score = Score(weights, 1)
-    score.start(0, Reference(drift=0.01, acceleration=4.0, strain_energy=8.0))
+    score.start(0, astuple(Reference(drift=0.01, acceleration=4.0, strain_energy=8.0)))
     first, info = score.of(np.array([[0.004, 2.0, 0.6, 0.5, 1.2, 0.4]]))
     expected = [-2 * 0.4**2, -3 * 0.5**2, -5 * 0.4, -7 * 0.5, -0.5 * 0.6, -0.25 * 0.5, 11 * 0.4 / 8]
     np.testing.assert_allclose(info[0, :7], expected)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -27,6 +29,16 @@ def test_mount_hardens_with_its_deflection() -> None:
     assert np.abs(k3 * d**2).max() > 0.5  # the cubic part is no trifle here
 
 
+def errors(attributes: dict[str, float], x: np.ndarray, expected: np.ndarray) -> Callable[..., float]:
+    """A function of other attributes: RMS difference of the chain's force from the expected, over the latter's RMS."""
+
+    def error(**other: float) -> float:
+        force = core.run("bingham", attributes | other, DT, x, u=0.0, columns=("force",))["force"]
+        return rms((force - expected)[5:-5]) / rms(expected)
+
+    return error
+
+
 @pytest.mark.parametrize("gap", [0.0, 3e-4])
 def test_a_bush_meets_its_stop(gap: float) -> None:
     """Against SciPy: two slopes in series with a dashpot."""
@@ -48,9 +60,7 @@ def test_a_bush_meets_its_stop(gap: float) -> None:
     if gap:
         bush["backlash_gap"] = gap
 
-    def error(**other: float) -> float:
-        force = core.run("bingham", law | bush | other, DT, x, u=0.0, columns=("force",))["force"]
-        return rms((force - expected)[5:-5]) / rms(expected)
+    error = errors(law | bush, x, expected)
 
     assert error() < 0.01
     assert error(mount_compliance_stiffer=0.0) > 0.02
@@ -79,9 +89,7 @@ def test_a_mount_has_friction_inside(gap: float) -> None:
     d = x - y[0]
     expected = k * (d - np.clip(d, -gap / 2, gap / 2)) + largest * y[1]
 
-    def error(**other: float) -> float:
-        force = core.run("bingham", law | rubber | other, DT, x, u=0.0, columns=("force",))["force"]
-        return rms((force - expected)[5:-5]) / rms(expected)
+    error = errors(law | rubber, x, expected)
 
     assert error() < 0.01
     assert error(mount_compliance_friction=0.0) > 0.03
@@ -111,9 +119,7 @@ def test_a_mount_lets_go(gap: float) -> None:
     y = solve_ivp(rates, (0, T[-1]), [0.0, 0.0], t_eval=T, max_step=1e-4, rtol=1e-6, atol=1e-9).y
     expected = k * (beyond(x - y[0]) + loss * y[1])
 
-    def error(**other: float) -> float:
-        force = core.run("bingham", law | rubber | other, DT, x, u=0.0, columns=("force",))["force"]
-        return rms((force - expected)[5:-5]) / rms(expected)
+    error = errors(law | rubber, x, expected)
 
     assert error() < 0.01
     assert error(mount_compliance_loss=0.0) > 0.03

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-_PATH = Path(__file__).parents[1] / "tools" / "next_test_study.py"
-_SPEC = importlib.util.spec_from_file_location("next_test_study", _PATH)
-assert _SPEC is not None
-assert _SPEC.loader is not None
-study = importlib.util.module_from_spec(_SPEC)
-sys.modules["next_test_study"] = study
-_SPEC.loader.exec_module(study)
+from modules import TOOLS, loaded
+
+study = loaded(TOOLS / "next_test_study.py")
 
 
 def outcome(settled: bool, margin: float, behind: float = 1.0) -> object:

@@ -217,23 +217,36 @@ def trials() -> list[Trial]:
         name = f"{shape}_{frequency:.1f}Hz_{mm:.1f}mm_{current:.2f}A"
         add(half, name, duration, make(frequency, 1e-3 * mm), constant(current))
 
-    steady("train", "sine", 1.0, 5.0, 0.25, 5.0)
-    steady("train", "sine", 1.0, 1.0, 1.00, 5.0)
-    steady("train", "sine", 2.5, 5.0, 0.00, 3.0)
-    steady("train", "sine", 2.5, 2.5, 1.00, 3.0)
-    steady("train", "sine", 5.0, 5.0, 0.50, 3.0)
-    steady("train", "sine", 5.0, 2.5, 0.00, 3.0)
-    steady("train", "triangle", 1.0, 5.0, 0.50, 5.0)
-    wander = random_motion(11, 3.5e-3, 0.2, 8.0)
-    add("train", "random_random_current_1", 15.0, wander, random_command(21, 10.0))
+    def steadies(half: str, *tests: tuple[str, float, float, float, float]) -> None:
+        for test in tests:
+            steady(half, *test)
+
+    def random(half: str, number: int) -> None:
+        wander = random_motion(10 + number, 3.5e-3, 0.2, 8.0)
+        add(half, f"random_random_current_{number}", 15.0, wander, random_command(19 + 2 * number, 10.0))
+
+    # Shape, Hz, mm, A, s.
+    steadies(
+        "train",
+        ("sine", 1.0, 5.0, 0.25, 5.0),
+        ("sine", 1.0, 1.0, 1.00, 5.0),
+        ("sine", 2.5, 5.0, 0.00, 3.0),
+        ("sine", 2.5, 2.5, 1.00, 3.0),
+        ("sine", 5.0, 5.0, 0.50, 3.0),
+        ("sine", 5.0, 2.5, 0.00, 3.0),
+        ("triangle", 1.0, 5.0, 0.50, 5.0),
+    )
+    random("train", 1)
     add("train", "sine_5.0Hz_2.5mm_random_current", 15.0, sine(5.0, 2.5e-3), random_command(22, 10.0))
-    steady("validation", "sine", 1.0, 10.0, 0.75, 4.0)
-    steady("validation", "sine", 2.5, 1.0, 0.50, 3.0)
-    steady("validation", "sine", 5.0, 5.0, 0.00, 3.0)
-    steady("validation", "sine", 5.0, 5.0, 1.00, 3.0)
-    steady("validation", "triangle", 2.5, 5.0, 0.50, 3.0)
-    wander = random_motion(12, 3.5e-3, 0.2, 8.0)
-    add("validation", "random_random_current_2", 15.0, wander, random_command(23, 10.0))
+    steadies(
+        "validation",
+        ("sine", 1.0, 10.0, 0.75, 4.0),
+        ("sine", 2.5, 1.0, 0.50, 3.0),
+        ("sine", 5.0, 5.0, 0.00, 3.0),
+        ("sine", 5.0, 5.0, 1.00, 3.0),
+        ("triangle", 2.5, 5.0, 0.50, 3.0),
+    )
+    random("validation", 2)
     slow, corner = sine(1.0, 2.5e-3), triangle(2.5, 2.5e-3)
     add("validation", "sine_1.0Hz_2.5mm_random_current", 10.0, slow, random_command(24, 10.0))
     add("validation", "triangle_2.5Hz_2.5mm_random_current", 10.0, corner, random_command(25, 10.0))

@@ -44,15 +44,12 @@ def add_identify(commands: Any) -> None:
         "fit a law, or a network, to records, judged in free run on records held out",
         "mrdamp identify records/ --law bouc_wen --intervals -o model.json",
     )
-    p.add_argument(
-        "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
-    )
+    _add_records(p)
     p.add_argument(
         "--law",
         default="modified_bouc_wen",
         help="bingham, bouc_wen, hyperbolic_tangent, modified_bouc_wen, or narx for a network (default: %(default)s)",
     )
-    p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
     p.add_argument(
         "--dependence",
         help="how coefficients follow the command: constant, linear (default), quadratic, saturating,"
@@ -68,7 +65,6 @@ def add_identify(commands: Any) -> None:
     p.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
     p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
     p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
-    p.add_argument("--seed", type=int, default=0)
     p.add_argument(
         "--workers",
         "--jobs",
@@ -99,10 +95,7 @@ def add_table1(commands: Any) -> None:
         "Bingham, Bouc-Wen, hyperbolic tangent and a network on one record set: the foam-damper paper's Table 1",
         "mrdamp table1 records/ --picture loops.svg",
     )
-    p.add_argument(
-        "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
-    )
-    p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
+    _add_records(p)
     p.add_argument("--dependence", help="how coefficients follow the command (default: linear)")
     p.add_argument(
         "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
@@ -110,11 +103,18 @@ def add_table1(commands: Any) -> None:
     p.add_argument("--no-network", action="store_true", help="leave the network out")
     p.add_argument("--workers", "--jobs", type=int, default=1, help="processes for the network's training")
     p.add_argument("--starts", type=int, default=4)
-    p.add_argument("--seed", type=int, default=0)
     p.add_argument("--picture", type=Path, help="loops of all models over each other (.svg, .png or .pdf)")
     p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
     _add_json(p)
     _add_cutoff(p)
+
+
+def _add_records(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
+    )
+    p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
+    p.add_argument("--seed", type=int, default=0)
 
 
 def _add_json(p: argparse.ArgumentParser) -> None:

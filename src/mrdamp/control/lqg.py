@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from scipy.linalg import expm, solve_continuous_are
 
@@ -23,14 +26,12 @@ def regulator_gain(
     unit = 1 / np.sqrt(weight)
     cross = (c.T @ (q * d) * unit)[:, None]
     scaled = b[:, None] * unit
-    try:
+    with _needs_stable(
+        f"no stable regulator found for r = {r:g}; raise r or regulate more measurements"
+    ) as check:
         p = solve_continuous_are(a, scaled, c.T @ (q[:, None] * c), np.eye(1), s=cross)
         k = np.asarray((scaled.T @ p + cross.T)[0] * unit, dtype=np.float64)
-        stable = bool((np.linalg.eigvals(a - np.outer(b, k)).real < 0).all())
-    except ValueError:  # LinAlgError is one
-        stable = False
-    if not stable:
-        raise InputError(f"no stable regulator found for r = {r:g}; raise r or regulate more measurements")
+        check(a - np.outer(b, k))
     return k
 
 
@@ -46,15 +47,27 @@ def kalman_gain(
     unit = np.ones(len(c)) if deviation is None else deviation
     loads = e.reshape(len(a), -1)
     rows = c / unit[:, None]
-    try:
+    with _needs_stable(f"no stable filter found for noise_ratio = {noise_ratio:g}; measure more") as check:
         p = solve_continuous_are(a.T, rows.T, noise_ratio * loads @ loads.T, np.eye(len(c)))
         gain = np.asarray(p @ rows.T / unit, dtype=np.float64)
-        stable = bool((np.linalg.eigvals(a - gain @ c).real < 0).all())
-    except ValueError:  # LinAlgError is one
-        stable = False
-    if not stable:
-        raise InputError(f"no stable filter found for noise_ratio = {noise_ratio:g}; measure more")
+        check(a - gain @ c)
     return gain
+
+
+@contextmanager
+def _needs_stable(otherwise: str) -> Iterator[Callable[[FloatArray], None]]:
+    """Gives a check of a closed loop's matrix; InputError with that line where it or the Riccati equation fails."""
+
+    def check(closed: FloatArray) -> None:
+        if not (np.linalg.eigvals(closed).real < 0).all():
+            raise InputError(otherwise)
+
+    try:
+        yield check
+    except InputError:
+        raise
+    except ValueError:  # LinAlgError is one
+        raise InputError(otherwise) from None
 
 
 def first_order_hold(

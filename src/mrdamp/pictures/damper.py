@@ -16,7 +16,7 @@ from mrdamp.errors import InputError
 from mrdamp.pictures.series import (
     Array,
     busiest,
-    clock,
+    check_series,
     finite,
     force_unit,
     length_unit,
@@ -66,10 +66,7 @@ class LoopData:
     note: str = ""
 
     def __post_init__(self) -> None:
-        time = clock(f"{self.name}: time", self.time)
-        object.__setattr__(self, "time", time)
-        for name in ("displacement", "velocity", "command", "measured", "simulated"):
-            object.__setattr__(self, name, finite(f"{self.name}: {name}", getattr(self, name), time.shape))
+        check_series(self, "displacement", "velocity", "command", "measured", "simulated")
 
 
 @styled

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.series import Array, busiest, clock, finite, outline
+from mrdamp.pictures.series import Array, busiest, check_series, outline
 from mrdamp.pictures.style import (
     COLOURS,
     GRID,
@@ -52,10 +52,7 @@ class ResidualData:
     note: str = ""
 
     def __post_init__(self) -> None:
-        time = clock(f"{self.name}: time", self.time)
-        object.__setattr__(self, "time", time)
-        for name in ("velocity", "command", "measured", "nominal", "corrected"):
-            object.__setattr__(self, name, finite(f"{self.name}: {name}", getattr(self, name), time.shape))
+        check_series(self, "velocity", "command", "measured", "nominal", "corrected")
 
 
 @styled

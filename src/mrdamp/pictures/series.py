@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -107,3 +109,11 @@ def padded(low: float, high: float) -> tuple[float, float]:
     """Limits of an axis that holds the range with a margin; never empty."""
     margin = 0.06 * (high - low) or 0.06 * max(abs(low), abs(high)) or 1.0
     return low - margin, high + margin
+
+
+def check_series(data: Any, *fields: str) -> None:
+    """Makes arrays of a dataclass' `time` (n,) and of its fields (n,), checked; `name` begins the line of an error."""
+    time = clock(f"{data.name}: time", data.time)
+    object.__setattr__(data, "time", time)
+    for field in fields:
+        object.__setattr__(data, field, finite(f"{data.name}: {field}", getattr(data, field), time.shape))
