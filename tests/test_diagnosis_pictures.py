@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from matplotlib.patches import FancyBboxPatch
 
-from mrdamp.pictures.diagnosis import added, waterfall
+from mrdamp.errors import InputError
+from mrdamp.pictures.diagnosis import ResidualData, added, chain, loops, residuals, waterfall
 
 
 @pytest.mark.parametrize(
@@ -20,3 +23,36 @@ def test_a_bar_is_labelled_by_what_it_adds(names: list[str], labels: list[str]) 
     assert added(names) == labels
     ax = waterfall([(name, 0.1, (0.08, 0.12)) for name in names], 0.01).axes[0]
     assert [t.get_text() for t in ax.get_yticklabels()] == labels
+
+
+def record(displacement: bool = True) -> ResidualData:
+    t = np.arange(0.0, 4.0, 1e-3)
+    x, v = 0.01 * np.sin(2 * np.pi * t), 0.02 * np.pi * np.cos(2 * np.pi * t)
+    f = 1000 * v
+    return ResidualData("r", t, v, 0 * t, f, 1.5 * f, 1.05 * f, displacement=x if displacement else None)
+
+
+def test_the_stage_of_a_named_cause_is_lit_and_no_other() -> None:
+    shares = {"driver": 0.1, "magnetics": 0.7, "sensor": 0.2}
+    ax = chain(shares, named=["magnetics"]).axes[0]
+    boxes = [p for p in ax.patches if isinstance(p, FancyBboxPatch)]
+    labels = [t for t in ax.texts if t.get_text() in shares]
+    assert [t.get_text() for t in labels] == list(shares)
+    assert [b.get_facecolor()[3] for b in boxes] == [0.0, 1.0, 0.0]
+    assert [t.get_weight() for t in labels] == ["normal", "bold", "normal"]
+
+
+def test_residuals_before_and_after_stand_on_one_scale() -> None:
+    before, after = residuals([record()]).axes
+    assert before.get_ylim() == after.get_ylim()
+    size = [np.abs(ax.lines[-1].get_ydata()).max() for ax in (before, after)]
+    assert size[0] == pytest.approx(10 * size[1], rel=0.02)
+
+
+def test_loops_show_measured_nominal_and_corrected() -> None:
+    for ax in loops(record()).axes:
+        measured, nominal, corrected = (np.ptp(line.get_ydata()) for line in ax.lines)
+        assert nominal / measured == pytest.approx(1.5, rel=1e-6)
+        assert corrected / measured == pytest.approx(1.05, rel=1e-6)
+    with pytest.raises(InputError, match="displacement"):
+        loops(record(displacement=False))

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import FancyBboxPatch, Patch
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.series import Array, busiest, check_series, outline
+from mrdamp.pictures.series import (
+    Array,
+    busiest,
+    check_series,
+    force_unit,
+    length_unit,
+    outline,
+    thinned,
+    velocity_unit,
+)
 from mrdamp.pictures.style import (
     COLOURS,
     GRID,
@@ -28,7 +38,11 @@ from mrdamp.pictures.style import (
     ticks,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
+
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
+_LIT = COLOURS[1]  # the stage of a named cause
 _BINS = 7  # of the gap map, a side
 _FEWEST = 20  # samples of a bin that is drawn
 _HEAT = LinearSegmentedColormap.from_list("gap", ["#f4f6f8", "#f3b27a", COLOURS[1], "#7d2e00"])
@@ -38,7 +52,8 @@ _HEAT = LinearSegmentedColormap.from_list("gap", ["#f4f6f8", "#f3b27a", COLOURS[
 class ResidualData:
     """A record's channel, measured and simulated before and after the correction.
 
-    time (n,) s; velocity (n,) m/s of the piston; command (n,); measured, nominal, corrected (n,) in `unit`.
+    time (n,) s; velocity (n,) m/s of the piston; command (n,); measured, nominal, corrected (n,) in `unit`;
+    displacement (n,) m of the piston, for loops.
     """
 
     name: str
@@ -50,9 +65,12 @@ class ResidualData:
     corrected: Array
     unit: str = "N"
     note: str = ""
+    displacement: Array | None = None
 
     def __post_init__(self) -> None:
         check_series(self, "velocity", "command", "measured", "nominal", "corrected")
+        if self.displacement is not None:
+            check_series(self, "displacement")
 
 
 @styled
@@ -124,21 +142,19 @@ def probabilities(values: Mapping[str, float], most: int = 6) -> Figure:
 
 
 @styled
-def chain(shares: Mapping[str, float], intervals: Mapping[str, tuple[float, float]] | None = None) -> Figure:
-    """The signal chain with each stage's share of the gap over it; intervals where there are any."""
+def chain(
+    shares: Mapping[str, float],
+    intervals: Mapping[str, tuple[float, float]] | None = None,
+    named: Collection[str] = (),
+) -> Figure:
+    """The signal chain, named stages lit, each stage's share of the gap over it, with intervals where there are any."""
     names = list(shares)
-    fig = figure(2.0)
+    fig = figure(2.3)
     ax = fig.subplots()
     x = np.arange(len(names))
     values = 100 * np.array([shares[name] for name in names])
-    ax.bar(
-        x,
-        values,
-        width=0.62,
-        color=[_HEAT(0.15 + 0.6 * v / 100) for v in values],
-        edgecolor=MUTED,
-        linewidth=0.6,
-    )
+    colours = [_LIT if name in named else REFERENCE for name in names]
+    ax.bar(x, values, width=0.62, color=colours)
     top = float(values.max())
     for k, name in enumerate(names):
         reach = values[k]
@@ -148,18 +164,33 @@ def chain(shares: Mapping[str, float], intervals: Mapping[str, tuple[float, floa
             reach = max(reach, high)
         top = max(top, reach)
         ax.text(k, reach + 2, f"{values[k]:.0f} %", ha="center", color=INK, fontsize=9)
-    for k in range(len(names) - 1):
-        ax.annotate(
-            "", (k + 0.66, -0.02), (k + 0.34, -0.02), xycoords=("data", "axes fraction"),
-            arrowprops={"arrowstyle": "->", "color": MUTED, "linewidth": 0.9}, annotation_clip=False,
-        )  # fmt: skip
-    ax.set_xticks(x, names, fontsize=8)
-    ax.tick_params(axis="x", length=0, pad=5)
-    ax.set_ylim(0, 1.15 * max(top, 10.0))
+    top = 1.15 * max(top, 10.0)
+    for k, name in enumerate(names):
+        _stage(ax, k, -0.17 * top, 0.17 * top, name, lit=name in named, size=min(7.5, 45 / len(names)))
+    arrow = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+    for k in range(-1, len(names)):  # the command's way in and the reading's way out are longer
+        start, end = k + (0.26 if k < 0 else 0.46), k + (0.74 if k == len(names) - 1 else 0.54)
+        ax.annotate("", (end, -0.17 * top), (start, -0.17 * top), annotation_clip=False, arrowprops=arrow)
+    ax.set_xlim(-0.8, len(names) - 0.2)
+    ax.set_ylim(-0.3 * top, top)
+    ax.axhline(0.0, color=MUTED, linewidth=0.7)
+    ax.spines[["left", "bottom"]].set_visible(False)
     ax.set_ylabel("share of the gap")
+    ax.set_xticks([])
     ax.set_yticks([])
     ax.grid(visible=False)
     return fig
+
+
+def _stage(ax: Axes, x: float, y: float, height: float, name: str, *, lit: bool, size: float) -> None:
+    """A stage as a box of the chain around (x, y); size: of the type, points."""
+    box = FancyBboxPatch(
+        (x - 0.45, y - height / 2), 0.9, height, boxstyle="round,pad=0,rounding_size=0.06", mutation_aspect=height,
+        facecolor=_LIT if lit else "none", edgecolor=_LIT if lit else MUTED, linewidth=1.0, clip_on=False,
+    )  # fmt: skip
+    ax.add_patch(box)
+    ax.text(x, y, name, ha="center", va="center", fontsize=size, color="white" if lit else INK,
+            weight="bold" if lit else "normal")  # fmt: skip
 
 
 @styled
@@ -196,21 +227,69 @@ def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
 
 
 @styled
-def residuals(records: Sequence[ResidualData], periods: float = 8.0) -> Figure:
-    """Measured less simulated over time, before and after, where the piston moves fastest; a row a record."""
+def residuals(records: Sequence[ResidualData], periods: float = 5.0) -> Figure:
+    """Measured less simulated over time, before and after, where the piston moves fastest; a row a record.
+
+    A record's rows share the scale: the nominal simulator's residual, the corrected one's below it.
+    """
     if not records:
         raise InputError("residuals: no records")
-    fig = figure(0.6 + 1.05 * len(records))
-    axes = axes_grid(fig, len(records), 1)
-    for r, (ax,) in zip(records, axes, strict=True):
+    fig = figure(0.6 + 2.1 * len(records))
+    axes = fig.subplots(2 * len(records), 1)
+    for k, r in enumerate(records):
         part = busiest(r.time, r.velocity, periods)
-        _line(ax, r.time[part], (r.measured - r.nominal)[part], BEFORE, 1.0)
-        _line(ax, r.time[part], (r.measured - r.corrected)[part], AFTER, 1.0)
-        ax.set_title(elide(" · ".join(x for x in (r.name, r.note) if x), 330))
-        ax.set_ylabel(r.unit)
-        ticks(ax, 6, 4)
-    axes[-1][0].set_xlabel("time, s")
+        pair = axes[2 * k : 2 * k + 2]
+        errors = [(r.measured - simulated)[part] for simulated in (r.nominal, r.corrected)]
+        top = 1.08 * max(float(np.abs(e).max()) for e in errors) or 1.0
+        for ax, error, colour in zip(pair, errors, (BEFORE, AFTER), strict=True):
+            ax.axhline(0.0, color=MUTED, linewidth=0.7)
+            _line(ax, r.time[part], error, colour, 1.2)
+            ax.set_xlim(r.time[part][0], r.time[part][-1])
+            ax.set_ylim(-top, top)
+            ax.set_ylabel(r.unit)
+            ticks(ax, 6, 4)
+        pair[0].tick_params(axis="x", labelbottom=False)
+        pair[0].set_title(elide(" · ".join(x for x in (r.name, r.note) if x), 330))
+    axes[-1].set_xlabel("time, s")
     legend(fig, [Patch(color=BEFORE), Patch(color=AFTER)], ["nominal", "corrected"])
+    return fig
+
+
+@styled
+def loops(record: ResidualData, periods: float = 2.0) -> Figure:
+    """Force over displacement and over velocity of one record: measured, nominal and corrected, over so many periods.
+
+    Raises InputError for a record without displacement.
+    """
+    if record.displacement is None:
+        raise InputError(f"{record.name}: loops need its displacement")
+    part = thinned(busiest(record.time, record.displacement, periods, record.velocity), 1500)
+    force, force_name = force_unit(record.measured)
+    length, length_name = length_unit(record.displacement)
+    speed, speed_name = velocity_unit(record.velocity[part])
+    fig = figure(6.2)
+    axes = fig.subplots(2, 1)
+    drawn: tuple[tuple[str, Array, str, float, LineStyleType], ...] = (
+        ("measured", record.measured, REFERENCE, 3.0, "-"),
+        ("nominal", record.nominal, BEFORE, 1.3, (0, (4, 1.5))),
+        ("corrected", record.corrected, AFTER, 1.3, "-"),
+    )
+    sides = (
+        (length * record.displacement, f"displacement, {length_name}"),
+        (speed * record.velocity, f"velocity, {speed_name}"),
+    )
+    for ax, (x, label) in zip(axes, sides, strict=True):
+        for _, y, colour, width, style in drawn:
+            ax.plot(x[part], force * y[part], color=colour, linewidth=width, linestyle=style)
+        ax.set_xlabel(label)
+        ax.set_ylabel(f"force, {force_name}")
+        ticks(ax, 6, 5)
+    axes[0].set_title(elide(record.name, 330))
+    legend(
+        fig,
+        [Line2D([], [], color=c, linewidth=w, linestyle=s) for *_, c, w, s in drawn],
+        [n for n, *_ in drawn],
+    )
     return fig
 
 

@@ -11,14 +11,13 @@ from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.report.sentence import number, share
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.pictures import damper as damper_pictures
 from mrdamp.pictures import diagnosis as pictures
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative
 from mrdamp.report import Page
 from mrdamp.simulation.predict import free_run
 
-_SHOWN = 3  # records with residuals and loops
+_SHOWN = 2  # records with residuals
 
 
 def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[pictures.ResidualData]:
@@ -28,23 +27,35 @@ def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[p
 
 
 def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_unit: str = "A") -> Page:
-    """The whole page; `nominal`: the simulator as its owner believes it, records: all of the case."""
+    """The whole page; `nominal`: the simulator as its owner believes it, records: all of the case.
+
+    What a person acts on comes first: the stage, how far the gap shrinks, what remains, what to do next.
+    """
     out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
     shown = views(nominal, found.corrected, records)
+    order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))
+    worst = [shown[k] for k in order[:_SHOWN]]
+    _stages(out, found)
+    _shrink(out, found)
+    _remains(out, found, worst)
     _next(out, found)
     _answer(out, found)
     _where(out, found, shown, command_unit)
-    _shrink(out, found, shown)
-    if nominal.rig == "damper":
-        out.figure(
-            "Loops",
-            damper_pictures.loops(_loops(shown, records, command_unit)),
-            "Measured force and the corrected simulator, over displacement and velocity.",
-            "Hysteresis loops of the measured force with the corrected simulator's over them.",
-        )
+    _records(out, shown)
     _handed_over(out, found)
     _doubt(out, found)
     return out
+
+
+def _stages(out: Page, found: Diagnosis) -> None:
+    stages, named = found.where.stages, {e.stage for e in found.effects}
+    out.figure(
+        "Where in the chain",
+        pictures.chain(stages, found.where.intervals, named),
+        "The chain from command to sensor, with each stage's share of the gap and its 95 % interval"
+        + (f"; lit: {', '.join(s for s in stages if s in named)}." if named else "."),
+        "Bars: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in stages.items()),
+    )
 
 
 def _next(out: Page, found: Diagnosis) -> None:
@@ -108,16 +119,9 @@ def _answer(out: Page, found: Diagnosis) -> None:
 
 
 def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:
-    stages = found.where.stages
-    out.figure(
-        "Where the gap lies",
-        pictures.chain(stages, found.where.intervals),
-        "The chain from command to sensor, with each stage's share of the gap and its 95 % interval.",
-        "Bars: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in stages.items()),
-    )
     if found.where.measured:
         out.table(
-            "",
+            "Details of where the gap lies",
             ("between measured channels", "stages", "share of the nominal gap", "what would part them"),
             [
                 (m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by)
@@ -126,7 +130,7 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
             "Measured signals put in at the chain's interfaces; a share below 0 undoes another part's error.",
         )
     out.figure(
-        "",
+        "" if found.where.measured else "Details of where the gap lies",
         pictures.gap_map(shown, command_unit),
         "RMS residual over piston velocity and command, nominal and corrected, on one scale.",
         "Two maps of the residual over velocity and command; the corrected one is the paler.",
@@ -149,7 +153,7 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
                   [(name, f"{100 * v:.0f} %") for name, v in found.where.records.items()])  # fmt: skip
 
 
-def _shrink(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
+def _shrink(out: Page, found: Diagnosis) -> None:
     gap = found.gap
     steps = [(s.name, s.gap, s.interval) for s in found.waterfall]
     if steps:
@@ -159,16 +163,47 @@ def _shrink(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData])
             "RMS error over the RMS of the measurement, on records that no parameter was fitted to.",
             "Bars: " + ", ".join(f"{name} {100 * value:.2g} %" for name, value, _ in steps),
         )
-    worst = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))[:_SHOWN]
+
+
+_REMAINDER = {
+    "law": "follows from the same inputs: another law, or a network, would predict more of it",
+    "unpredictable": "does not follow from the recorded inputs: no model of them would predict it",
+    "outside": "comes from a cause outside the catalogue",
+}
+
+
+def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]) -> None:
+    """What the corrected simulator leaves, drawn for the records with the largest nominal gap."""
+    rest = found.remainder
+    if rest is None:
+        said = f"The corrected simulator meets the noise: {100 * found.gap.corrected:.2g} % of the RMS."
+    else:
+        said = (
+            f"{100 * rest.gap:.2g} % of the RMS, {100 * rest.share:.0f} % of the excess over the noise. "
+            f"It {_REMAINDER[rest.of]}."
+        )
+        if rest.regimes:
+            said += f" It is largest in: {', '.join(r.what for r in rest.regimes)}."
+    out.text("What remains", [said])
     out.figure(
-        "" if steps else "How far it shrinks",
-        pictures.residuals([shown[k] for k in sorted(worst)]),
-        "Measured less simulated on the records with the largest gap, before and after.",
+        "",
+        pictures.residuals(worst),
+        "Measured less simulated, on the records with the largest gap: nominal above, corrected below, on one scale.",
         "Residuals over time of the nominal and the corrected simulator.",
     )
+    if worst[0].displacement is not None:
+        out.figure(
+            "",
+            pictures.loops(worst[0]),
+            "Measured force with the nominal and the corrected simulator's, over displacement and velocity.",
+            "Hysteresis loops: measured, nominal and corrected.",
+        )
+
+
+def _records(out: Page, shown: Sequence[pictures.ResidualData]) -> None:
     rows = [(r.name, 100 * _nrms(r.nominal, r.measured), 100 * _nrms(r.corrected, r.measured)) for r in shown]
-    out.table("", ("record", "nominal, %", "corrected, %"), rows,
-              "All records; the corrected simulator was fitted to them. The bars above are held out.")  # fmt: skip
+    out.table("Gap by record", ("record", "nominal, %", "corrected, %"), rows,
+              "All records; the corrected simulator was fitted to them. The bars further up are held out.")  # fmt: skip
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
@@ -245,6 +280,7 @@ def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.R
         record.channel("force_N"),
         before,
         after,
+        displacement=record.displacement,
     )
 
 
@@ -270,16 +306,3 @@ def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.Re
         unit="m/s²",
         note=f"floor {floor[5:].partition('_')[0]}",
     )
-
-
-def _loops(
-    shown: Sequence[pictures.ResidualData], records: Sequence[Record], command_unit: str
-) -> list[damper_pictures.LoopData]:
-    rows = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))[:_SHOWN]
-    return [
-        damper_pictures.LoopData(
-            shown[k].name, shown[k].time, records[k].displacement, shown[k].velocity, shown[k].command,
-            shown[k].measured, shown[k].corrected, command_unit,
-        )
-        for k in sorted(rows)
-    ]  # fmt: skip
