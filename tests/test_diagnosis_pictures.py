@@ -39,7 +39,7 @@ def test_the_stage_of_a_named_cause_is_lit_and_no_other() -> None:
     labels = [t for t in ax.texts if t.get_text() in shares]
     assert [t.get_text() for t in labels] == list(shares)
     assert [b.get_facecolor()[3] for b in boxes] == [0.0, 1.0, 0.0]
-    assert [t.get_weight() for t in labels] == ["normal", "bold", "normal"]
+    assert [t.get_fontweight() for t in labels] == ["normal", "bold", "normal"]
 
 
 def test_residuals_before_and_after_stand_on_one_scale() -> None:
