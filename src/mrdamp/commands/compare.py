@@ -71,6 +71,10 @@ def add_to(commands: Any) -> None:
         "--engine", choices=("mujoco", "chain"), default="mujoco",
         help="what the structures run on: MuJoCo, or the plugin's chain without it (default: %(default)s)",
     )  # fmt: skip
+    p.add_argument(
+        "--bound", nargs="?", type=int, const=1, metavar="N",
+        help="add the best commands for motions known in advance, searched for from the N best runs of each case (1)",
+    )  # fmt: skip
     p.add_argument("--tune", action="store_true", help="tune controllers that have no setting for this model")
     p.add_argument(
         "--jobs", type=int, default=-1, help="processes (default: all cores); the answer is the same"
@@ -93,11 +97,12 @@ def run(a: argparse.Namespace) -> int:
 
 
 def _compare(a: argparse.Namespace, environment: str) -> int:
+    from mrdamp.compare.bound import with_bounds
     from mrdamp.compare.comparison import compare
     from mrdamp.compare.contenders import contenders, shipped_policies
     from mrdamp.compare.motions import read_motions
     from mrdamp.compare.output import write_comparison
-    from mrdamp.compare.tables import mean_rows, to_json
+    from mrdamp.compare.tables import mean_rows, share_columns, share_note, share_rows, to_json
     from mrdamp.simulation.roads import read_road
 
     bench = {"frame": _frame_bench, "cable": _cable_bench, "car": _car_bench}[environment](a)
@@ -116,6 +121,8 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
             names = [name for name in names if name not in bench.tuned]
         rows = contenders(bench, names, settings, shipped)
         result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
+        if a.bound is not None:
+            result = with_bounds(bench, result, loads, starts=a.bound, jobs=a.jobs, keep=keep, progress=progress)
         about = _about(bench, result, settings, names)
         if a.out:
             progress("page", 1.0)
@@ -127,6 +134,9 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
     print(_aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]))
     print(f"mean (worst) over motions or loads and amplitudes; ratios are over {bench.reference}")
+    if result.bounds:
+        print(_aligned([share_columns(result), *share_rows(result)]))
+        print(share_note(result))
     print(about)
     if not settings and not a.controllers:
         print("tuned controllers are left out: there are no settings for this model; add --tune")
@@ -229,6 +239,8 @@ def _command(a: argparse.Namespace) -> str:
     ):
         if values:
             parts += [flag, *map(str, values)]
+    if a.bound is not None:
+        parts += ["--bound", str(a.bound)]
     if a.model:
         parts += ["--model", str(a.model)]
     return shlex.join([*parts, "-o", str(a.out)])

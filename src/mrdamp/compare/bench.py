@@ -72,7 +72,8 @@ class Bench(Protocol):
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
     controllers of the default table. tuning_amplitudes: of the loads that they are tuned on; unseen_amplitudes: of
-    those that they are judged on. reference: what ratios are over, in words.
+    those that they are judged on. reference: what ratios are over, in words. bounds: name -> measures' keys with their
+    weights, of what a clairvoyant command makes small; empty where there is no such search.
     """
 
     @property
@@ -106,6 +107,9 @@ class Bench(Protocol):
     def reference(self) -> str: ...
 
     @property
+    def bounds(self) -> Mapping[str, Mapping[str, float]]: ...
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of controllers, see `mrdamp.control.registry`."""
 
@@ -117,6 +121,13 @@ class Bench(Protocol):
 
     def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a run, for JSON; spec: UNCONTROLLED or a controller's."""
+
+    def bound(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
+        """Clairvoyant runs, for JSON: bound -> `values`, as below, and `paths`, one a start.
+
+        starts: bound -> specs, the best first. Of a path: the name of its `start`, what was made small after every step
+        (`values`), and why it `ended`.
+        """
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         """Every measure by key, from what is kept of a run and of the uncontrolled one; NaN where it has no value."""

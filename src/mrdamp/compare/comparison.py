@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +21,19 @@ from mrdamp.model.core import Array
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value."""
+    """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value.
+
+    Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds, as of a bench, and paths, how they
+    were found: (load, amplitude) -> bound -> what `Bench.bound` says of each start.
+    """
 
     contenders: tuple[Contender, ...]
     measures: tuple[Measure, ...]
     loads: tuple[str, ...]
     amplitudes: tuple[float, ...]
     values: Mapping[str, Mapping[str, Array]]
+    bounds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    paths: Mapping[tuple[str, float], Mapping[str, Sequence[Mapping[str, Any]]]] = field(default_factory=dict)
 
     def summary(self, contender: str, measure: str) -> Summary:
         """Mean, worst and the mean's interval over seeds and loads."""

@@ -17,10 +17,11 @@ _SUFFIXES = (".json", ".json.gz")
 
 @dataclass(frozen=True)
 class Contender:
-    """A row of the table. specs: one for each seed, see `mrdamp.control.registry`."""
+    """A row of the table. specs: one for each seed, see `mrdamp.control.registry`; of a bound its name alone."""
 
     name: str
     specs: tuple[str, ...]
+    bound: bool = False
 
     @property
     def learned(self) -> bool:

@@ -83,6 +83,11 @@ class FrameBench:
     tuning_amplitudes: ClassVar[tuple[float, ...]] = TUNING_AMPLITUDES
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
+    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "clairvoyant": {"J1": 0.5, "J2": 0.5},
+        "clairvoyant-drift": {"J1": 1.0},
+        "clairvoyant-acceleration": {"J2": 1.0},
+    }
 
     def __post_init__(self) -> None:
         for name in ("compression", "period", "timestep"):
@@ -104,11 +109,18 @@ class FrameBench:
 
     def history(self, spec: str, load: GroundMotion, amplitude: float) -> FrameRun:
         """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
-        played = load.scaled(amplitude).compressed(self.compression)
         if spec == UNCONTROLLED:
+            played = self.played(load, amplitude)
             return run_frame(self.model, played, None, period=SAMPLE_TIME, timestep=self.timestep)
-        controller = registry.make(spec, self.site)
-        ideal = registry.is_ideal(spec)
+        return self.driven(registry.make(spec, self.site), load, amplitude, ideal=registry.is_ideal(spec))
+
+    def played(self, load: GroundMotion, amplitude: float) -> GroundMotion:
+        """The motion as the frame feels it."""
+        return load.scaled(amplitude).compressed(self.compression)
+
+    def driven(self, controller: Controller, load: GroundMotion, amplitude: float, *, ideal: bool = False) -> FrameRun:
+        """`history` of a controller. ideal: an actuator stands in the damper's place, the command is its force (N)."""
+        played = self.played(load, amplitude)
         every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
         finer: Controller = ZeroOrderHold(controller, every) if every > 1 else controller
         if self.engine == "chain" and not ideal:
@@ -122,15 +134,23 @@ class FrameBench:
         return evaluate(frame, run.time, run.drift, run.acceleration, run.force, stroke, run.command, largest)
 
     def run(self, spec: str, load: GroundMotion, amplitude: float) -> dict[str, Any]:
-        r = self.history(spec, load, amplitude)
+        return self.kept(spec, self.history(spec, load, amplitude))
+
+    def kept(self, spec: str, r: FrameRun) -> dict[str, Any]:
+        """What is kept of a run."""
         c = self.criteria(spec, r)
         kept = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(c).items()}
-        if spec == UNCONTROLLED or registry.is_ideal(spec):
+        if spec == UNCONTROLLED or spec.partition(":")[0] == registry.IDEAL:
             return {"criteria": kept, "coil": None}
         mean, square = (
             float(np.trapezoid(v, r.time)) / c.duration for v in (np.abs(r.current), r.current**2)
         )
         return {"criteria": kept, "coil": Coil.of(self.command_unit).use(mean, square, c.duration)}
+
+    def bound(self, starts: Mapping[str, Sequence[str]], load: GroundMotion, amplitude: float) -> dict[str, Any]:
+        from mrdamp.compare.frame_bound import frame_bound
+
+        return frame_bound(self, starts, load, amplitude)
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]

@@ -9,7 +9,7 @@ from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.page import add_frame_runs, add_settings, comparison_page
-from mrdamp.compare.tables import differences_csv, means_csv, report, runs_csv, to_json
+from mrdamp.compare.tables import differences_csv, means_csv, paths_csv, report, runs_csv, shares_csv, to_json
 from mrdamp.files import write_atomic
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.criteria import Criteria
@@ -22,8 +22,8 @@ _MOST_SHOWN = 3
 def write_comparison(
     folder: Path, bench: Bench, result: Comparison, loads: Sequence[Load], about: str, command: str
 ) -> Path:
-    """Writes index.html, table.md, table.csv, differences.csv, runs.csv and result.json; returns the page. Raises
-    InputError.
+    """Writes index.html, table.md, table.csv, differences.csv, runs.csv, result.json and, where there are bounds,
+    shares.csv and paths.csv; returns the page. Raises InputError.
 
     loads: those of the result; command: what made it.
     """
@@ -31,6 +31,9 @@ def write_comparison(
     write_atomic(folder / "table.csv", means_csv(result))
     write_atomic(folder / "differences.csv", differences_csv(result))
     write_atomic(folder / "runs.csv", runs_csv(result))
+    if result.bounds:
+        write_atomic(folder / "shares.csv", shares_csv(result))
+        write_atomic(folder / "paths.csv", paths_csv(result))
     write_atomic(folder / "result.json", to_json(result, bench.command_unit, about))
     page = comparison_page(result, bench, command)
     if isinstance(bench, FrameBench):
@@ -48,7 +51,7 @@ def _histories(
     bench: FrameBench, result: Comparison, motion: GroundMotion, amplitude: float
 ) -> dict[str, tuple[FrameRun, Criteria]]:
     """Runs to look at: the uncontrolled one, learned ones first, then the usual baselines."""
-    rows = {c.name: c.specs[0] for c in result.contenders}
+    rows = {c.name: c.specs[0] for c in result.contenders if not c.bound}
     chosen = [c.name for c in result.contenders if c.learned] + [name for name in _SHOWN if name in rows]
     chosen = list(dict.fromkeys([*chosen, *rows]))[:_MOST_SHOWN]
     specs = {UNCONTROLLED: UNCONTROLLED} | {name: rows[name] for name in chosen}

@@ -8,11 +8,23 @@ from pathlib import Path
 import numpy as np
 
 from mrdamp.compare.bench import Bench
+from mrdamp.compare.bound import by_load, share
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
-from mrdamp.compare.tables import claim_rows, columns, interval_rows, mean_rows, note
+from mrdamp.compare.tables import (
+    claim_rows,
+    columns,
+    interval_rows,
+    load_share_rows,
+    mean_rows,
+    note,
+    share_columns,
+    share_note,
+    share_rows,
+)
 from mrdamp.model.core import Array
+from mrdamp.pictures.bound import Share, search_paths, shares
 from mrdamp.pictures.compare import Bar, by_amplitude, ranking, trade_off
 from mrdamp.pictures.structure import command_history, drifts, profile
 from mrdamp.report import Page
@@ -59,6 +71,8 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             claim_rows(result, name, bench.claimed),
             "Run by run, with 95 % bootstrap intervals; below zero the learned one has less.",
         )
+    if result.bounds:
+        _add_bounds(page, result)
     if len(result.amplitudes) > 1:
         ratios = [m.key for m in result.measures if m.ratio and m.key in bench.headline][:2]
         few = _few(result)
@@ -76,6 +90,48 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             "The main ratios over the amplitude.",
         )
     return page
+
+
+def _add_bounds(page: Page, result: Comparison) -> None:
+    """The shares of the way, and how the bounds were found in one case."""
+    shown = [c for c in result.contenders if not c.bound]
+    panels = {}
+    for bound in result.bounds:
+        pooled = {c.name: share(result, c.name, bound) for c in shown}
+        panels[bound] = [
+            Share(c.name, s.mean, s.low, s.high, by_load(result, c.name, bound), c.learned)
+            for c in shown
+            for s in (pooled[c.name],)
+        ]
+    page.figure(
+        "Way to the clairvoyant command",
+        shares(panels),
+        "From passive-on (0) to the best command for a motion known in advance (1); a tick is a motion.",
+        "Share of the way from passive-on to each bound by controller.",
+    )
+    page.table("", share_columns(result), share_rows(result), share_note(result))
+    page.table(
+        "",
+        ("load", *(c.name for c in shown)),
+        load_share_rows(result),
+        "The same by load, to the first bound.",
+    )
+    case = min(result.paths, key=lambda at: (at[0] != result.loads[0], abs(at[1] - 1)))
+    page.figure(
+        "",
+        search_paths({
+            bound: {_short_start(path["start"]): path["values"] for path in paths}
+            for bound, paths in result.paths[case].items()
+        }),
+        f"What each bound makes small over the steps of its searches, {case[0]} at amplitude {case[1]:g}. "
+        f"All searches: paths.csv. Searches that end apart show local optima.",
+        "Value of the objective over steps, a line a start.",
+    )  # fmt: skip
+
+
+def _short_start(spec: str) -> str:
+    head, _, rest = spec.partition(":")
+    return Path(rest).stem if head == "policy" else head
 
 
 def add_settings(page: Page, result: Comparison, about: str) -> None:
@@ -164,9 +220,9 @@ def _summary(result: Comparison, bench: Bench) -> str:
     rated = {
         c.name: bench.score({m.key: result.summary(c.name, m.key).mean for m in result.measures})
         for c in result.contenders
-        if np.isfinite(result.summary(c.name, "mean_command").mean)
+        if np.isfinite(result.summary(c.name, "mean_command").mean) and not c.bound
     }
-    text = f"{len(result.contenders)} controllers on {runs} runs each"
+    text = f"{sum(not c.bound for c in result.contenders)} controllers on {runs} runs each"
     if not rated:
         return f"{text}."
     best = min(rated, key=rated.__getitem__)

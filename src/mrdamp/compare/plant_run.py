@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -29,6 +29,7 @@ class PlantBench:
     period: float
     timestep: float
     options: ClassVar[Mapping[str, Mapping[str, float]]]
+    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
 
     def __post_init__(self) -> None:
         for name in ("period", "timestep"):
@@ -41,6 +42,9 @@ class PlantBench:
 
     def check(self, spec: str) -> None:
         registry.parse(spec, self.options)
+
+    def bound(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
+        raise InputError("compare: there is no clairvoyant command for this plant")
 
     @property
     def command_max(self) -> float:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
+Whole = NDArray[np.int64]
 RESAMPLES = 2000
 LEVEL = 0.95
 
@@ -38,14 +40,45 @@ def summarise(values: Array, seed: int = 0) -> Summary:
 def interval(values: Array, seed: int = 0) -> tuple[float, float]:
     """Percentile interval of the mean of values (seeds, motions, amplitudes)."""
     cells = values.mean(axis=2)
-    seeds, motions = cells.shape
-    if not np.isfinite(cells).all() or seeds * motions == 1:
+    if not np.isfinite(cells).all() or cells.size == 1:
         return float("nan"), float("nan")
-    # The same draws for every controller: their differences are paired.
+    rows, columns = _draws(cells, seed)
+    return _percentiles(cells[rows, columns].mean(axis=(1, 2)))
+
+
+def ratio(values: Array, other: Array, seed: int = 0) -> tuple[float, float, float]:
+    """Mean of values over mean of other, and its percentile interval; other has one seed.
+
+    Shapes (seeds, motions, amplitudes); drawn together, as in `summarise`. NaN where the mean of other is not above 0,
+    and for the interval where it is not in all draws.
+    """
+    if values.shape[1:] != other.shape[1:] or len(other) != 1:
+        raise InputError(f"compare: shapes {values.shape} and {other.shape} have no ratio")
+    cells, below = values.mean(axis=2), other.mean(axis=2)
+    nan = float("nan")
+    if not np.isfinite(cells).all() or not below.mean() > 0:
+        return nan, nan, nan
+    rows, columns = _draws(cells, seed)
+    lower = below[0][columns].mean(axis=(1, 2))
+    mean = float(cells.mean() / below.mean())
+    if cells.size == 1 or not (lower > 0).all():
+        return mean, nan, nan
+    return mean, *_percentiles(cells[rows, columns].mean(axis=(1, 2)) / lower)
+
+
+def _draws(cells: Array, seed: int) -> tuple[Whole, Whole]:
+    """Rows (draws, seeds, 1) and columns (draws, 1, motions) of cells (seeds, motions).
+
+    The same for every controller: differences are paired.
+    """
+    seeds, motions = cells.shape
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     rows = rng.integers(seeds, size=(RESAMPLES, seeds))
     columns = rng.integers(motions, size=(RESAMPLES, motions))
-    means = cells[rows[:, :, None], columns[:, None, :]].mean(axis=(1, 2))
+    return rows[:, :, None], columns[:, None, :]
+
+
+def _percentiles(means: Array) -> tuple[float, float]:
     tail = 50 * (1 - LEVEL)
     low, high = np.percentile(means, [tail, 100 - tail])
     return float(low), float(high)

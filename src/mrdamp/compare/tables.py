@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mrdamp.compare.bench import WITHOUT, Bench
+from mrdamp.compare.bound import by_load, share
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.summary import Summary
 
@@ -35,17 +36,24 @@ def short(value: float) -> str:
 
 def columns(result: Comparison, unit: str) -> tuple[str, ...]:
     """Heads of the table of means."""
-    return ("controller", *(m.title.format(unit=unit) for m in result.measures))
+    way = ("way to clairvoyant",) if result.bounds else ()
+    return ("controller", *(m.title.format(unit=unit) for m in result.measures), *way)
 
 
 def mean_rows(result: Comparison) -> list[Row]:
-    """Means over seeds, motions and amplitudes; the worst case in parentheses for the ratios."""
+    """Means over seeds, motions and amplitudes; the worst case in parentheses for the ratios.
+
+    Where there are bounds, the share of the way to the first one at the end.
+    """
     rows = []
+    first = next(iter(result.bounds), None)
     for c in result.contenders:
         cells = []
         for m in result.measures:
             s = result.summary(c.name, m.key)
             cells.append(f"{short(s.mean)} ({short(s.worst)})" if m.ratio else short(s.mean))
+        if first is not None:
+            cells.append(short(share(result, c.name, first).mean))
         rows.append((c.name, *cells))
     return rows
 
@@ -64,6 +72,57 @@ def claim_rows(result: Comparison, learned: str, keys: Sequence[str]) -> list[Ro
     ]
 
 
+def share_columns(result: Comparison) -> tuple[str, ...]:
+    """Heads of the table of shares."""
+    return ("controller", *(f"way to {name}" for name in result.bounds))
+
+
+def share_rows(result: Comparison) -> list[Row]:
+    """Of the way from passive-on to each bound, with 95 % intervals, over all runs."""
+    return [(c.name, *(_spread(share(result, c.name, bound)) for bound in result.bounds)) for c in result.contenders]
+
+
+def load_share_rows(result: Comparison) -> list[Row]:
+    """Of the way to the first bound, by load: one row a load, one column a controller that is no bound."""
+    first = next(iter(result.bounds))
+    shares = [by_load(result, c.name, first) for c in result.contenders if not c.bound]
+    return [(load, *map(short, values)) for load, *values in zip(result.loads, *shares, strict=True)]
+
+
+def share_note(result: Comparison) -> str:
+    """What the shares are."""
+    words = "; ".join(f"{name}: {' and '.join(weights)}" for name, weights in result.bounds.items())
+    return (
+        "Share of the way from passive-on (0) to the clairvoyant command (1), a ratio of means over all runs, with "
+        f"its 95 % interval. Each bound makes its own measure small: {words} (the mean of several). It is a local "
+        "optimum for a motion known in advance: the true limit is as low or lower, the true share as large or smaller."
+    )
+
+
+def shares_csv(result: Comparison) -> str:
+    """One row a controller, bound and load (`all`: over all runs): the share, and its interval over all runs."""
+    lines = []
+    for c in result.contenders:
+        for bound in result.bounds:
+            s = share(result, c.name, bound)
+            lines.append((c.name, bound, "all", *map(_plain, (s.mean, s.low, s.high))))
+            each = zip(result.loads, by_load(result, c.name, bound), strict=True)
+            lines += [(c.name, bound, load, _plain(float(value)), "", "") for load, value in each]
+    return _csv(("controller", "bound", "load", "share", "low", "high"), lines)
+
+
+def paths_csv(result: Comparison) -> str:
+    """How the bounds were found: one row a step of a search."""
+    lines = [
+        (load, f"{amplitude:g}", bound, path["start"], str(k), _plain(value), path["ended"])
+        for (load, amplitude), bounds in result.paths.items()
+        for bound, paths in bounds.items()
+        for path in paths
+        for k, value in enumerate(path["values"])
+    ]
+    return _csv(("load", "amplitude", "bound", "start", "step", "value", "ended"), lines)
+
+
 def markdown(heads: Sequence[str], rows: Sequence[Row]) -> str:
     """A table; the first column names the rows."""
     rule = ["---", *(["---:"] * (len(heads) - 1))]
@@ -79,6 +138,11 @@ def report(result: Comparison, bench: Bench, about: str) -> str:
     ]
     parts.append(f"{note(bench)}\n\n## 95 % intervals of the means\n")
     parts.append(markdown(("controller", *keys), interval_rows(result, keys)))
+    if result.bounds:
+        parts.append(f"## Way to the clairvoyant command\n\n{share_note(result)}\n")
+        parts.append(markdown(share_columns(result), share_rows(result)))
+        heads = ("load", *(c.name for c in result.contenders if not c.bound))
+        parts.append(markdown(heads, load_share_rows(result)))
     for c in result.contenders:
         if c.learned:
             parts.append(f"## {c.name} less the others, 95 % intervals of the paired difference\n")
@@ -139,6 +203,9 @@ def to_json(result: Comparison, unit: str, about: str) -> str:
                 **{key: number(value) for key, value in vars(s).items()},
                 "runs": [[[number(float(v)) for v in line] for line in seed] for seed in runs],
             }
+    for name, row in rows.items():
+        shares = {bound: share(result, name, bound) for bound in result.bounds}
+        row["way"] = {b: {key: number(getattr(s, key)) for key in ("mean", "low", "high")} for b, s in shares.items()}
     head = {"about": about, "command_unit": unit, "loads": result.loads, "amplitudes": result.amplitudes}
     return json.dumps({**head, "controllers": rows}, indent=1) + "\n"
 

@@ -1,0 +1,158 @@
+"""Command sequences through rows of closed loops, and what a change of each command does to what is measured later."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.errors import InputError
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.intp]
+
+#: Perturbation of a state or command, over its size in the run. From 1e-7 to 1e-5 the slopes agree within 1e-4.
+_NUDGE = 1e-6
+#: Rows that slopes are taken with at once: larger ones are no faster.
+_ROWS = 1024
+#: Periods at which it is looked up which states matter, and effect below which one does not (differences of numbers
+#: near one over _NUDGE are good to 1e-9).
+_PROBED, _NOTHING = 64, 1e-8
+_HEADER = 4  # doubles of a row's state before its coordinates
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """x' = A dx + B du and y' = C dx + D du over one period at some periods (p,) in states (s,) and channels (c,).
+
+    a (p, s, s), b (p, s), c (p, c, s), d (p, c): per unit of the scaled states and of the command.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+
+class Rollouts:
+    """One damper's command sequences under one load.
+
+    make: rows on the chain from their number; load: what they start under; columns: of the measurements that are
+    watched, the channels; periods: how many control periods to run, None: those of the load; low, high: of commands.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[int], Any],
+        load: Any,
+        columns: Sequence[int],
+        low: float,
+        high: float,
+        periods: int | None = None,
+    ) -> None:
+        if not low < high:
+            raise InputError(f"clairvoyant: commands from {low:g} to {high:g}; allowed: a range")
+        self._make, self._load, self.columns = make, load, list(columns)
+        self.low, self.high = low, high
+        self._rows: dict[int, Any] = {}
+        rows = self._of(1)
+        self._state, self._measured = rows.plants.state[0].copy(), rows.plants.measured[0].copy()
+        whole = int(rows.steps[0])
+        self.periods = whole if periods is None else min(periods, whole)
+
+    def run(self, commands: Array, states: bool = False) -> tuple[Array, Array]:
+        """Channels (n, periods, channels) of commands (n, periods): first those at rest, then those after each command
+        but the last, as `mrdamp.compare.on_chain` samples them; states (n, periods, size) besides, or (0, 0, 0)."""
+        n, plants = len(commands), self._of(len(commands)).plants
+        plants.state[:] = self._state
+        y = np.empty((n, self.periods, len(self.columns)))
+        y[:, 0] = self._measured[self.columns]
+        kept = np.empty((n, self.periods, len(self._state)) if states else (0, 0, 0))
+        for k in range(self.periods):
+            if states:
+                kept[:, k] = plants.state
+            if k + 1 < self.periods:
+                y[:, k + 1] = plants.advance(commands[:, k : k + 1])[1][:, self.columns]
+        return y, kept
+
+    def slopes(self, y: Array, states: Array, commands: Array, at: Whole) -> Slopes:
+        """At the periods `at` (p,), all before the last one, of one run, by forward differences of the chain itself.
+
+        y, states, commands: of that run. States that do not change in it, or that nothing hangs on, are left out.
+        """
+        moving = np.flatnonzero(np.ptp(states, axis=0) > 0)
+        moving = moving[moving >= _HEADER]
+        some = at[np.linspace(0, len(at) - 1, min(len(at), _PROBED)).astype(np.intp)]
+        moving = moving[_matter(self._differences(y, states, commands, some, moving))]
+        return self._differences(y, states, commands, at, moving)
+
+    def _differences(self, y: Array, states: Array, commands: Array, at: Whole, moving: Whole) -> Slopes:
+        scale, many = np.abs(states[:, moving]).max(axis=0), len(moving)
+        each, nudge = many + 1, _NUDGE * (self.high - self.low)
+        a, b = np.empty((len(at), many, many)), np.empty((len(at), many))
+        c, d = np.empty((len(at), len(self.columns), many)), np.empty((len(at), len(self.columns)))
+        plants, chunk = self._of(_ROWS).plants, _ROWS // each
+        given = np.zeros((_ROWS, 1))
+        for begin in range(0, len(at), chunk):
+            now = at[begin : begin + chunk]
+            m, here = len(now), slice(begin, begin + chunk)
+            x = np.repeat(states[now], each, axis=0).reshape(m, each, -1)
+            x[:, np.arange(many), moving] += _NUDGE * scale
+            u = np.repeat(commands[now], each).reshape(m, each)
+            # Away from the limit that is nearer: at a limit the chain cuts commands off.
+            du = np.where(commands[now] > (self.low + self.high) / 2, -nudge, nudge)
+            u[:, -1] += du
+            plants.state[: m * each] = x.reshape(m * each, -1)
+            given[: m * each, 0] = u.ravel()
+            measured = plants.advance(given)[1][: m * each, self.columns].reshape(m, each, -1)
+            after = plants.state[: m * each, moving].reshape(m, each, -1)
+            dx = (after - states[now + 1][:, None, moving]) / scale
+            dy = measured - y[now + 1][:, None]
+            a[here], b[here] = dx[:, :-1].transpose(0, 2, 1) / _NUDGE, dx[:, -1] / du[:, None]
+            c[here], d[here] = dy[:, :-1].transpose(0, 2, 1) / _NUDGE, dy[:, -1] / du[:, None]
+        return Slopes(a, b, c, d)
+
+    def _of(self, n: int) -> Any:
+        if n not in self._rows:
+            rows = self._make(n)
+            for row in range(n):
+                rows.start(row, self._load)
+            self._rows[n] = rows
+        return self._rows[n]
+
+
+def _matter(slopes: Slopes) -> Whole:
+    """Which states have an effect on a channel, by themselves or through others."""
+    on_states, on_channels = (np.abs(part).max(axis=0) > _NOTHING for part in (slopes.a, slopes.c))
+    seen = on_channels.any(axis=0)
+    for _ in seen:
+        seen = seen | on_states[seen].any(axis=0)
+    return np.flatnonzero(seen)
+
+
+def sensitivity(slopes: Slopes, at: Whole, period: Whole, channel: Whole, horizon: int) -> Array:
+    """(m, p): what a unit of the command at each of the periods `at` (p,) adds to a channel (m,) at a period (m,),
+    for those commands that come at most `horizon` periods before it.
+
+    Adjoint of the linearised run: one sweep backwards for all. period must not decrease; `at` increases and holds, with
+    every period before a watched one, those of the horizon.
+    """
+    m = len(period)
+    g, adjoint = np.zeros((m, len(at))), np.zeros((m, slopes.b.shape[1]))
+    first = last = m  # those under way: period[first:last]
+    for q in range(len(at) - 1, -1, -1):
+        k = at[q]
+        while last > first and period[last - 1] - k > horizon:
+            last -= 1
+        if first < last:
+            g[first:last, q] = adjoint[first:last] @ slopes.b[q]
+            adjoint[first:last] = adjoint[first:last] @ slopes.a[q]
+        while first > 0 and period[first - 1] == k + 1:
+            first -= 1
+            g[first, q] = slopes.d[q, channel[first]]
+            adjoint[first] = slopes.c[q, channel[first]]
+        last = max(last, first)
+    return g
