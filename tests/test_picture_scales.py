@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from mrdamp.errors import InputError
 from mrdamp.pictures.blindtest import shrinking
+from mrdamp.pictures.bound import Share, search_paths, shares
 from mrdamp.pictures.compare import Bar, ranking
 from mrdamp.pictures.diagnosis import probabilities
 
@@ -39,3 +41,24 @@ def test_controllers_that_all_have_zero() -> None:
 def test_the_rest_is_counted(count: int, told: str) -> None:
     labels = written(probabilities({f"cause_{k}": 1 / count for k in range(count)}), "yaxis")
     assert told in labels
+
+
+def test_shares_are_drawn_from_minus_one_to_the_bound() -> None:
+    nan = float("nan")
+    rows = [
+        Share("worse", -3.0, -4.0, 0.5, np.array([-5.0, nan, 0.2])),
+        Share("none", nan, nan, nan, np.array([nan])),
+        Share("half", 0.5, 0.4, 0.6, np.array([0.5]), marked=True),
+    ]
+    fig = shares({"clairvoyant": rows, "clairvoyant-drift": rows})
+    ax = fig.axes[0]
+    dots = [line for line in ax.get_lines() if line.get_marker() == "o"]
+    assert [line.get_xdata()[0] for line in dots] == [-1.0, 0.5]  # type: ignore[index]
+    low, high = ax.get_xlim()
+    assert low < -1
+    assert high > 1
+    assert [a.get_title(loc="left") for a in fig.axes[:2]] == ["clairvoyant", "drift"]
+    with pytest.raises(InputError, match="nothing to show"):
+        shares({"clairvoyant": []})
+    with pytest.raises(InputError, match="nothing to show"):
+        search_paths({"clairvoyant": {}})

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: s, of the clairvoyant command at most.
 _PERIOD = 1e-3
-#: s, of the chain. Peaks of its runs are within 0.5 % of those at a quarter of it.
+#: s, of the chain. What a search makes small is within 0.3 % of what it is at a quarter of this step.
 _STEP = 1e-3
 #: Of the largest sample under the starts, what a search still looks at; what comes behind the last such sample keeps
 #: the start's command.

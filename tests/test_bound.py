@@ -1,0 +1,261 @@
+"""The clairvoyant bound: slopes against differences of whole runs, the search against brute force, shares by hand."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from command_call import caller
+from mrdamp.commands.compare import add_to
+from mrdamp.compare import Comparison, Contender, FrameBench, compare
+from mrdamp.compare import dyke1996 as preset
+from mrdamp.compare.bench import UNCONTROLLED, Measure
+from mrdamp.compare.bound import by_load, share, with_bounds
+from mrdamp.compare.cable import CableBench
+from mrdamp.compare.clairvoyant import Effort, Peaks, search
+from mrdamp.compare.frame_bound import frame_bound
+from mrdamp.compare.on_chain import run_chain
+from mrdamp.compare.rollouts import Rollouts, sensitivity
+from mrdamp.compare.summary import ratio
+from mrdamp.control.replay import Replay
+from mrdamp.envs.chain_rows import FrameChain
+from mrdamp.errors import InputError
+from mrdamp.motions import kanai_tajimi
+from mrdamp.simulation.stepping import run_frame
+
+Array = NDArray[np.float64]
+BENCH = FrameBench(preset.frame_model())
+MOTION = kanai_tajimi(5, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
+PLAYED = BENCH.played(MOTION, 1.0)
+LARGEST = BENCH.site.command_max
+STARTS = ("passive-on", "force-tracking", "clipped-optimal:balance=300,r=1e-6")
+
+run = caller(add_to)
+
+
+def rollouts() -> Rollouts:
+    def make(n: int) -> FrameChain:
+        return FrameChain((BENCH.model,), 1e-3, 1e-3, np.array([LARGEST]), n)
+
+    names = make(1).names
+    columns = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in (1, 2, 3)]
+    return Rollouts(make, PLAYED, columns, 0.0, LARGEST)
+
+
+def objective(drift: float, acceleration: float) -> Peaks:
+    free = BENCH.history(UNCONTROLLED, MOTION, 1.0)
+    scale = np.repeat([np.abs(free.drift).max(), np.abs(free.acceleration).max()], 3)
+    return Peaks(np.array([drift, acceleration]), scale, np.repeat([0, 1], 3))
+
+
+def test_slopes_are_those_of_whole_runs() -> None:
+    """What the adjoint says of a command is what the chain does when that command is changed."""
+    rolled = rollouts()
+    rng = np.random.default_rng(0)
+    u = rng.uniform(0.2, 0.8, rolled.periods) * LARGEST
+    y, states = rolled.run(u[None], states=True)
+    period, channel = np.array([300, 450, 450, 600]), np.array([0, 2, 4, 5])
+    at = np.arange(600)
+    g = sensitivity(rolled.slopes(y[0], states[0], u, at), at, period, channel, 600)
+    for k in (40, 250, 299, 440, 449, 595):
+        nudged = np.stack([u, u])
+        nudged[:, k] += [1e-4, -1e-4]
+        runs, _ = rolled.run(nudged)
+        found = (runs[0] - runs[1])[period, channel] / 2e-4
+        for i in range(len(period)):
+            size = np.abs(g[i]).max()
+            assert g[i, k] == pytest.approx(found[i], abs=5e-3 * size), (k, i)
+            assert k < period[i] or g[i, k] == 0.0
+
+
+def test_a_horizon_leaves_earlier_commands_alone() -> None:
+    rolled = rollouts()
+    u = np.full(rolled.periods, 0.5 * LARGEST)
+    y, states = rolled.run(u[None], states=True)
+    at, period, channel = np.arange(500), np.array([200, 500]), np.array([0, 3])
+    slopes = rolled.slopes(y[0], states[0], u, at)
+    far, near = (sensitivity(slopes, at, period, channel, horizon) for horizon in (500, 50))
+    for i, k in enumerate(period):
+        np.testing.assert_array_equal(near[i, : k - 50], 0.0)
+        np.testing.assert_allclose(near[i, k - 50 : k], far[i, k - 50 : k], rtol=1e-9)
+        assert np.abs(far[i, : k - 50]).max() > 0
+
+
+@pytest.mark.parametrize(("drift", "acceleration"), [(0.5, 0.5), (1.0, 0.0), (0.0, 1.0)])
+def test_a_search_is_better_than_its_starts_and_than_brute_force(drift: float, acceleration: float) -> None:
+    rolled, peaks = rollouts(), objective(drift, acceleration)
+    begin = [("on", np.full(rolled.periods, LARGEST)), ("off", np.zeros(rolled.periods))]
+    paths = search(rolled, begin, peaks)
+    values = peaks.value(rolled.run(np.stack([p.commands for p in paths]))[0])
+    assert [p.value for p in paths] == sorted(p.value for p in paths)
+    for path, value in zip(paths, values, strict=True):
+        assert path.value == pytest.approx(value, rel=1e-12)  # of its own commands
+        assert path.value < path.values[0]
+        assert (np.diff(path.values) <= 0).all()
+        assert ((path.commands >= 0) & (path.commands <= LARGEST)).all()
+        assert path.ended
+    rng = np.random.default_rng(1)
+    levels = rng.integers(0, 3, (400, 16)) / 2 * LARGEST  # sixteen levels of 50 ms
+    guessed = np.repeat(levels, -(-rolled.periods // 16), axis=1)[:, : rolled.periods]
+    best = min(float(peaks.value(rolled.run(part)[0]).min()) for part in np.split(guessed, 4))
+    assert paths[0].value < best
+
+
+def test_a_search_finds_the_same_from_its_own_end() -> None:
+    rolled, peaks = rollouts(), objective(0.5, 0.5)
+    first = search(rolled, [("on", np.full(rolled.periods, LARGEST))], peaks)[0]
+    again = search(rolled, [("end", first.commands)], peaks, Effort(holds=(4,), most=2))[0]
+    assert first.value * 0.95 < again.value <= first.value
+
+
+def test_the_engine_agrees_with_the_chain_on_what_is_found() -> None:
+    """In MuJoCo what was made small is within 1 % of what the search says, all peaks of a chain of the same step."""
+    rolled = rollouts()
+    for weights in ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5)):
+        peaks = objective(*weights)
+        path = search(rolled, [("on", np.full(rolled.periods, LARGEST))], peaks)[0]
+        replay = Replay(path.commands, 1e-3)
+        engine = run_frame(BENCH.model, PLAYED, replay, timestep=2.5e-4)
+        found = peaks.value(np.hstack([engine.drift, engine.acceleration])[None])
+        assert found[0] == pytest.approx(path.value, rel=0.01), weights
+        chain = run_chain(BENCH.model, PLAYED, replay, timestep=2.5e-4)
+        for what in ("drift", "acceleration"):
+            a, b = (np.abs(getattr(r, what)).max() for r in (engine, chain))
+            assert a == pytest.approx(b, rel=0.01), (weights, what)
+        np.testing.assert_allclose(engine.command[: len(path.commands)], path.commands)
+
+
+@pytest.fixture(scope="module")
+def bounded() -> Comparison:
+    motions = MOTION, kanai_tajimi(6, duration=4.0, rise=0.5, plateau=2.0, decay=0.5)
+    rows = [Contender(f"c{k}", (spec,)) for k, spec in enumerate(STARTS)]
+    result = compare(BENCH, rows, motions, (1.0, 0.5))
+    return with_bounds(BENCH, result, motions, starts=2)
+
+
+def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
+    for bound, weights in BENCH.bounds.items():
+        score = {
+            c.name: np.stack([w * bounded.values[c.name][key] for key, w in weights.items()]).sum(axis=0)
+            for c in bounded.contenders
+        }
+        for k in range(len(STARTS)):
+            assert (score[bound] <= score[f"c{k}"]).all()
+            assert (score[bound] < score[f"c{k}"] - 1e-3).any()
+    for paths in bounded.paths.values():
+        assert {path["start"] for path in paths["clairvoyant"]} >= {"passive-off"}
+        assert all(path["values"][-1] <= path["values"][0] for found in paths.values() for path in found)
+
+
+def test_shares_are_none_for_passive_on_and_whole_for_the_bound(bounded: Comparison) -> None:
+    for bound in BENCH.bounds:
+        assert share(bounded, "c0", bound).mean == 0
+        assert share(bounded, bound, bound).mean == 1
+        assert by_load(bounded, bound, bound) == pytest.approx([1.0, 1.0])
+        assert share(bounded, "c1", bound).mean < 1
+
+
+def made(on: Any, other: Any, bound: Any) -> Comparison:
+    rows = {"on": on, "other": other, "best": bound}
+    values = {name: {"J": np.asarray(v, dtype=np.float64)[None, :, None]} for name, v in rows.items()}
+    contenders = Contender("on", ("passive-on",)), Contender("other", ("x",)), Contender("best", ("best",), bound=True)
+    loads = tuple(f"load {k}" for k in range(len(on)))
+    return Comparison(contenders, (Measure("J", "J"),), loads, (1.0,), values, {"best": {"J": 1.0}})
+
+
+def test_a_share_counts_what_is_gained() -> None:
+    result = made([0.6, 0.4], [0.5, 0.4], [0.4, 0.2])
+    s = share(result, "other", "best")
+    assert s.mean == pytest.approx(0.25)
+    assert by_load(result, "other", "best") == pytest.approx([0.5, 0.0])
+    assert s.worst == pytest.approx(0.0)
+    assert s.low <= 0.25 <= s.high
+    assert s.low == pytest.approx(0.0)  # both draws of the second load
+    assert s.high == pytest.approx(0.5)
+    worse = made([0.6, 0.4], [0.7, 0.5], [0.4, 0.2])
+    assert share(worse, "other", "best").mean == pytest.approx(-0.5)
+
+
+def test_nothing_left_to_reach_has_no_share() -> None:
+    result = made([0.6, 0.4], [0.5, 0.4], [0.6, 0.2])
+    assert math.isnan(by_load(result, "other", "best")[0])
+    assert math.isnan(share(made([0.6], [0.5], [0.6]), "other", "best").mean)
+
+
+def test_an_interval_of_a_ratio_is_that_of_the_delta_method() -> None:
+    rng = np.random.default_rng(4)
+    below = rng.normal(1.0, 0.1, 300)
+    above = 0.4 * below + rng.normal(0.0, 0.05, 300)
+    mean, low, high = ratio(above[None, :, None], below[None, :, None])
+    assert mean == pytest.approx(above.mean() / below.mean())
+    half = 1.96 * np.std(above - mean * below) / math.sqrt(300) / below.mean()
+    assert (high - low) / 2 == pytest.approx(half, rel=0.1)
+    with pytest.raises(InputError, match="no ratio"):
+        ratio(np.ones((1, 2, 1)), np.ones((2, 2, 1)))
+
+
+def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(*args: Any, **kwargs: Any) -> Any:
+        raise AssertionError
+
+    start = dict.fromkeys(BENCH.bounds, ("force-tracking",))
+    honest = frame_bound(BENCH, start, MOTION, 1.0)
+    # A search that returns passive-off, worse than what it began with.
+    monkeypatch.setattr(
+        "mrdamp.compare.frame_bound.search",
+        lambda rolled, starts, peaks: search(rolled, [("off", np.zeros(rolled.periods))], peaks, Effort(most=0)),
+    )
+    kept = frame_bound(BENCH, start, MOTION, 1.0)
+    own = BENCH.values(BENCH.run("force-tracking", MOTION, 1.0), BENCH.run(UNCONTROLLED, MOTION, 1.0))
+    assert kept["clairvoyant-drift"]["values"]["J1"] == own["J1"]
+    assert honest["clairvoyant-drift"]["values"]["J1"] < own["J1"]
+
+
+def test_what_a_replay_is_given_is_played() -> None:
+    replay = Replay([0.5, 1.0], 2e-3)
+    assert [replay.command(0.0, {}) for _ in range(3)] == [0.5, 1.0, 1.0]
+    replay.reset()
+    assert replay.command(0.0, {}) == 0.5
+    for commands, period in (([], 1e-3), ([math.nan], 1e-3), ([1.0], 0.0)):
+        with pytest.raises(InputError, match="controller replay"):
+            Replay(commands, period)
+
+
+def test_bounds_need_passive_on_and_a_plant_that_has_them(bounded: Comparison) -> None:
+    alone = compare(BENCH, [Contender("off", ("passive-off",))], (MOTION,), (1.0,))
+    with pytest.raises(InputError, match="needs passive-on"):
+        with_bounds(BENCH, alone, (MOTION,))
+    with pytest.raises(InputError, match="cable"):
+        with_bounds(CableBench(), alone, (MOTION,))
+    with pytest.raises(InputError, match="0 controllers"):
+        with_bounds(BENCH, bounded, (MOTION,), starts=0)
+
+
+def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "motion.csv"
+    rows = "".join(f"{float(t)!r},{float(a)!r}\n" for t, a in zip(MOTION.time, MOTION.acceleration, strict=True))
+    file.write_text(f"time_s,acceleration_m_s2\n{rows}")
+    given = ["frame", "--motions", file, "--controllers", "passive-on", "passive-off", "--bound", "--jobs", "1"]
+    assert run("compare", *given, "-o", tmp_path / "out") == 0
+    text = capsys.readouterr().out
+    assert "way to clairvoyant-drift" in text
+    assert "local optimum" in text
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "Way to the clairvoyant command" in page
+    shares, steps = (
+        list(csv.DictReader((tmp_path / "out" / name).read_text(encoding="utf-8").splitlines()))
+        for name in ("shares.csv", "paths.csv")
+    )
+    on = [row for row in shares if row["controller"] == "passive-on"]
+    assert on
+    assert all(float(row["share"]) == 0 for row in on)
+    assert {row["bound"] for row in steps} == set(BENCH.bounds)
+    kept = (tmp_path / "out" / "kept.jsonl").read_text()
+    assert run("compare", *given, "-o", tmp_path / "out") == 0  # nothing is searched for again
+    assert (tmp_path / "out" / "kept.jsonl").read_text() == kept
