@@ -27,6 +27,7 @@ from mrdamp.control.replay import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
+from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import run_frame
 
 Array = NDArray[np.float64]
@@ -41,7 +42,7 @@ run = caller(add_to)
 
 def rollouts() -> Rollouts:
     def make(n: int) -> FrameChain:
-        return FrameChain((BENCH.model,), 1e-3, 1e-3, np.array([LARGEST]), n)
+        return FrameChain((BENCH.model,), Stepping(1e-3, 1e-3, np.array([LARGEST]), n))
 
     names = make(1).names
     columns = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in (1, 2, 3)]

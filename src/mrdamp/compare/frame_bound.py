@@ -15,6 +15,7 @@ from mrdamp.control.replay import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.model import FLOOR_SENSOR_EFFECTS
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import FrameRun
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def _rollouts(bench: FrameBench, played: GroundMotion, period: float) -> Rollout
     model, largest = replace(bench.model, effects=ideal), np.array([bench.site.command_max])
 
     def make(n: int) -> FrameChain:
-        return FrameChain((model,), period, min(period, _STEP), largest, n)
+        return FrameChain((model,), Stepping(period, min(period, _STEP), largest, n))
 
     names = make(1).names
     floors = range(1, bench.site.frame.storeys + 1)
