@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 from matplotlib.patches import FancyBboxPatch
 
 from mrdamp.errors import InputError
@@ -38,7 +39,7 @@ def test_the_stage_of_a_named_cause_is_lit_and_no_other() -> None:
     boxes = [p for p in ax.patches if isinstance(p, FancyBboxPatch)]
     labels = [t for t in ax.texts if t.get_text() in shares]
     assert [t.get_text() for t in labels] == list(shares)
-    assert [b.get_facecolor()[3] for b in boxes] == [0.0, 1.0, 0.0]
+    assert [to_rgba(b.get_facecolor())[3] for b in boxes] == [0.0, 1.0, 0.0]
     assert [t.get_fontweight() for t in labels] == ["normal", "bold", "normal"]
 
 

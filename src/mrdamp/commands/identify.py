@@ -314,9 +314,9 @@ def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Recor
         if abs(c.offset) > 3 * c.offset_error:
             left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
         if abs(c.delay) > 3 * c.delay_error:
-            left.append(f"force late by {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
+            left.append(f"delay of the force {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
         if left:
-            print(f"  left in {c.record}: {', '.join(left)}")
+            print(f"  remains in {c.record}: {', '.join(left)}")
 
 
 def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
