@@ -25,7 +25,7 @@ from mrdamp.identify import simulate
 from mrdamp.model.core import Array
 from mrdamp.narx import lagged, train_narx
 from mrdamp.narx.data import Series
-from mrdamp.narx.judge import free_run_force, one_step_force
+from mrdamp.narx.evaluation import free_run_force, one_step_force
 from mrdamp.narx.splits import DataSplit, cut_varying, varying_command
 from mrdamp.records import embedded
 

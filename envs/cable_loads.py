@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp.envs.loads import Range, between, check_ranges
+from mrdamp.envs.loads import Range, check_ranges, uniform
 from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ class AmbientLoads:
     def draw(self, rng: np.random.Generator, length: float) -> CableLoad:
         step = 1 / (8 * self.bandwidth)
         places = np.array([0.5]) if self.shape == "uniform" else np.linspace(0.0, 1.0, 11)
-        rms = between(rng, self.rms)
+        rms = uniform(rng, self.rms)
         noise = rng.standard_normal((math.ceil(self.duration / step) + 1, len(places)))
         filtered = signal.sosfilt(signal.butter(4, self.bandwidth, fs=1 / step, output="sos"), noise, axis=0)
         # The filter lets a quarter of the noise through: its bandwidth over half the sampling rate.

@@ -70,7 +70,7 @@ class CableRows(EngineRows):
         return np.asarray(load.force @ self.cable.load_matrix(load.places))
 
     def _pushes(self, row: int, load: CableLoad, forces: Array) -> Array:
-        time = self._clock(row, load.duration)
+        time = self._step_times(row, load.duration)
         samples = load.sample_time * np.arange(len(forces))
         return np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
 

@@ -66,7 +66,7 @@ class CarRows(FrameRows):
     def _heights(self, row: int, road: Road) -> Array:
         """(samples + 1,) m."""
         self.roads[row] = road
-        time = self._clock(row, road.duration)
+        time = self._step_times(row, road.duration)
         return road.at(np.append(time, time[-1] + self.plants.timestep))
 
     def advance(self, commands: Array) -> tuple[Array, Array]:

@@ -88,7 +88,7 @@ class FrameRows(EngineRows):
         return ground
 
     def _ground(self, row: int, motion: Any) -> Array:
-        return np.asarray(np.interp(self._clock(row, motion.duration), motion.time, motion.acceleration))
+        return np.asarray(np.interp(self._step_times(row, motion.duration), motion.time, motion.acceleration))
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) what the sensors of rows that have just started read."""

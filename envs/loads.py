@@ -62,7 +62,7 @@ class SyntheticMotions:
             seed,
             duration=self.duration,
             sample_time=0.01,
-            pga=between(rng, self.pga),
+            pga=uniform(rng, self.pga),
             ground_frequency=ground,
             ground_damping=rng.uniform(*self.ground_damping),
             # The second filter a decade below the first; far below anything that moves, it is no filter.
@@ -101,7 +101,7 @@ class RecordedMotions:
 
     def draw(self, rng: np.random.Generator) -> GroundMotion:
         motion = self._read[int(rng.integers(len(self._read)))]
-        factor = between(rng, self.amplitude) / (motion.pga if self.to_peak else 1.0)
+        factor = uniform(rng, self.amplitude) / (motion.pga if self.to_peak else 1.0)
         sign = -1.0 if self.mirror and rng.random() < 0.5 else 1.0
         return motion.scaled(sign * factor).compressed(self.compression * rng.uniform(*self.speed))
 
@@ -133,7 +133,7 @@ def cut(motion: GroundMotion, duration: float | None) -> GroundMotion:
     )
 
 
-def between(rng: np.random.Generator, span: Range) -> float:
+def uniform(rng: np.random.Generator, span: Range) -> float:
     """A number from the range, drawn evenly in its logarithm."""
     return math.exp(rng.uniform(math.log(span[0]), math.log(span[1])))
 

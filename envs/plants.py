@@ -172,7 +172,7 @@ class EngineRows:
     def seed(self, row: int, rng: np.random.Generator) -> None:
         """Of noise of their own, which they have not."""
 
-    def _clock(self, row: int, duration: float) -> Array:
+    def _step_times(self, row: int, duration: float) -> Array:
         """(samples,) s, the engine's steps in the whole control periods of a load, which are the row's `steps`."""
         self.steps[row] = math.floor(duration / self.period + 1e-9) + 1
         return self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)

@@ -165,7 +165,11 @@ def test_shares_are_none_for_passive_on_and_whole_for_the_bound(bounded: Compari
 def made(on: Any, other: Any, bound: Any) -> Comparison:
     rows = {"on": on, "other": other, "best": bound}
     values = {name: {"J": np.asarray(v, dtype=np.float64)[None, :, None]} for name, v in rows.items()}
-    contenders = Contender("on", ("passive-on",)), Contender("other", ("x",)), Contender("best", ("best",), bound=True)
+    contenders = (
+        Contender("on", ("passive-on",)),
+        Contender("other", ("x",)),
+        Contender("best", ("best",), bound=True),
+    )
     loads = tuple(f"load {k}" for k in range(len(on)))
     return Comparison(contenders, (Measure("J", "J"),), loads, (1.0,), values, {"best": {"J": 1.0}})
 
@@ -210,7 +214,9 @@ def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPa
     # A search that returns passive-off, worse than what it began with.
     monkeypatch.setattr(
         "mrdamp.compare.frame_bound.search",
-        lambda rolled, starts, peaks: search(rolled, [("off", np.zeros(rolled.periods))], peaks, Effort(most=0)),
+        lambda rolled, starts, peaks: search(
+            rolled, [("off", np.zeros(rolled.periods))], peaks, Effort(most=0)
+        ),
     )
     kept = frame_bound(BENCH, start, MOTION, 1.0)
     own = BENCH.values(BENCH.run("force-tracking", MOTION, 1.0), BENCH.run(UNCONTROLLED, MOTION, 1.0))
@@ -240,9 +246,21 @@ def test_bounds_need_passive_on_and_a_plant_that_has_them(bounded: Comparison) -
 
 def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "motion.csv"
-    rows = "".join(f"{float(t)!r},{float(a)!r}\n" for t, a in zip(MOTION.time, MOTION.acceleration, strict=True))
+    rows = "".join(
+        f"{float(t)!r},{float(a)!r}\n" for t, a in zip(MOTION.time, MOTION.acceleration, strict=True)
+    )
     file.write_text(f"time_s,acceleration_m_s2\n{rows}")
-    given = ["frame", "--motions", file, "--controllers", "passive-on", "passive-off", "--bound", "--jobs", "1"]
+    given = [
+        "frame",
+        "--motions",
+        file,
+        "--controllers",
+        "passive-on",
+        "passive-off",
+        "--bound",
+        "--jobs",
+        "1",
+    ]
     assert run("compare", *given, "-o", tmp_path / "out") == 0
     text = capsys.readouterr().out
     assert "way to clairvoyant-drift" in text

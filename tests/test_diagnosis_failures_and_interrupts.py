@@ -117,7 +117,7 @@ def test_an_interrupted_run_goes_on_to_the_same_answer(
     case = write(tmp_path / "case", offset=60.0)
     whole, halved = tmp_path / "whole", tmp_path / "halved"
     assert cli.main(["diagnose", str(case), "-o", str(whole), "--jobs", "1"]) == 0
-    tell = command._tell
+    tell = command._show_progress
 
     def stop(what: str, share: float) -> None:
         if share >= 0.7:

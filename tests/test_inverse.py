@@ -12,7 +12,7 @@ from excitation import Array
 from mrdamp import sets
 from mrdamp.errors import InputError
 from mrdamp.inverse import Inverse, LawInverse
-from mrdamp.inverse.base import Foretold, command_range
+from mrdamp.inverse.base import Extrapolation, command_range
 from mrdamp.inverse.baselines import Fixed, Switching
 from mrdamp.inverse.law import search
 from mrdamp.model import Effect, Model
@@ -165,12 +165,12 @@ def test_reset_forgets() -> None:
 
 
 def test_a_steady_change_is_foretold_in_full() -> None:
-    foretold = Foretold(7.0, PERIOD)
-    got = [foretold(100.0 + 3.0 * k, 21.0) for k in range(12)]
+    extrapolated = Extrapolation(7.0, PERIOD)
+    got = [extrapolated(100.0 + 3.0 * k, 21.0) for k in range(12)]
     assert got[6] == 118.0  # nothing has come yet
     assert got[7:] == pytest.approx([142.0 + 3.0 * k for k in range(5)])
-    foretold.reset()
-    assert foretold(50.0, 21.0) == 50.0
+    extrapolated.reset()
+    assert extrapolated(50.0, 21.0) == 50.0
 
 
 @pytest.mark.parametrize("turns", [0.1, 0.3, 0.7])
@@ -178,34 +178,34 @@ def test_the_share_of_a_ringing_is_the_least_squares_one(turns: float) -> None:
     """A sine whose slope is led by h: sin(w (t + h)) - sin(w t) over w h cos(w t) is sin(w h) / (w h) in the mean."""
     periods = 400
     w = 2 * math.pi * turns / periods
-    foretold = Foretold(periods, 1e-6)
+    extrapolated = Extrapolation(periods, 1e-6)
     for k in range(20_000):
-        foretold(100.0 + math.sin(w * k), w * periods * math.cos(w * k))
+        extrapolated(100.0 + math.sin(w * k), w * periods * math.cos(w * k))
     angle = 2 * math.pi * turns
-    assert foretold.share == pytest.approx(max(math.sin(angle) / angle, 0.0), abs=0.01)
+    assert extrapolated.share == pytest.approx(max(math.sin(angle) / angle, 0.0), abs=0.01)
 
 
 def test_what_is_left_of_an_error_is_its_correlation() -> None:
     """An error that forgets by a factor f each period leaves f^n after n."""
     forgets, periods = 0.9, 5
     rng = np.random.default_rng(3)
-    foretold, error = Foretold(periods, 1e-5), 0.0
+    extrapolated, error = Extrapolation(periods, 1e-5), 0.0
     for _ in range(50_000):
         error = forgets * error + float(rng.standard_normal())
-        foretold(error, -error)
-    assert foretold(1.0, -1.0) == pytest.approx(forgets**periods, abs=0.03)
+        extrapolated(error, -error)
+    assert extrapolated(1.0, -1.0) == pytest.approx(forgets**periods, abs=0.03)
 
 
 def test_a_preview_neither_turns_the_force_round_nor_more_than_doubles_it() -> None:
-    foretold = Foretold(1.0, PERIOD)
+    extrapolated = Extrapolation(1.0, PERIOD)
     for k in range(50):
-        foretold(1000.0 + k, 1.0)
-    assert foretold.share == 1.0
-    assert foretold(1050.0, -5000.0) == pytest.approx(0.0)
-    foretold.reset()
+        extrapolated(1000.0 + k, 1.0)
+    assert extrapolated.share == 1.0
+    assert extrapolated(1050.0, -5000.0) == pytest.approx(0.0)
+    extrapolated.reset()
     for k in range(50):
-        foretold(-1000.0 - k, -1.0)
-    assert foretold(-1050.0, -5000.0) == pytest.approx(-2100.0)
+        extrapolated(-1000.0 - k, -1.0)
+    assert extrapolated(-1050.0, -5000.0) == pytest.approx(-2100.0)
 
 
 def test_search_finds_a_bent_root_and_keeps_the_last_command_without_authority() -> None:

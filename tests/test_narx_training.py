@@ -14,10 +14,10 @@ from mrdamp import InputError
 from mrdamp.narx import data
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.data import lagged, noise_floor, protocol, series
-from mrdamp.narx.doubt import doubt
-from mrdamp.narx.judge import free_run_error, free_run_force, judge
+from mrdamp.narx.error_bars import error_bars
+from mrdamp.narx.evaluation import evaluate, free_run_error, free_run_force
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.prune import draw_course, prune
+from mrdamp.narx.prune import draw_pruning, prune
 from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
@@ -178,8 +178,8 @@ def test_pruning_finds_a_smaller_network_that_is_as_good(large: FitNarx, method:
     assert error <= 1.5 * pruned.best * (1 + 1e-12)
     weights = [step.weights for step in pruned.steps[1:]]
     assert weights == sorted(weights, reverse=True)
-    assert judge(pruned.smallest, TRAIN, VALIDATION, TEST)[1].test[0].nrmse < 0.1
-    lines = draw_course(pruned).axes[0].lines
+    assert evaluate(pruned.smallest, TRAIN, VALIDATION, TEST)[1].test[0].nrmse < 0.1
+    lines = draw_pruning(pruned).axes[0].lines
     drawn = np.asarray(lines[0].get_xdata(), dtype=float)
     np.testing.assert_array_equal(drawn, [step.weights for step in pruned.steps])
 
@@ -233,7 +233,7 @@ def test_doubt_of_a_linear_network_is_that_of_linear_regression() -> None:
     net = blank([TRAIN[0]], lagged("xv", 0), ())
     posterior = minimise(OneStep.of(net, [TRAIN[0]]), net.theta)
     s = replace(TEST[0], x=3.0 * TEST[0].x)
-    found = doubt(net.with_theta(posterior.theta), posterior, s)
+    found = error_bars(net.with_theta(posterior.theta), posterior, s)
     rows = np.column_stack([net.scaled(s.regressors(net.inputs)), np.ones(s.n)])
     covariance = np.linalg.inv(2 * posterior.beta * posterior.normal + 2 * posterior.alpha * np.eye(3))
     expected = np.sqrt(np.einsum("ni,ij,nj->n", rows, covariance, rows)) * net.force_scale
@@ -243,8 +243,8 @@ def test_doubt_of_a_linear_network_is_that_of_linear_regression() -> None:
 
 
 def test_doubt_shows_where_the_records_do_not_suffice(trained: FitNarx) -> None:
-    near = doubt(trained.network, trained.posterior, TEST[0])
-    far = doubt(trained.network, trained.posterior, replace(TEST[0], i=TEST[0].i + 1.5))
+    near = error_bars(trained.network, trained.posterior, TEST[0])
+    far = error_bars(trained.network, trained.posterior, replace(TEST[0], i=TEST[0].i + 1.5))
     assert near.outside["i"] < 0.5
     assert far.outside["i"] > 2.0
     assert far.share > 4 * near.share

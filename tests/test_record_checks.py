@@ -8,7 +8,7 @@ import pytest
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.records import embedded
-from mrdamp.records.checks import check_clipping, clipped, doubts
+from mrdamp.records.checks import check_clipping, clipped, warnings_of
 from sine_records import grid
 
 
@@ -49,6 +49,6 @@ def test_too_few_samples_are_told() -> None:
 
 def test_a_displacement_in_mm_is_doubted() -> None:
     record = grid()[0]
-    assert doubts([record]) == []
+    assert warnings_of([record]) == []
     in_mm = record.with_channels({"displacement_m": 1000 * record.displacement})
-    assert doubts([record, in_mm]) == ["0A_4mm: displacement_m spans 8 m; channels are in m, N and s"]
+    assert warnings_of([record, in_mm]) == ["0A_4mm: displacement_m spans 8 m; channels are in m, N and s"]

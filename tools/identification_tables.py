@@ -27,7 +27,7 @@ from mrdamp.identify import error, identify, pooled, simulate
 from mrdamp.identify.comparison import row_of
 from mrdamp.model import Model
 from mrdamp.narx.data import series
-from mrdamp.narx.judge import one_step_error
+from mrdamp.narx.evaluation import one_step_error
 from mrdamp.narx.network import Network
 from mrdamp.narx.splits import at_constant_command, cut_varying
 from mrdamp.pictures.identification import model_loops

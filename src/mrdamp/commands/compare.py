@@ -122,7 +122,9 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
         rows = contenders(bench, names, settings, shipped)
         result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
         if a.bound is not None:
-            result = with_bounds(bench, result, loads, starts=a.bound, jobs=a.jobs, keep=keep, progress=progress)
+            result = with_bounds(
+                bench, result, loads, starts=a.bound, jobs=a.jobs, keep=keep, progress=progress
+            )
         about = _about(bench, result, settings, names)
         if a.out:
             progress("page", 1.0)

@@ -55,12 +55,12 @@ def run_convert(a: argparse.Namespace) -> int:
     for one in found:
         one.record.save(a.out / f"{one.record.name}.csv")
     for one in found:
-        print(_told(one))
+        print(_summary(one))
     print(f"records: {a.out}")
     return 0
 
 
-def _told(one: Converted) -> str:
+def _summary(one: Converted) -> str:
     """A line: length, rate, what was done to the clock, and ranges, by which a wrong unit shows."""
     record = one.record
     text = f"{record.name}: {record.duration:.3g} s at {1 / record.sample_time:.6g} Hz"

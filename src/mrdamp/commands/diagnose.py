@@ -51,7 +51,7 @@ def run_diagnose(a: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
     store = Store.of(a.out / ".fits.json", case)
-    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_tell, store=store)
+    found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_show_progress, store=store)
     found.corrected.write(a.out / "corrected.json")
     found = hand_over(found, case.records, a.out / "mjcf")
     if found.next_signal is not None:
@@ -66,5 +66,5 @@ def run_diagnose(a: argparse.Namespace) -> int:
     return 0
 
 
-def _tell(what: str, share: float) -> None:
+def _show_progress(what: str, share: float) -> None:
     print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)

@@ -167,7 +167,12 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     records = protocol_records(a, records)
     if a.by_command:
         return _by_command(a, records)
-    common: dict[str, Any] = {"extras": a.extras, "starts": a.starts, "seed": a.seed, "progress": _tell}
+    common: dict[str, Any] = {
+        "extras": a.extras,
+        "starts": a.starts,
+        "seed": a.seed,
+        "progress": _show_progress,
+    }
     fits: dict[str, Fit] = {}
     if a.dependence == "compare":
         fits = compare_dependences(a.law, records.train, records.validation, **common)
@@ -235,7 +240,7 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
         dependence=a.dependence,
         starts=a.starts,
         seed=a.seed,
-        progress=_tell,
+        progress=_show_progress,
     )
     print(
         f"{records.name}: free run on {len(records.validation)} held-out records; E_x and E_v in the paper's cm"
@@ -266,7 +271,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         extras=a.extras,
         starts=a.starts,
         seed=a.seed,
-        progress=_tell,
+        progress=_show_progress,
     )
     found.model.write(a.out)
     print(f"{a.law}: one fit per constant command:")
@@ -295,12 +300,12 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
 
 def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Record]) -> None:
     """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
-    from mrdamp.records.checks import doubts
+    from mrdamp.records.checks import warnings_of
 
     if fit.left_out:
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
-    for doubt in doubts(records):
-        print(f"  check: {doubt}")
+    for warning in warnings_of(records):
+        print(f"  check: {warning}")
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),
@@ -356,5 +361,5 @@ def _records(paths: Sequence[Path], cutoff: float | None = None) -> RecordSet:
     return records if cutoff is None else records.smoothed(cutoff)
 
 
-def _tell(what: str, share: float) -> None:
+def _show_progress(what: str, share: float) -> None:
     print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)

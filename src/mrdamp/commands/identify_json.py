@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mrdamp.identify.comparison import RecordNorms, Table1
     from mrdamp.identify.intervals import ChannelFinding, Interval
     from mrdamp.narx import Choice, FitNarx, Pruned
-    from mrdamp.narx.doubt import Sufficiency
+    from mrdamp.narx.error_bars import Sufficiency
     from mrdamp.narx.select import Trial
 
 

@@ -14,8 +14,8 @@ from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
     from mrdamp.model import Model
-    from mrdamp.narx import Choice, FitNarx, Judged, Network, Pruned
-    from mrdamp.narx.doubt import Sufficiency
+    from mrdamp.narx import Choice, Evaluation, FitNarx, Network, Pruned
+    from mrdamp.narx.error_bars import Sufficiency
     from mrdamp.narx.splits import DataSplit
     from mrdamp.records import RecordSet
 
@@ -180,7 +180,7 @@ def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Pro
 
 
 def _prune(a: argparse.Namespace, fit: FitNarx, splits: DataSplit, progress: Progress) -> Pruned:
-    from mrdamp.narx import judge, prune
+    from mrdamp.narx import evaluate, prune
 
     pruned = prune(
         fit.network,
@@ -200,13 +200,13 @@ def _prune(a: argparse.Namespace, fit: FitNarx, splits: DataSplit, progress: Pro
     print(
         f"smallest within {100 * pruned.tolerance:.0f} % of the best: {small.topology}, {small.nonzero} weights"
     )
-    one, free = judge(small, splits.train, splits.validation, splits.test)
+    one, free = evaluate(small, splits.train, splits.validation, splits.test)
     _print_errors(small, one, free, splits)
     return pruned
 
 
 def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
-    from mrdamp.narx.doubt import sufficiency
+    from mrdamp.narx.error_bars import sufficiency
 
     net, p = fit.network, fit.posterior
     print(
@@ -231,7 +231,7 @@ def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
     return found
 
 
-def _print_errors(net: Network, one: Judged, free: Judged, splits: DataSplit) -> None:
+def _print_errors(net: Network, one: Evaluation, free: Evaluation, splits: DataSplit) -> None:
     """Free run first, one step ahead beside it, and the noise that no one-step prediction goes below."""
     import numpy as np
 

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamp.model import Model
-from mrdamp.narx import Choice, FitNarx, Network, Pruned, draw_choice, draw_course, judge
-from mrdamp.narx.doubt import Sufficiency
-from mrdamp.narx.judge import free_run_force
+from mrdamp.narx import Choice, FitNarx, Network, Pruned, draw_choice, draw_pruning, evaluate
+from mrdamp.narx.error_bars import Sufficiency
+from mrdamp.narx.evaluation import free_run_force
 from mrdamp.narx.splits import DataSplit
 from mrdamp.pictures.identification import model_loops
 from mrdamp.report import Page
@@ -37,7 +37,7 @@ def figures(
     if choice:
         out["choice"] = draw_choice(choice)
     if pruned:
-        out["pruning"] = draw_course(pruned)
+        out["pruning"] = draw_pruning(pruned)
     assert model.weights is not None
     s = max(splits.test or splits.validation or splits.train, key=lambda s: float(np.std(s.force)))
     time = np.arange(s.n, dtype=float) * s.sample_time
@@ -53,7 +53,7 @@ def write_page(
     """Writes one self-contained HTML file. Raises InputError."""
     assert model.weights is not None
     network = Network.from_text(model.weights)
-    one, free = judge(network, splits.train, splits.validation, splits.test)
+    one, free = evaluate(network, splits.train, splits.validation, splits.test)
     page = Page(
         f"Network {network.topology} of {name}",
         f"{network.nonzero} weights, sample time {1e3 * network.sample_time:g} ms; free run first, as a simulator"

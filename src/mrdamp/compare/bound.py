@@ -44,7 +44,8 @@ class Cases:
 
     def key(self, task: Case) -> str:
         specs = {
-            name: [self.bench.key(s, task.load, task.amplitude) for s in some] for name, some in task.starts.items()
+            name: [self.bench.key(s, task.load, task.amplitude) for s in some]
+            for name, some in task.starts.items()
         }
         effort = vars(clairvoyant.Effort())
         return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
@@ -69,7 +70,9 @@ def with_bounds(
     `run_all`. Raises InputError.
     """
     if not bench.bounds:
-        raise InputError(f"compare: there is no clairvoyant command for the {bench.environment}; leave --bound out")
+        raise InputError(
+            f"compare: there is no clairvoyant command for the {bench.environment}; leave --bound out"
+        )
     if starts < 1:
         raise InputError(f"compare: bound from {starts} controllers; allowed: 1 or more")
     start_of_way(result)
@@ -80,7 +83,9 @@ def with_bounds(
     found = run_all(Cases(bench), cases, jobs=jobs, keep=keep, progress=progress, what="bound")
     shape = 1, len(loads), len(result.amplitudes)
     values = {
-        name: {m.key: np.array([f[name]["values"][m.key] for f in found]).reshape(shape) for m in bench.measures}
+        name: {
+            m.key: np.array([f[name]["values"][m.key] for f in found]).reshape(shape) for m in bench.measures
+        }
         for name in bench.bounds
     }
     rows = tuple(Contender(name, (name,), bound=True) for name in bench.bounds)

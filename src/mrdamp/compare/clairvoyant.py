@@ -56,7 +56,9 @@ class Peaks:
     def value(self, y: Array) -> Array:
         """(n,) of channels (n, periods, channels)."""
         largest = np.abs(y).max(axis=1) / self.scale
-        return np.asarray(sum(w * largest[:, self.group == g].max(axis=1) for g, w in enumerate(self.weights) if w > 0))
+        return np.asarray(
+            sum(w * largest[:, self.group == g].max(axis=1) for g, w in enumerate(self.weights) if w > 0)
+        )
 
     def near(self, y: Array, share: float, apart: int) -> tuple[Whole, Whole]:
         """Period and channel (m,) of samples of y (periods, channels) that are at least a share of their group's peak.
@@ -134,7 +136,8 @@ def search(
     given = np.stack([np.clip(u[: rollouts.periods], rollouts.low, rollouts.high) for _, u in starts])
     y, _ = rollouts.run(given)
     paths = [
-        Path(name, u, float(v), [float(v)]) for (name, _), u, v in zip(starts, given, objective.value(y), strict=True)
+        Path(name, u, float(v), [float(v)])
+        for (name, _), u, v in zip(starts, given, objective.value(y), strict=True)
     ]
     for stage, hold in enumerate(effort.holds):
         _stage(rollouts, paths, objective, hold, effort)
@@ -147,7 +150,9 @@ def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: in
     """Searches with commands that are held over `hold` periods, from where each path stands."""
     for path in paths:
         path.begin(_held(path.commands, hold), effort.trust)
-    y, states = rollouts.run(np.stack([_spread(path.held, hold, rollouts.periods) for path in paths]), states=True)
+    y, states = rollouts.run(
+        np.stack([_spread(path.held, hold, rollouts.periods) for path in paths]), states=True
+    )
     for path, channels, kept, value in zip(paths, y, states, objective.value(y), strict=True):
         path.now, path.present = (channels, kept), float(value)
     for _ in range(effort.most):
@@ -209,8 +214,12 @@ def _minimax(slope: Array, size: Array, group: Whole, weights: Array, low: Array
     m, n = slope.shape
     tops = np.zeros((m, len(weights)))
     tops[np.arange(m), group] = -1.0
-    bounds = np.column_stack([np.append(low, np.zeros(len(weights))), np.append(high, np.full(len(weights), np.inf))])
-    solved = linprog(np.append(np.zeros(n), weights), np.hstack([slope, tops]), -size, bounds=bounds, method="highs-ds")
+    bounds = np.column_stack(
+        [np.append(low, np.zeros(len(weights))), np.append(high, np.full(len(weights), np.inf))]
+    )
+    solved = linprog(
+        np.append(np.zeros(n), weights), np.hstack([slope, tops]), -size, bounds=bounds, method="highs-ds"
+    )
     return np.asarray(solved.x[:n]) if solved.x is not None else np.zeros(n)
 
 

@@ -118,7 +118,9 @@ class FrameBench:
         """The motion as the frame feels it."""
         return load.scaled(amplitude).compressed(self.compression)
 
-    def driven(self, controller: Controller, load: GroundMotion, amplitude: float, *, ideal: bool = False) -> FrameRun:
+    def driven(
+        self, controller: Controller, load: GroundMotion, amplitude: float, *, ideal: bool = False
+    ) -> FrameRun:
         """`history` of a controller. ideal: an actuator stands in the damper's place, the command is its force (N)."""
         played = self.played(load, amplitude)
         every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
@@ -147,7 +149,9 @@ class FrameBench:
         )
         return {"criteria": kept, "coil": Coil.of(self.command_unit).use(mean, square, c.duration)}
 
-    def bound(self, starts: Mapping[str, Sequence[str]], load: GroundMotion, amplitude: float) -> dict[str, Any]:
+    def bound(
+        self, starts: Mapping[str, Sequence[str]], load: GroundMotion, amplitude: float
+    ) -> dict[str, Any]:
         from mrdamp.compare.frame_bound import frame_bound
 
         return frame_bound(self, starts, load, amplitude)

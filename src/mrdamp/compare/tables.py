@@ -79,7 +79,10 @@ def share_columns(result: Comparison) -> tuple[str, ...]:
 
 def share_rows(result: Comparison) -> list[Row]:
     """Of the way from passive-on to each bound, with 95 % intervals, over all runs."""
-    return [(c.name, *(_spread(share(result, c.name, bound)) for bound in result.bounds)) for c in result.contenders]
+    return [
+        (c.name, *(_spread(share(result, c.name, bound)) for bound in result.bounds))
+        for c in result.contenders
+    ]
 
 
 def load_share_rows(result: Comparison) -> list[Row]:
@@ -205,7 +208,9 @@ def to_json(result: Comparison, unit: str, about: str) -> str:
             }
     for name, row in rows.items():
         shares = {bound: share(result, name, bound) for bound in result.bounds}
-        row["way"] = {b: {key: number(getattr(s, key)) for key in ("mean", "low", "high")} for b, s in shares.items()}
+        row["way"] = {
+            b: {key: number(getattr(s, key)) for key in ("mean", "low", "high")} for b, s in shares.items()
+        }
     head = {"about": about, "command_unit": unit, "loads": result.loads, "amplitudes": result.amplitudes}
     return json.dumps({**head, "controllers": rows}, indent=1) + "\n"
 

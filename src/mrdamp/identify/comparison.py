@@ -85,7 +85,7 @@ def record_errors(model: Model, records: Sequence[Record]) -> tuple[RecordNorms,
     """The papers' measures of a model in free run, by record; the first 20 ms do not count."""
     found = []
     for record in records:
-        rest, force = _settled(record, simulate(model, record))
+        rest, force = _without_start(record, simulate(model, record))
         found.append(
             RecordNorms(
                 record.name, record_norms(rest, force, CENTIMETRE), delta_2(rest.channel("force_N"), force)
@@ -163,7 +163,7 @@ def row_of(name: str, forces: Mapping[str, Array], records: Sequence[Record]) ->
     variance = np.array([float(np.var(r.channel("force_N"))) for r in records])
     parts = []
     for record in records:
-        rest, force = _settled(record, forces[record.name])
+        rest, force = _without_start(record, forces[record.name])
         norms = record_norms(rest, force, CENTIMETRE)
         deviation = float(np.std(rest.channel("force_N")))
         error = rmse(rest.channel("force_N"), force)
@@ -172,7 +172,7 @@ def row_of(name: str, forces: Mapping[str, Array], records: Sequence[Record]) ->
     return Row(name, FoamNorms(*(float(x) for x in total[:3])), float(total[3]), PAPER.get(name))
 
 
-def _settled(record: Record, force: Array) -> tuple[Record, Array]:
+def _without_start(record: Record, force: Array) -> tuple[Record, Array]:
     """Both without the first 20 ms, where the unknown start state fades."""
     skip = min(record.n // 4, int(0.02 / record.sample_time))
     return record.part(record.time[skip], record.time[-1]), np.asarray(force)[skip:]

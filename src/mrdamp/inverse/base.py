@@ -65,14 +65,14 @@ def check_period(name: str, period: float) -> float:
     return float(period)
 
 
-class Foretold:
-    """What a value will be some control periods on: itself and a share of the change that is supposed.
+class Extrapolation:
+    """Extrapolation of a value over some control periods: the value, and a share of the expected change.
 
-    The share is learnt on the way. It is the least-squares one, from 0 to 1, of the changes supposed in the last
-    second or so that did come: a smooth force is led in full, one that rings is not led at all. A change counts by at
-    most the value's own size, so a force may double and come to nothing, and does not change its sign.
+    The share is estimated on line. It is the least-squares gain, limited to 0 to 1, between the changes expected in the
+    last second or so and those that occurred: 1 for a smooth force, 0 for one that oscillates. A change is limited to
+    the value's own size, so that the force at most doubles and never changes its sign.
 
-    periods: how far on; they are rounded to whole ones. period: s.
+    periods: how far ahead, rounded to whole ones. period: s.
     """
 
     def __init__(self, periods: float, period: float) -> None:
@@ -81,21 +81,21 @@ class Foretold:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is known: the share is 0."""
+        """Without a past the share is 0."""
         self._past.clear()
-        self._came = self._supposed = 0.0
+        self._occurred = self._expected = 0.0
 
     @property
     def share(self) -> float:
-        """Of the changes supposed, how much came."""
-        return min(max(self._came / self._supposed, 0.0), 1.0) if self._supposed > 0 else 0.0
+        """Gain from expected to actual change, 0 to 1."""
+        return min(max(self._occurred / self._expected, 0.0), 1.0) if self._expected > 0 else 0.0
 
     def __call__(self, value: float, change: float) -> float:
-        """The value to come, from the present one and the change that is supposed; once a control period."""
+        """The extrapolated value, from the present one and the expected change; to be called once a control period."""
         change = min(max(change, -abs(value)), abs(value))
         if len(self._past) == self._past.maxlen:
-            before, supposed = self._past[0]
-            self._came = self._keep * self._came + supposed * (value - before)
-            self._supposed = self._keep * self._supposed + supposed * supposed
+            before, expected = self._past[0]
+            self._occurred = self._keep * self._occurred + expected * (value - before)
+            self._expected = self._keep * self._expected + expected * expected
         self._past.append((value, change))
         return value + self.share * change

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from mrdamp.errors import InputError
-from mrdamp.inverse.base import Foretold, check_period, command_range
+from mrdamp.inverse.base import Extrapolation, check_period, command_range
 from mrdamp.inverse.predictor import ForcePredictor, Motion
 from mrdamp.model import Model
 
@@ -24,7 +24,7 @@ class LawInverse:
     """Inverse of a model of any law and any effects, by search in its present state.
 
     Attributes: name; period, s; horizon, s; low, high, the range of the command; force, the model's own force at the
-    last sample, N; bias, measured less modelled force as it is foretold for the horizon's end, N.
+    last sample, N; bias, measured less modelled force as it is extrapolated for the horizon's end, N.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class LawInverse:
         wanted one, s; None: the command's delay and half the driver's lag, at least one period. A shorter one leads
         the driver harder. commands: range; None: 0 and up to the model's command_max. feedback: the measured force's
         difference from the model's is counted, as much of it as lasted over the horizon up to now. preview: the wanted
-        force goes on over the horizon as it changed last, likewise (`Foretold`). Raises InputError.
+        force goes on over the horizon as it changed last, likewise (`Extrapolation`). Raises InputError.
         """
         self.name = name
         self.period = check_period(name, period)
@@ -56,16 +56,16 @@ class LawInverse:
                 f"inverse {name}: horizon is {horizon} s; allowed: longer than the command's delay of {delay:g} s"
             )
         steps = self.horizon / period
-        self._preview = Foretold(steps, period) if preview else None
-        self._feedback = Foretold(steps, period) if feedback else None
+        self._preview = Extrapolation(steps, period) if preview else None
+        self._feedback = Extrapolation(steps, period) if feedback else None
         self._predictor = ForcePredictor(model, period)
         self.reset()
 
     def reset(self) -> None:
         self._predictor.reset()
-        for foretold in (self._preview, self._feedback):
-            if foretold:
-                foretold.reset()
+        for extrapolated in (self._preview, self._feedback):
+            if extrapolated:
+                extrapolated.reset()
         self.force = self.bias = 0.0
         self._velocity: float | None = None
         self._wanted: float | None = None

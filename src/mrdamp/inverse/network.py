@@ -18,7 +18,7 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
-from mrdamp.inverse.base import Foretold, check_period
+from mrdamp.inverse.base import Extrapolation, check_period
 from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import minimise
@@ -76,7 +76,7 @@ class NetworkInverse:
     def reset(self) -> None:
         self._past: dict[str, Array] = {}
         self._wanted: float | None = None
-        self._foretold = Foretold(self.lead, self.period)
+        self._extrapolation = Extrapolation(self.lead, self.period)
 
     def command(self, t: float, wanted_force: float, y: Mapping[str, float]) -> float:
         now = {"x": y["stroke"], "v": y["stroke_velocity"], "i": y["force"]}
@@ -90,7 +90,7 @@ class NetworkInverse:
             past[channel][1:] = past[channel][:-1].copy()
             past[channel][0] = value
         last = wanted_force if self._wanted is None or not self.preview else self._wanted
-        wanted = self._foretold(wanted_force, (wanted_force - last) * self.lead)
+        wanted = self._extrapolation(wanted_force, (wanted_force - last) * self.lead)
         self._wanted = wanted_force
         values = np.array([self._input(past, channel, lag, wanted) for channel, lag in self.network.inputs])
         return float(np.clip(self.network.forward(values[None])[0], self.low, self.high))

@@ -54,7 +54,7 @@ def parse_csv(file: str, text: str, sample_time: float | None) -> Parsed:
     table = record_csv.numbers(file, names, lines[skip:], picked, skip + 1)
     stated = _stated(file, comments, "dt_s")
     if clock is not None:
-        stated = record_csv.clock(file, table[:, 1], skip + 1)
+        stated = record_csv.uniform_step(file, table[:, 1], skip + 1)
     sample_time = stated if stated is not None else sample_time
     if sample_time is None:
         raise InputError(f"{file}: no sample time: a one-column motion needs a line such as # dt_s=0.02")

@@ -6,10 +6,10 @@ loading" (Smart Structures and Systems, 2015), Eqs. (5), (9) and (11); the plugi
 
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import PROTOCOL, Series, lagged, protocol, series
-from mrdamp.narx.doubt import Doubt, doubt
-from mrdamp.narx.judge import Judged, judge
+from mrdamp.narx.error_bars import ErrorBars, error_bars
+from mrdamp.narx.evaluation import Evaluation, evaluate
 from mrdamp.narx.network import Network
-from mrdamp.narx.prune import Pruned, draw_course, prune
+from mrdamp.narx.prune import Pruned, draw_pruning, prune
 from mrdamp.narx.select import Candidate, Choice, draw_choice, select
 from mrdamp.narx.train import FitNarx, train_narx
 
@@ -17,17 +17,17 @@ __all__ = [
     "PROTOCOL",
     "Candidate",
     "Choice",
-    "Doubt",
+    "ErrorBars",
+    "Evaluation",
     "FitNarx",
-    "Judged",
     "Network",
     "Posterior",
     "Pruned",
     "Series",
-    "doubt",
     "draw_choice",
-    "draw_course",
-    "judge",
+    "draw_pruning",
+    "error_bars",
+    "evaluate",
     "lagged",
     "minimise",
     "protocol",

@@ -23,7 +23,7 @@ from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.data import Series
-from mrdamp.narx.judge import START, free_run_error, one_step_error
+from mrdamp.narx.evaluation import START, free_run_error, one_step_error
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import FreeRun
 from mrdamp.pictures import style
@@ -100,13 +100,13 @@ def prune(
     skip = int(START / network.sample_time)
     problem = FreeRun.of(network, train, horizon, most, skip=skip)
     with threadpool_limits(limits=1):  # the same network on every machine
-        steps = _course(network, problem, validation, share, least, iterations, method, progress)
+        steps = _pruning_curve(network, problem, validation, share, least, iterations, method, progress)
     limit = (1.0 + tolerance) * min(s.free_run for s in steps)
     good = min((s for s in steps if s.free_run <= limit), key=lambda s: s.weights)
     return Pruned(tuple(steps), good.network, tolerance)
 
 
-def _course(
+def _pruning_curve(
     network: Network, problem: FreeRun, validation: Sequence[Series], share: float, least: int, iterations: int,
     method: str, progress: Progress | None,
 ) -> list[Step]:  # fmt: skip
@@ -171,7 +171,7 @@ def compact(network: Network) -> Network:
 
 
 @style.styled
-def draw_course(pruned: Pruned) -> Figure:
+def draw_pruning(pruned: Pruned) -> Figure:
     """Validation error over the number of weights, with the smallest good network marked."""
     fig = style.figure(2.6)
     axes = style.axes_grid(fig, 1, 1)[0][0]

@@ -19,7 +19,7 @@ from mrdamp.identify import pooled
 from mrdamp.narx.bayes import minimise
 from mrdamp.narx.checkpoint import Checkpoint, fingerprint
 from mrdamp.narx.data import Series, lagged
-from mrdamp.narx.judge import free_run_error, one_step_error
+from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.train import blank, refine

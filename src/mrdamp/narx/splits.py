@@ -11,7 +11,7 @@ from mrdamp.errors import InputError
 from mrdamp.identify import error, pooled
 from mrdamp.model import Model
 from mrdamp.narx.data import PROTOCOL, PROTOCOL_TIME, Series, protocol, series
-from mrdamp.narx.judge import free_run_error
+from mrdamp.narx.evaluation import free_run_error
 from mrdamp.narx.network import Network
 from mrdamp.records import Record, RecordSet
 from mrdamp.records.checks import check_channels, check_clipping

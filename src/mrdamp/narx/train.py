@@ -19,7 +19,7 @@ from mrdamp.narx import layers as nn
 from mrdamp.narx.bayes import Posterior, minimise
 from mrdamp.narx.checkpoint import Checkpoint, fingerprint
 from mrdamp.narx.data import Series, check, scaling
-from mrdamp.narx.judge import START, Judged, free_run_error, judge, one_step_error
+from mrdamp.narx.evaluation import START, Evaluation, evaluate, free_run_error, one_step_error
 from mrdamp.narx.network import Input, Network, check_hidden, check_inputs
 from mrdamp.narx.problems import FreeRun, OneStep
 
@@ -47,8 +47,8 @@ class FitNarx:
     """A trained network with both errors, the posterior of the stage it comes from, and the stages."""
 
     network: Network
-    one_step: Judged
-    free_run: Judged
+    one_step: Evaluation
+    free_run: Evaluation
     posterior: Posterior
     stages: tuple[Stage, ...]
 
@@ -173,7 +173,7 @@ def train_narx(
     run.progress("judging", 1.0)
     assert best is not None
     result = network.with_theta(best[1].theta)
-    return FitNarx(result, *judge(result, train, validation, test), best[1], tuple(stages))
+    return FitNarx(result, *evaluate(result, train, validation, test), best[1], tuple(stages))
 
 
 @dataclass(frozen=True)

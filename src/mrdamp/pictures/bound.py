@@ -58,7 +58,9 @@ def shares(panels: Mapping[str, Sequence[Share]]) -> Figure:
         for y, s in enumerate(rows):
             colour = SIMULATED if s.marked else COLOURS[0]
             at = np.maximum(s.loads[np.isfinite(s.loads)], _LEFT)
-            ax.plot(at, np.full(len(at), y), marker="|", markersize=6, color=MUTED, linestyle="none", alpha=0.7)
+            ax.plot(
+                at, np.full(len(at), y), marker="|", markersize=6, color=MUTED, linestyle="none", alpha=0.7
+            )
             if np.isfinite(s.low):
                 span = np.maximum([s.low, s.high], _LEFT)
                 ax.plot(span, [y, y], color=colour, linewidth=3.2, alpha=0.35, solid_capstyle="butt")

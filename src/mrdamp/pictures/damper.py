@@ -52,7 +52,7 @@ class LoopData:
 
     time (n,) s; displacement (n,) m; velocity (n,) m/s; command (n,) in command_unit; measured and
     simulated force (n,) N. note: what the row's title says after the name ("held out, error 0.12").
-    Raises InputError on shapes that do not fit, on numbers that are not finite, on a clock that stands.
+    Raises InputError on shapes that do not fit, on numbers that are not finite, on times that do not increase.
     """
 
     name: str

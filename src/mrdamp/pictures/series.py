@@ -23,7 +23,7 @@ def finite(what: str, values: ArrayLike, shape: tuple[int, ...] | None = None) -
     return array
 
 
-def clock(what: str, values: ArrayLike) -> Array:
+def time_axis(what: str, values: ArrayLike) -> Array:
     """Stamps (n,) s. Raises InputError where they do not increase."""
     array = finite(what, values)
     if not (np.diff(array) > 0).all():
@@ -78,8 +78,8 @@ def outline(time: Array, x: Array, bins: int) -> tuple[Array, Array]:
     return time[keep], x[keep]
 
 
-def held(time: Array, x: Array) -> tuple[Array, Array]:
-    """The samples where a held signal changes, and the last one."""
+def staircase(time: Array, x: Array) -> tuple[Array, Array]:
+    """The samples at which a zero-order-held signal changes, and the last one."""
     keep = np.r_[True, np.diff(x) != 0]
     keep[-1] = True
     return time[keep], x[keep]
@@ -113,7 +113,7 @@ def padded(low: float, high: float) -> tuple[float, float]:
 
 def check_series(data: Any, *fields: str) -> None:
     """Makes arrays of a dataclass' `time` (n,) and of its fields (n,), checked; `name` begins the line of an error."""
-    time = clock(f"{data.name}: time", data.time)
+    time = time_axis(f"{data.name}: time", data.time)
     object.__setattr__(data, "time", time)
     for field in fields:
         object.__setattr__(data, field, finite(f"{data.name}: {field}", getattr(data, field), time.shape))

@@ -14,15 +14,15 @@ from mrdamp.errors import InputError
 from mrdamp.pictures.series import (
     Array,
     busiest,
-    clock,
     finite,
     force_unit,
-    held,
     length_unit,
     outline,
     padded,
     peak,
+    staircase,
     thinned,
+    time_axis,
 )  # fmt: skip
 from mrdamp.pictures.style import (
     DASHES,
@@ -48,7 +48,7 @@ def drifts(time: ArrayLike, drift: Mapping[str, ArrayLike], periods: float = 12.
     time (n,) s; drift: controller -> (n, N) m. On top the whole motion of the storey that drifts most;
     below it every storey, the top one first, over so many mean periods where the first drifts most.
     """
-    t = clock("time", time)
+    t = time_axis("time", time)
     runs = _runs("drifts", t, drift)
     names = list(runs)
     reference = runs[names[0]]
@@ -175,7 +175,7 @@ def command_history(
     (n,) N, the same controllers. order: the controllers of the other pictures, so that each has one colour in
     all of them; None: these, after an uncontrolled frame.
     """
-    t = clock("time", time)
+    t = time_axis("time", time)
     commands = {name: finite(f"{name}: command", values, t.shape) for name, values in command.items()}
     if not commands or set(force) != set(commands):
         raise InputError(f"picture: commands of {list(command)} and forces of {list(force)}; name the same")
@@ -196,7 +196,7 @@ def command_history(
         above.set_ylim(scale * largest[0], scale * largest[1])
         above.set_ylabel(f"force, {unit}")
         above.set_title(elide(name, 318, 9.5, "bold"))
-        switched, level = held(t[window], commands[name][window])
+        switched, level = staircase(t[window], commands[name][window])
         below.fill_between(switched, level, step="post", color=colour[name], alpha=0.35, linewidth=0)
         below.plot(switched, level, drawstyle="steps-post", color=colour[name], linewidth=1.0)
         below.set_ylim(min(0.0, float(commands[name].min())) - 0.08 * most, 1.12 * most)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.series import force_unit, held, padded, thinned
+from mrdamp.pictures.series import force_unit, padded, staircase, thinned
 from mrdamp.pictures.style import COLOURS, INK, MUTED, axes_grid, figure, legend, row_title, styled, ticks
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def force_tracking(tracks: Sequence[Track], command_unit: str = "A", seconds: fl
         row_title(above, above, run.name, f"RMS error {100 * run.relative_error:.1f} %")
         above.set_ylabel(f"force, {unit}")
         # Held between samples: a corner where it changes.
-        below.step(*held(run.time[window], run.command[window]), where="post", color=COLOURS[k % len(COLOURS)],
+        below.step(*staircase(run.time[window], run.command[window]), where="post", color=COLOURS[k % len(COLOURS)],
                    linewidth=1.0)  # fmt: skip
         below.set_ylim(*padded(0.0, top))
         below.set_ylabel(command_unit)

@@ -46,7 +46,7 @@ def check_size(records: Sequence[Record], coordinates: int) -> None:
         )
 
 
-def doubts(records: Sequence[Record]) -> list[str]:
+def warnings_of(records: Sequence[Record]) -> list[str]:
     """What is likely a mistake of the records though a fit is possible: a line each."""
     return [
         f"{record.label}: displacement_m spans {span:.3g} m; channels are in m, N and s"

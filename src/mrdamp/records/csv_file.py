@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.IGNORECASE)
-_STEP_TOLERANCE = 0.01  # of a step: the jitter of a clock that still counts as uniform
+_STEP_TOLERANCE = 0.01  # of a step: the jitter of a time axis that still counts as uniform
 _GRID_TOLERANCE = 0.05  # of a step: how far a sample may lie from the uniform grid of the whole record
 
 
@@ -53,11 +53,11 @@ def parse(
     ignored = tuple(name for name in header if name not in present)
     if "time_s" not in channels:
         raise InputError(f"{file}: missing channel time_s; the file has {listed(header)}")
-    sample_time = clock(file, channels["time_s"])
+    sample_time = uniform_step(file, channels["time_s"])
     return channels, ignored, sample_time
 
 
-def clock(file: str, time: Array, first_line: int = 2) -> float:
+def uniform_step(file: str, time: Array, first_line: int = 2) -> float:
     """Sample time of a printed time column, (t[-1] - t[0]) / (n - 1), after a check that it is uniform.
 
     Times are printed with limited digits, so a time may be off by half of the last digit; beyond that, and

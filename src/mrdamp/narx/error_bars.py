@@ -27,7 +27,7 @@ _DOUBTFUL, _OUTSIDE = 3.0, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Doubt:
+class ErrorBars:
     """Of a free run over one part.
 
     Attributes:
@@ -45,7 +45,7 @@ class Doubt:
     outside: dict[str, float]
 
 
-def doubt(network: Network, posterior: Posterior, s: Series, most: int = 3000) -> Doubt:
+def error_bars(network: Network, posterior: Posterior, s: Series, most: int = 3000) -> ErrorBars:
     """Error bars of the free run from rest over the first `most` samples of a part.
 
     Args:
@@ -64,7 +64,7 @@ def doubt(network: Network, posterior: Posterior, s: Series, most: int = 3000) -
         over = max(0.0, float(np.max(np.abs(scaled[:, k]))) - 1.0)
         outside[channel] = max(over, outside.get(channel, 0.0))
     share = float(np.sqrt(np.mean(deviation**2)) / np.std(part.force))
-    return Doubt(s.name, deviation, share, outside)
+    return ErrorBars(s.name, deviation, share, outside)
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ def sufficiency(
     """
     before, after = (float(np.median([e.nrmse for e in errors])) for errors in (seen, new))
     suffice = after <= _WORSE * before
-    usual = float(np.median([doubt(network, posterior, s).share for s in train]))
-    found = [doubt(network, posterior, s) for s in others]
+    usual = float(np.median([error_bars(network, posterior, s).share for s in train]))
+    found = [error_bars(network, posterior, s) for s in others]
     worst = max(found, key=lambda d: d.share)
     over, channel, record = max((over, c, d.record) for d in found for c, over in d.outside.items())
     signs = [f"free-run error of the middle record {before:.3f} among them, {after:.3f} among others"]

@@ -20,7 +20,7 @@ START = 0.02  # s of a free run that do not count, where the unknown start fades
 
 
 @dataclass(frozen=True)
-class Judged:
+class Evaluation:
     """Errors of one network, by part: one step ahead and in free run.
 
     Attributes:
@@ -64,17 +64,17 @@ def free_run_error(network: Network, s: Series) -> RecordError:
     return _error(s.name, free_run_force(network, s)[skip:], s.force[skip:])
 
 
-def judge(
+def evaluate(
     network: Network, train: Sequence[Series], validation: Sequence[Series] = (), test: Sequence[Series] = ()
-) -> tuple[Judged, Judged]:
+) -> tuple[Evaluation, Evaluation]:
     """Errors one step ahead and in free run."""
     rms = tuple((s.name, float(np.sqrt(np.mean(s.force**2)))) for s in (*train, *validation, *test))
 
-    def judged(error: Callable[[Network, Series], RecordError]) -> Judged:
+    def of(error: Callable[[Network, Series], RecordError]) -> Evaluation:
         parts = [tuple(error(network, s) for s in part) for part in (train, validation, test)]
-        return Judged(parts[0], parts[1], parts[2], rms)
+        return Evaluation(parts[0], parts[1], parts[2], rms)
 
-    return judged(one_step_error), judged(free_run_error)
+    return of(one_step_error), of(free_run_error)
 
 
 def _error(name: str, force: Array, measured: Array) -> RecordError:
