@@ -17,17 +17,15 @@ from mrdamp import cli
 from mrdamp.compare.car import CarBench
 from mrdamp.control.car import (
     OPTIONS,
-    CarSite,
     HookForce,
     Switching,
     add_switch,
-    car_plant,
     lq_force,
     make,
-    regulated,
     sh_add_switch,
     skyhook_switch,
 )
+from mrdamp.control.car_plant import CarSite, car_plant, regulated
 from mrdamp.envs.car_task import CarPlant
 from mrdamp.errors import InputError
 from mrdamp.simulation.roads import Road, iso8608

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
@@ -39,17 +39,19 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }
 #: Centre and size of each box, in units of the drawing.
 BOXES: Mapping[str, tuple[float, float, float, float]] = {
-    "command line": (5.0, 12.2, 6.0, 0.9),
-    "diagnosis": (1.9, 10.35, 3.2, 0.95),
-    "learning, comparison": (7.6, 10.35, 3.2, 0.95),
-    "control": (7.6, 8.45, 3.2, 0.95),
-    "identification": (1.9, 8.1, 3.2, 1.65),
-    "reporting": (4.75, 3.55, 1.9, 0.95),
-    "simulation": (7.6, 6.3, 3.2, 1.35),
-    "model": (7.6, 3.9, 3.2, 1.4),
-    "records": (1.9, 4.4, 3.2, 1.65),
-    "shared": (1.9, 1.35, 3.2, 0.95),
+    "command line": (5.0, 12.3, 6.0, 0.75),
+    "diagnosis": (1.9, 10.75, 3.2, 0.75),
+    "learning, comparison": (7.6, 10.75, 3.2, 0.75),
+    "control": (7.6, 9.1, 3.2, 0.75),
+    "identification": (1.9, 8.4, 3.2, 1.25),
+    "reporting": (4.75, 3.4, 1.9, 0.75),
+    "simulation": (7.6, 6.8, 3.2, 1.5),
+    "model": (7.6, 4.1, 3.2, 1.75),
+    "records": (1.9, 4.8, 3.2, 1.5),
+    "shared": (1.9, 1.35, 3.2, 1.05),
 }
+#: Packages whose modules are listed beside them.
+LISTED = ("identify", "simulation", "model", "structures", "records")
 CHAIN = ("command", "driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
 #: Each step is an import in one direction or the other.
 RECORD = ("records", "identification", "model", "simulation", "diagnosis", "command line")
@@ -155,7 +157,7 @@ def _arrow(ax: Axes, a: str, b: str, colour: str, width: float, bend: float) -> 
     )  # fmt: skip
 
 
-def _wrapped(names: tuple[str, ...], width: int) -> str:
+def _wrapped(names: Iterable[str], width: int) -> str:
     lines = [""]
     for name in names:
         if len(lines[-1]) + len(name) > width:
@@ -164,9 +166,23 @@ def _wrapped(names: tuple[str, ...], width: int) -> str:
     return "\n".join(line.strip() for line in lines)
 
 
+def contents(group: str, known: Iterable[str], width: int) -> str:
+    """The packages of a group in lines of so many letters, some with their modules."""
+    lines = []
+    plain = [name for name in GROUPS[group] if name not in LISTED]
+    for package in (name for name in GROUPS[group] if name in LISTED):
+        inside = sorted(
+            name.split(".")[2]
+            for name in known
+            if name.startswith(f"mrdamp.{package}.") and name.count(".") == 2
+        )
+        lines.append(_wrapped([f"{package}:", *inside], width))
+    return "\n".join([*lines, *([_wrapped(plain, width)] if plain else [])])
+
+
 def draw() -> None:
     """Writes the picture."""
-    present = {name.split(".")[1] for name in graph() if "." in name}
+    known = list(graph())
     edges = group_imports()
     with matplotlib.rc_context(
         {"svg.hashsalt": "mrdamp", "svg.fonttype": "none", "font.family": "sans-serif"}
@@ -186,9 +202,8 @@ def draw() -> None:
             )  # fmt: skip
             ax.add_patch(box)
             ax.text(x, y + h / 2 - 0.1, group, ha="center", va="top", weight="bold", fontsize=10, zorder=4)
-            names = tuple(n for n in GROUPS[group] if n in present)
-            text = _wrapped(names, round(w * 9.5))
-            ax.text(x, y - 0.16, text, ha="center", va="center", fontsize=7.6, family="monospace", zorder=4)
+            text = contents(group, known, round(w * 10.5))
+            ax.text(x, y - 0.16, text, ha="center", va="center", fontsize=6.8, family="monospace", zorder=4)
         _chain(ax)
         for y, colour, text in ((-0.1, _BLUE, "way of a record"), (-0.5, _ORANGE, "way of a command")):
             ax.plot([0.3, 0.9], [y, y], color=colour, linewidth=2.2)

@@ -16,6 +16,7 @@ from mrdamp.control import cable as cable_controllers
 from mrdamp.control import car as car_controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.car_plant import CarSite
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_task import CablePlant, CableTask, default_places
@@ -305,7 +306,7 @@ class CarWorld(World):
         plant = CarPlant(
             task.car, task.model, period=period, timestep=task.rows.plants.timestep, command_max=largest
         )
-        site = car_controllers.CarSite(task.car, task.model, largest, self.levels(task).force_max, period)
+        site = CarSite(task.car, task.model, largest, self.levels(task).force_max, period)
         return Stage(plant, car_controllers.make(spec, site))
 
     def score(self, means: Mapping[str, float]) -> float:

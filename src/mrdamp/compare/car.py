@@ -20,6 +20,7 @@ from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.plant_run import PlantBench, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
+from mrdamp.control.car_plant import CarSite
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.car_task import CarPlant, car_damper
@@ -114,11 +115,11 @@ class CarBench(PlantBench):
         return tuple(name for name in _DEFAULT if _TUNED.get(name) != _MPC or _solver())
 
     @cached_property
-    def site(self) -> controllers.CarSite:
+    def site(self) -> CarSite:
         """What controllers are made for."""
         largest = self.command_max
         force = registry.Site(self.car.frame, self.model, largest, self.period).force_max()
-        return controllers.CarSite(self.car, self.model, largest, force, self.period)
+        return CarSite(self.car, self.model, largest, force, self.period)
 
     def run(self, spec: str, load: Road, amplitude: float) -> dict[str, Any]:
         road = load.scaled(amplitude)

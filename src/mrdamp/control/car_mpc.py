@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import expm, solve_discrete_are
 
-from mrdamp.control.car import MEASURED, CarSite, car_outputs, car_plant, regulated
+from mrdamp.control.car_plant import MEASURED, CarSite, car_outputs, car_plant, regulated
 from mrdamp.control.estimator import Estimator
 from mrdamp.errors import InputError
 
