@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -218,7 +219,7 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
     trained, commands = [], []
     for model in (nominal, softer, nominal):
         told: list[float] = []
-        controller = learning.train(model, site, lambda what, share: told.append(share))  # noqa: B023
+        controller = learning.train([model], site, lambda what, share: told.append(share))  # noqa: B023
         controller.reset()
         motion = [{name: v * np.sin(0.3 * k) for name, v in y.items()} for k in range(60)]
         commands.append([controller.command(0.002 * k, now) for k, now in enumerate(motion)])
@@ -226,6 +227,10 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
     assert trained == [True, True, False]
     assert len(list(tmp_path.iterdir())) == 2
     assert commands[0] == commands[2] != commands[1]
+    both = learning.train([nominal, softer], site)
+    assert both is not None
+    [folder] = [f for f in tmp_path.iterdir() if (f / "model_2.json").is_file()]
+    assert len(json.loads((folder / "training" / "options.json").read_text())["options"]["others"]) == 1
 
 
 def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,14 +13,16 @@ import pytest
 from numpy.typing import NDArray
 
 from mrdamp.cli import main
+from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
+from mrdamp.model import Effect
 from mrdamp.train import loads
-from mrdamp.train.evaluate import Act, episodes, forces
+from mrdamp.train.evaluate import Act, Judge, episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train
@@ -100,6 +102,53 @@ def test_wrong_options_are_refused_in_a_line_by_the_command(
         assert error.startswith("mrdamp: ")
         assert said in error
     assert not list(tmp_path.glob("out/*/options.json"))
+
+
+# --- several models -----------------------------------------------------------------------
+def test_several_models_share_the_loads_of_a_search(tmp_path: Path) -> None:
+    """The same model twice is one model; a softer frame beside it makes another policy."""
+    nominal = frame_model()
+    assert nominal.structure is not None
+    frame = nominal.structure
+    softer = replace(nominal, structure=replace(frame, stiffness=0.5 * frame.stiffness))
+    files = {name: tmp_path / f"{name}.json" for name in ("nominal", "softer")}
+    nominal.write(files["nominal"])
+    softer.write(files["softer"])
+
+    def weights(*models: str) -> Array:
+        first, *others = (files[name] for name in models)
+        options = replace(small(3, "n_timesteps=2000"), model=first, others=tuple(others))
+        folder = train(options, tmp_path / "-".join(models)).folder
+        return Policy.read(folder / "policy.json").network.layers[0][0]
+
+    alone = weights("nominal")
+    np.testing.assert_allclose(weights("nominal", "nominal"), alone, rtol=1e-9)
+    assert np.abs(weights("nominal", "softer") - alone).max() > 1e-3 * np.abs(alone).max()
+
+
+def test_a_policy_is_judged_on_every_model(tmp_path: Path) -> None:
+    arguments = settings(small()).env_kwargs
+    frame = frame_model()
+    softer = tmp_path / "softer.json"
+    replace(frame, effects=(*frame.effects, Effect("storey_stiffness", {"e": -0.3}, 1))).write(softer)
+    worlds = [world(FRAME, arguments), world(FRAME, arguments, softer)]
+    rng = np.random.default_rng(0)
+    given = [loads.training_motions().draw(rng) for _ in range(4)]
+    both = Judge(worlds, given)(1.0)
+    for k in (0, 1):
+        alone = Judge(worlds[k], given[k::2])(1.0)
+        for name, values in alone.items():
+            np.testing.assert_allclose(both[name][2 * k : 2 * k + 2], values)
+    assert (both["drift_ratio"][2:] != Judge(worlds[0], given[1::2])(1.0)["drift_ratio"]).all()
+    with pytest.raises(InputError, match="2 models for 1 loads"):
+        Judge(worlds, given[:1])
+
+
+def test_several_models_are_for_the_evolution_strategy() -> None:
+    with pytest.raises(InputError, match="ppo: 2 models"):
+        Options(model=Path("a.json"), others=(Path("b.json"),))
+    with pytest.raises(InputError, match="es: 2 models"):
+        Options(algorithm="es", others=(Path("b.json"),))
 
 
 # --- normalisation and actions ----------------------------------------------------------

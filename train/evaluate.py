@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
 from mrdamp.train.worlds import World
 
 Array = NDArray[np.float64]
@@ -45,21 +46,28 @@ def forces(task: Task, seen: NDArray[np.float32]) -> Array:
 
 
 class Judge:
-    """Runs policies on loads, all at once. Attributes: task, whose observer must be that of the policies."""
+    """Runs policies on loads, all at once. worlds: one or several, that take the loads in turn; their observer must be
+    that of the policies. Raises InputError where a world has no load."""
 
-    def __init__(self, world: World, loads: Sequence[Any]) -> None:
-        self.world, self.loads = world, loads
-        self.task: Task = world.judging(len(loads))
+    def __init__(self, worlds: World | Sequence[World], loads: Sequence[Any]) -> None:
+        several = list(worlds) if isinstance(worlds, Sequence) else [worlds]
+        if len(several) > len(loads):
+            raise InputError(f"{len(several)} models for {len(loads)} loads; allowed: a load each at least")
+        parts = [list(loads[k :: len(several)]) for k in range(len(several))]
+        self._parts = [(w, part, w.judging(len(part))) for w, part in zip(several, parts, strict=True)]
 
     def __call__(self, policy: Policy | float) -> dict[str, Array]:
-        """(loads,) for each of the world's measures; a number is a constant command."""
+        """(loads,) for each of the world's measures, world by world; a number is a constant command."""
+        found = [self._one(policy, *part) for part in self._parts]
+        return {name: np.concatenate([f[name] for f in found]) for name in found[0]}
 
+    def _one(self, policy: Policy | float, world: World, loads: Sequence[Any], task: Task) -> dict[str, Array]:
         if isinstance(policy, Policy):
             policy.reset()
 
         def act(seen: NDArray[np.float32]) -> Array:
             if isinstance(policy, Policy):
-                return policy.commands(seen, forces(self.task, seen))
+                return policy.commands(seen, forces(task, seen))
             return np.full(len(seen), policy)
 
-        return episodes(self.task, self.world, self.loads, act)[0]
+        return episodes(task, world, loads, act)[0]

@@ -57,6 +57,7 @@ class Run(ABC):
         self.world: World = world(options.environment, chosen.env_kwargs, options.model)
         if chosen.estimator:
             self.world = self.world.observing(estimated(self.world, chosen.estimator))
+        self.worlds = (self.world, *(self._like(file) for file in options.others))
         self.task: Task = self.world.task(n, chosen.engine)
         if len(self.task.command_max) != 1:
             raise InputError("training is for one damper; the environment has several")
@@ -71,12 +72,17 @@ class Run(ABC):
         if self.least_given() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
-        self.judge = Judge(self.world, self.world.validation())
+        self.judge = Judge(self.worlds, self.world.validation())
         self.curve: list[dict[str, float]] = []
         self._before, self._start = 0.0, time.process_time()
         if self.state_file.is_file():
             kept = json.loads(self.state_file.read_text())
             self.curve, self._before = kept["curve"], kept["seconds"]
+
+    def _like(self, model: Path) -> World:
+        """The world with another model, seen by the same observer."""
+        other = world(self.options.environment, self.chosen.env_kwargs, model)
+        return other.observing(self.world.task(1).observer) if self.chosen.estimator else other
 
     @property
     def state_file(self) -> Path:

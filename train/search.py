@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Network
+from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.settings import Options, Settings
+from mrdamp.train.worlds import World
 
 Array = NDArray[np.float64]
 
@@ -44,7 +46,15 @@ class EvolutionRun(Run):
             raise InputError(f"es: hyperparameters: noise is {self._noise}; allowed: a number >= 0")
         self._sigma = float(own["sigma"])
         super().__init__(options, chosen, out, 1)
-        self.task = self.world.searching(self.population * self.loads_count)
+        if len(self.worlds) > self.loads_count:
+            raise InputError(
+                f"es: {len(self.worlds)} models for {self.loads_count} loads; allowed: a load each at least"
+            )
+        loads = range(self.loads_count)
+        self.tasks = [
+            w.searching(self.population * len(loads[k :: len(self.worlds)])) for k, w in enumerate(self.worlds)
+        ]
+        self.task = self.tasks[0]
         self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
@@ -96,12 +106,31 @@ class EvolutionRun(Run):
 
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""
-        layers, many = self.shape.layers(candidates[:, : self.shape.size]), self.loads_count
+        layers = self.shape.layers(candidates[:, : self.shape.size])
         least = [self._least(candidate) for candidate in candidates]
         key = (*self.draws.spawn_key, self.cma.generation)
         drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
         rng = np.random.default_rng(drawn)
-        loads = self.world.draw(rng, many)
+        loads = self.world.draw(rng, self.loads_count)
+        found = [
+            self._measures(world, task, loads[k :: len(self.tasks)], layers, least, rng)
+            for k, (world, task) in enumerate(zip(self.worlds, self.tasks, strict=True))
+        ]
+        means = {name: np.concatenate([f[name] for f in found], axis=1).mean(axis=1) for name in found[0]}
+        return np.array(
+            [
+                self.world.score({name: float(v[k]) for name, v in means.items()})
+                + self._current * float(means["mean_current"][k]) / self.command_max
+                for k in range(self.population)
+            ]
+        )
+
+    def _measures(
+        self, world: World, task: Task, loads: Sequence[Any], layers: Any, least: Sequence[LeastCommand | None],
+        rng: np.random.Generator,
+    ) -> dict[str, Array]:  # fmt: skip
+        """The world's measures (population, loads) of all candidates under the loads."""
+        many = len(loads)
 
         def act(seen: NDArray[np.float32]) -> Array:
             inputs = seen.astype(np.float64)
@@ -113,20 +142,13 @@ class EvolutionRun(Run):
             if self.levels is None:
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
-                command = self.levels.command(action * self.levels.force_max, forces(self.task, seen))
+                command = self.levels.command(action * self.levels.force_max, forces(task, seen))
             if self.least_given() is None:
                 return command
-            peaks = self.task.observer.peak(seen, "force").reshape(self.population, many)
+            peaks = task.observer.peak(seen, "force").reshape(self.population, many)
             floor = [low(p) for low, p in zip(least, peaks, strict=True) if low is not None]
             return np.maximum(command, np.concatenate(floor))
 
-        found, periods = episodes(self.task, self.world, loads * self.population, act)
+        found, periods = episodes(task, world, list(loads) * self.population, act)
         self._periods += periods
-        means = {name: v.reshape(self.population, many).mean(axis=1) for name, v in found.items()}
-        return np.array(
-            [
-                self.world.score({name: float(v[k]) for name, v in means.items()})
-                + self._current * float(means["mean_current"][k]) / self.command_max
-                for k in range(self.population)
-            ]
-        )
+        return {name: v.reshape(self.population, many) for name, v in found.items()}

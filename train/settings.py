@@ -23,7 +23,8 @@ _WHOLE = ("pool", "freeze")
 class Options:
     """One training. hyperparameters: a YAML file in place of the one that comes with the package; overrides:
     `learning_rate=3e-4`, `env_kwargs.history=4`, ...; timesteps: control periods in all, None: as in the YAML; model:
-    the damper's, None: the environment's own; evaluations: on the validation loads, each with a checkpoint."""
+    the damper's, None: the environment's own; others: further models that the evolution strategy searches and judges on
+    besides, the loads shared among them; evaluations: on the validation loads, each with a checkpoint."""
 
     environment: str = "mrdamp/Frame-v0"
     algorithm: str = "ppo"
@@ -33,10 +34,13 @@ class Options:
     overrides: tuple[str, ...] = ()
     model: Path | None = None
     evaluations: int = 10
+    others: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         if self.algorithm not in ALGORITHMS:
             raise InputError(f"algorithm {self.algorithm!r} is unknown; there are {', '.join(ALGORITHMS)}")
+        if self.others and (self.algorithm != "es" or self.model is None):
+            raise InputError(f"{self.algorithm}: {1 + len(self.others)} models; allowed: several for es, else one")
         for name, least in (("seed", 0), ("evaluations", 1), ("timesteps", 1)):
             value = getattr(self, name)
             if value is not None and value < least:
@@ -44,7 +48,10 @@ class Options:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items()}
+        own = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self).items()}
+        # Trainings of one model are told apart as they were before there were others.
+        del own["others"]
+        return own | ({"others": [str(f) for f in self.others]} if self.others else {})
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,10 @@ def add_to(commands: Any) -> None:
     p.add_argument(
         "--sweep", nargs="*", default=[], metavar="NAME=VALUE,VALUE", help="train every combination of these"
     )
-    p.add_argument("--model", type=Path, help="model file of the damper (default: the environment's own)")
+    p.add_argument(
+        "--model", type=Path, nargs="+", default=[], metavar="FILE",
+        help="model file of the damper (default: the environment's own); es: several, to be robust over all of them",
+    )  # fmt: skip
     p.add_argument(
         "--evaluations",
         type=int,
@@ -68,8 +71,9 @@ def run_train(a: argparse.Namespace) -> int:
     if a.seeds < 1:
         raise InputError("--seeds must be at least 1")
     options = Options(
-        a.environment, a.algo, a.seed, a.timesteps, a.hyperparameters, tuple(a.set), a.model, a.evaluations
-    )
+        a.environment, a.algo, a.seed, a.timesteps, a.hyperparameters, tuple(a.set),
+        a.model[0] if a.model else None, a.evaluations, tuple(a.model[1:]),
+    )  # fmt: skip
     if a.backend != "loky":
         os.environ["MRDAMP_BACKEND"] = a.backend
     seeds = range(a.seed, a.seed + a.seeds)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,21 +47,26 @@ class Learning:
             raise InputError(f"controller {LEARNED}: timesteps is {steps!r}; allowed: a whole number > 0")
         return cls(given["algorithm"] or "es", int(steps) if steps else None, seed, folder)
 
-    def train(self, model: Model, site: registry.Site, progress: Progress | None = None) -> Controller:
-        """The policy of a training in a simulator, which goes on where it was stopped. Raises InputError.
+    def train(
+        self, models: Sequence[Model], site: registry.Site, progress: Progress | None = None
+    ) -> Controller:
+        """The policy of a training in a simulator, or over several, which goes on where it was stopped.
 
-        What a linear frame can hold of the model's effects goes into its structure.
+        What a linear frame can hold of a model's effects goes into its structure. Raises InputError.
         """
         from mrdamp.train.learn import train
         from mrdamp.train.settings import Options
 
-        simulator = straightened(model)
-        key = json.dumps(simulator.to_dict(), sort_keys=True)
+        simulators = [straightened(model) for model in models]
+        key = "".join(json.dumps(simulator.to_dict(), sort_keys=True) for simulator in simulators)
         folder = self.folder / hashlib.sha256(key.encode()).hexdigest()[:12]
         folder.mkdir(parents=True, exist_ok=True)
-        simulator.write(folder / "model.json")
+        files = [folder / f"model_{k + 1}.json" for k in range(1, len(simulators))]
+        files = [folder / "model.json", *files]
+        for simulator, file in zip(simulators, files, strict=True):
+            simulator.write(file)
         options = Options(
-            algorithm=self.algorithm, seed=self.seed, timesteps=self.timesteps, model=folder / "model.json"
+            algorithm=self.algorithm, seed=self.seed, timesteps=self.timesteps, model=files[0], others=tuple(files[1:])
         )
         found = train(options, folder / "training", progress)
         return registry.make(f"{registry.POLICY}:{found.folder / 'policy.json'}", site)

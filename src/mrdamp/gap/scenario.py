@@ -62,6 +62,11 @@ class Scenario:
         self.bench = FrameBench(nominal)
         self._reference = {id(m): self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
 
+    @property
+    def robust(self) -> bool:
+        """Whether a policy is learned over several simulators: the evolution strategy alone does."""
+        return self.learning is not None and self.learning.algorithm == "es"
+
     def site(self, model: Model) -> registry.Site:
         return registry.Site.of(folded(model))
 
@@ -98,10 +103,10 @@ class Scenario:
         self, plants: Sequence[Plant], site: registry.Site, progress: Progress | None = None
     ) -> Controller:
         """The controller made for a site that is best on average over simulators, or real frames, and tuning
-        motions; one that is learned: in the first of them, a simulator."""
+        motions; one that is learned: over the simulators."""
         if self.learning:
-            assert isinstance(plants[0], Model)
-            return self.learning.train(plants[0], site, progress)
+            simulators = [plant for plant in plants if isinstance(plant, Model)]
+            return self.learning.train(simulators, site, progress)
         if not is_tuned(self.controller):
             return registry.make(self.controller, site)
         specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]

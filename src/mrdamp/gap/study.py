@@ -28,7 +28,7 @@ Progress = Callable[[str, float], None]
 
 #: What a controller is judged by: the largest over storeys or floors.
 CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-_VERSION = 3
+_VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ class Row:
     verdict, named: of the diagnosis. nominal, corrected: the simulators' mean relative error in the criteria, for the
     controller tuned on the nominal one; real: that controller's score on the real frame. retuned, randomised, blind,
     direct: scores on the real frame after tuning on the corrected simulator, on draws from its ranges, on draws of the
-    nominal one, and on the real frame itself; None for a controller that is not tuned, and all but the first for one
-    that is learned. A score is the mean of peak drift and peak acceleration over those without a damper in the nominal
-    simulator.
+    nominal one, and on the real frame itself. None for a controller that is not tuned; for one that is learned the
+    last, and all but the first where its algorithm learns in one simulator alone. A score is the mean of peak drift
+    and peak acceleration over those without a damper in the nominal simulator.
     """
 
     cause: str
@@ -127,7 +127,7 @@ def study(
     matched = [scenario.criteria(same, first, load) for load in scenario.loads]
     alike = float(np.mean([_error(simulated, matched, name) for name in CRITERIA]))
     blind = None
-    if options.tuned:
+    if options.tuned or scenario.robust:
         progress("tuning on a blindly randomised simulator", 0.05)
         blind = scenario.tune(scenario.blind(), scenario.site(scenario.nominal))
     rows = []
@@ -190,13 +190,12 @@ def _row(
     drawn = [_with_range(m, scenario.nominal) for m in found.drawn[: scenario.draws]]
     randomised = scenario.tune(drawn or [corrected], site)
 
-    direct = scenario.tune([real], site)
     return replace(
         row,
         retuned=on_real(retuned),
         randomised=on_real(randomised),
         blind=on_real(blind),
-        direct=on_real(direct),
+        direct=None if scenario.learning else on_real(scenario.tune([real], site)),
     )
 
 
