@@ -275,6 +275,7 @@ def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.Capt
     assert on
     assert all(float(row["share"]) == 0 for row in on)
     assert {row["bound"] for row in steps} == set(BENCH.bounds)
+    assert all((tmp_path / "out" / name).stat().st_size > 5000 for name in ("shares.png", "paths.png"))
     kept = (tmp_path / "out" / "kept.jsonl").read_text()
     assert run("compare", *given, "-o", tmp_path / "out") == 0  # nothing is searched for again
     assert (tmp_path / "out" / "kept.jsonl").read_text() == kept

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import progress_bar, save_picture
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 
@@ -102,6 +102,7 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     from mrdamp.compare.contenders import contenders, shipped_policies
     from mrdamp.compare.motions import read_motions
     from mrdamp.compare.output import write_comparison
+    from mrdamp.compare.page import paths_picture, shares_picture
     from mrdamp.compare.tables import mean_rows, share_columns, share_note, share_rows, to_json
     from mrdamp.simulation.roads import read_road
 
@@ -139,6 +140,9 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     if result.bounds:
         print(_aligned([share_columns(result), *share_rows(result)]))
         print(share_note(result))
+        if a.out:
+            save_picture(shares_picture(result), a.out / "shares.png")
+            save_picture(paths_picture(result), a.out / "paths.png")
     print(about)
     if not settings and not a.controllers:
         print("tuned controllers are left out: there are no settings for this model; add --tune")

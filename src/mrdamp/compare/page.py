@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.bound import by_load, share
@@ -94,39 +95,48 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
 
 def _add_bounds(page: Page, result: Comparison) -> None:
     """The shares of the way, and how the bounds were found in one case."""
-    shown = [c for c in result.contenders if not c.bound]
-    panels = {}
-    for bound in result.bounds:
-        pooled = {c.name: share(result, c.name, bound) for c in shown}
-        panels[bound] = [
-            Share(c.name, s.mean, s.low, s.high, by_load(result, c.name, bound), c.learned)
-            for c in shown
-            for s in (pooled[c.name],)
-        ]
     page.figure(
         "Way to the clairvoyant command",
-        shares(panels),
+        shares_picture(result),
         "From passive-on (0) to the best command for a motion known in advance (1); a tick is a motion.",
         "Share of the way from passive-on to each bound by controller.",
     )
     page.table("", share_columns(result), share_rows(result), share_note(result))
-    page.table(
-        "",
-        ("load", *(c.name for c in shown)),
-        load_share_rows(result),
-        "The same by load, to the first bound.",
-    )
-    case = min(result.paths, key=lambda at: (at[0] != result.loads[0], abs(at[1] - 1)))
+    heads = ("load", *(c.name for c in result.contenders if not c.bound))
+    page.table("", heads, load_share_rows(result), "The same by load, to the first bound.")
+    load, amplitude = _shown_case(result)
     page.figure(
         "",
-        search_paths({
-            bound: {_short_start(path["start"]): path["values"] for path in paths}
-            for bound, paths in result.paths[case].items()
-        }),
-        f"What each bound makes small over the steps of its searches, {case[0]} at amplitude {case[1]:g}. "
-        f"All searches: paths.csv. Searches that end apart show local optima.",
+        paths_picture(result),
+        f"What each bound makes small over the steps of its searches, {load} at amplitude {amplitude:g}. "
+        "All searches: paths.csv. Searches that end apart show local optima.",
         "Value of the objective over steps, a line a start.",
-    )  # fmt: skip
+    )
+
+
+def shares_picture(result: Comparison) -> Figure:
+    """Of a comparison with bounds."""
+    shown = [c for c in result.contenders if not c.bound]
+    return shares({bound: [_share(result, c, bound) for c in shown] for bound in result.bounds})
+
+
+def _share(result: Comparison, c: Contender, bound: str) -> Share:
+    s = share(result, c.name, bound)
+    return Share(c.name, s.mean, s.low, s.high, by_load(result, c.name, bound), c.learned)
+
+
+def paths_picture(result: Comparison) -> Figure:
+    """How the bounds were found under the first load, at the amplitude nearest to 1."""
+    return search_paths(
+        {
+            bound: {_short_start(path["start"]): path["values"] for path in paths}
+            for bound, paths in result.paths[_shown_case(result)].items()
+        }
+    )
+
+
+def _shown_case(result: Comparison) -> tuple[str, float]:
+    return min(result.paths, key=lambda at: (at[0] != result.loads[0], abs(at[1] - 1)))
 
 
 def _short_start(spec: str) -> str:
