@@ -41,3 +41,18 @@ def test_bad_input_leaves_no_folder(folder: Path, capsys: pytest.CaptureFixture[
     (folder / "zz.csv").unlink()
     assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 2
     assert list(out.iterdir()) == []
+
+
+def test_baseline_records_stand_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, before = folder.parent / "case", folder.parent / "before"
+    before.mkdir()
+    first = min(folder.iterdir())
+    (before / first.name).write_bytes(first.read_bytes())  # the same name as one of the records
+    assert main(["case", "dyke1996_3kN", str(folder), "--baseline", str(before), "-o", str(out)]) == 0
+    case = read_case(out)
+    assert len(case.records) == 2
+    assert [r.name for r in case.baseline] == [f"baseline_{first.name.removesuffix('.csv')}"]
+    again = ["case", "dyke1996_3kN", str(folder), "--baseline", str(first), "-o", str(folder.parent / "two")]
+    assert main(again) == 2
+    assert "--baseline" in capsys.readouterr().err
+    assert not (folder.parent / "two").exists()

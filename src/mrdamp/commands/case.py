@@ -24,6 +24,13 @@ def add_to(commands: Any) -> None:
     p.add_argument("model", help="a model file, or the name of a parameter set")
     p.add_argument("records", type=Path, nargs="+", help="record files, or folders of them")
     p.add_argument("--repeat", type=Path, nargs="*", default=[], help="records that repeat an earlier test")
+    p.add_argument(
+        "--baseline",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="records of the rig in the state in which the model was identified, or folders of them",
+    )
     p.add_argument("-o", "--out", type=Path, required=True, help="folder to write; it must not exist")
 
 
@@ -39,6 +46,10 @@ def run_case(a: argparse.Namespace) -> int:
     names = {file: file.name for file in files}
     for file in a.repeat:
         names[file] = file.name if "repeat" in file.name.lower() else f"repeat_{file.name}"
+    untouched = {f: f"baseline_{f.name}" for path in a.baseline for f in _files(path, SUFFIXES)}
+    if both := [str(f) for f in untouched if f in names]:
+        raise InputError(f"case: --baseline: {', '.join(both)} is among the records too")
+    names |= untouched
     if len(set(names.values())) < len(names):
         raise InputError("case: two records have the same file name; rename one of them")
     records = {file: read_record(file, required=required) for file in names}
@@ -50,7 +61,9 @@ def run_case(a: argparse.Namespace) -> int:
     data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}
     if len(rates) == 1:
         data["sample_rate_hz"] = rates.pop()
-    data |= {"nominal": body, "channels": shared, "records": list(names.values())}
+    data |= {"nominal": body, "channels": shared, "records": [n for f, n in names.items() if f not in untouched]}
+    if untouched:
+        data["baseline"] = list(untouched.values())
     try:
         a.out.mkdir(parents=True)
     except OSError as error:

@@ -120,6 +120,8 @@ def diagnose_frame(
     progress("fitting the corrected simulator", 0.7)
     final = final_fit(search, chosen, mend=decision.verdict != "none")
     decision = run.carried_over(search, final, decision)
+    final, decision = run.never_worse(search, fits, final, decision)
+    chosen = fits[decision.chosen.index]
     progress("looking at what is tied and unseen", 0.85)
     answer = assemble(small, rig, search, fits, decision, final, noise, floor, notes, begun)
     evidence = damper_evidence(case, found) if decision.verdict == "unknown" else None

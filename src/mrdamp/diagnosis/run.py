@@ -22,11 +22,12 @@ from mrdamp.diagnosis.evidence.verdict import (
     decide,
 )
 from mrdamp.diagnosis.fits.final import FinalFit, final_fit, heldout
-from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import Noise, channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -115,6 +116,7 @@ def _diagnose_damper(case: Case, jobs: int, progress: Progress, limits: Limits, 
     progress("fitting the corrected simulator", 0.7)
     final = final_fit(search, chosen, mend=decision.verdict != "none", rig=rig)
     decision = carried_over(search, final, decision)
+    final, decision = never_worse(search, fits, final, decision)
     progress("looking at what is tied and unseen", 0.85)
     answer = assemble(case, rig, search, fits, decision, final, noise, floor, notes, begun)
     answer = replace(answer, compared=tuple(c.to_dict() for c in channels))
@@ -221,6 +223,27 @@ def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decisio
     if search.steady or decision.verdict != "effect" or left <= _CARRIED:
         return decision
     return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+
+
+def never_worse(
+    search: Search, fits: Sequence[Fit], final: FinalFit, decision: Decision
+) -> tuple[FinalFit, Decision]:
+    """The final fit and the decision; the nominal simulator unchanged, and no cause, where the fit leaves more of whole
+    records left out of it than the nominal simulator does."""
+    problem = final.problem
+    nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
+    gaps = problem.gaps(nominal.residual)
+    if decision.verdict == "none" or problem.cost(final.heldout) <= problem.cost(gaps):
+        return final, decision
+    index = next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates)
+    unchanged = replace(
+        decision,
+        verdict="unknown",
+        chosen=replace(scored([fits[index]])[0], index=index),
+        unexplained=1.0,
+        unknown=max(decision.unknown, UNSTEADY),
+    )
+    return FinalFit(nominal, (), gaps, problem), unchanged
 
 
 def scored(

@@ -27,3 +27,7 @@ class Limits:
     rivals: int = 3
     exchanged: int = 2
     reformed: int = 4
+
+
+#: A second cause, or causes beside free numbers, where no fit so far meets the noise.
+NARROW = Limits(singles=3, beam=2, additions=3, forms=1, polished=1)

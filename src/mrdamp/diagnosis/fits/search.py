@@ -18,6 +18,7 @@ from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_
 from mrdamp.diagnosis.fits.delay_clock import try_clock
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.screening import screen
+from mrdamp.diagnosis.fits.limits import NARROW, Limits
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.model.core import Array
@@ -34,6 +35,8 @@ _HOPELESS = 10.0
 #: A second cause's price is paid where half is left (exp(-2 (CAUSE_PRICE + NUMBER_PRICE) / INDEPENDENT)); a pair that
 #: leaves more than this share of what the best single cause leaves is not followed.
 _PAYS = 0.6
+#: Share of the excess below which a fit may become exact with another cause or form.
+_NEARS = 0.15
 
 
 @dataclass
@@ -82,7 +85,10 @@ class Search(FitTable):
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
-            self.extend(free, depth)
+            if (free or depth > 1) and self.inexact:
+                self.extend(free, depth, NARROW)
+            if not (free or depth > 1) or not self.inexact or self.nears_noise():
+                self.extend(free, depth)
             single = self.best(free, 1)
             if depth == 1 and single is not None and not self.solved(single):
                 reform(self, single)
@@ -102,6 +108,11 @@ class Search(FitTable):
                 drop(self, best)
         if not any(self.solved(f) for free in (False, True) for f in self.ranked(free)[:1]):
             self.outside()
+
+    def nears_noise(self) -> bool:
+        """True where something comes so near the noise that the law may be the rig's and a wider search pays. A law
+        that is not bends to any cause."""
+        return min(self.unexplained(f) for f in self.fits.values()) < _NEARS
 
     def pair_pays(self, free: bool) -> bool:
         """True where the best pair of causes leaves so much less than the best single one that it can be worth the
@@ -179,15 +190,17 @@ class Search(FitTable):
             tasks.append((free, np.concatenate([np.zeros(len(free.nominal)), found.point]), None, np.inf))
         self.rivals += [f for f in self.map(self.tried, tasks) if f is not None]
 
-    def extend(self, free: bool, depth: int) -> None:
+    def extend(self, free: bool, depth: int, limits: Limits | None = None) -> None:
+        """Adds a cause to the best sets of one fewer. limits: how many causes and forms, where not the search's own."""
+        limits = limits or self.limits
         smaller = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1]
         least = np.inf  # of what was found beside a better parent
-        for parent in parents(smaller, self.limits.beam, self.floor, SOLVED * self.excess):
+        for parent in parents(smaller, limits.beam, self.floor, SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)
             ranked = screen(self, parent, self.beside(taken))
             ranked = worth_a_look(ranked, parent.cost, beside=depth > 1)
             tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
-            for test in worth_a_fit(ranked, depth, self.limits):
+            for test in worth_a_fit(ranked, depth, limits):
                 hypothesis, start = self.start_from(parent, test.term, test.start, test.by)
                 key = frozenset(t.name for t in hypothesis.terms)
                 hopeless = test.cost - self.floor > _HOPELESS * max(least - self.floor, SOLVED * self.excess)
@@ -198,7 +211,7 @@ class Search(FitTable):
                     self.keep(found)
                     least = min(least, found.cost)
         if free:
-            best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: self.limits.polished]
+            best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: limits.polished]
             for found in self.map(self._polish, [(f,) for f in best]):
                 self.keep(found)
         try_clock(self, self.best(free, depth))

@@ -22,7 +22,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
-from mrdamp.diagnosis.problem.excerpts import STEP, excerpts
+from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
 from mrdamp.model import Model, core, effects_from
@@ -67,6 +67,7 @@ class DamperRig:
     step: float = _COARSE
     as_logged: bool = False
     known: Mapping[str, Settings] = field(default_factory=dict)
+    leads: tuple[Lead, ...] = ()
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -121,8 +122,19 @@ class DamperRig:
     def searched(self) -> DamperRig:
         """The rig that a search runs: with excerpts of long records."""
         short = excerpts(self.records, self.heat, thinned=not self.as_logged)
+        if short == self.records:
+            return self
+        leads = tuple(self._lead(k, one) for k, one in enumerate(short))
         step = _COARSE if self.as_logged else STEP
-        return self if short == self.records else replace(self, records=short, spans=self.sizes, step=step)
+        return replace(self, records=short, spans=self.sizes, step=step, leads=leads)
+
+    def _lead(self, record: int, excerpt: Record) -> Lead:
+        """What the nominal simulator says of a record before its excerpt."""
+        whole = self._fine(record, STEP)
+        force = self._run([{}], whole, ("force",))[0, 0]
+        dt = self.records[record].sample_time
+        first = round(float(excerpt.time[0] - self.records[record].time[0]) / dt)
+        return Lead(force[: first + 1], dt)
 
     def with_motion(self) -> DamperRig:
         """The rig with the motion that the nominal simulator meets the records better with: freed of its noise, or as
@@ -182,7 +194,13 @@ class DamperRig:
             return self._run(some, replace(fine, u=command), pieces=pieces)
 
         command = np.asarray(self.records[record].command)
-        return self._command_memory.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
+        out = self._command_memory.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
+        if self.leads and "force_N" in self.channels:
+            own = self.channels.index("force_N")
+            for row, one in enumerate(settings):
+                if one.get("sensor_leakage_tau", 0) > 0:
+                    out[row, own] -= self.leads[record].leaked(one, self.records[record])
+        return out
 
     def driven(self, record: int) -> Record:
         return self.records[record]

@@ -6,10 +6,14 @@ Tests at constant command repeat the same cycle dozens of times: a search learns
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from mrdamp.diagnosis.hypotheses.terms import Settings
+from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.sampling import memory
 
 #: s of records above which a search goes by excerpts: a commissioning programme of eight tests takes 66 s,
 #: and such a case is searched whole.
@@ -40,3 +44,30 @@ def _middle(record: Record, seconds: float, thinned: bool) -> Record:
         name: np.asarray(values)[first : first + n : every] for name, values in record.channels.items()
     }
     return Record(record.name, record.path, every * record.sample_time, channels, record.ignored)
+
+
+@dataclass(frozen=True)
+class Lead:
+    """force (n,) N: simulated from a record's start to the start of its excerpt, sample_time s apart. A charge that
+    leaks remembers it for several of its time constants."""
+
+    force: Array = field(repr=False)
+    sample_time: float
+
+    def leaked(self, settings: Settings, excerpt: Record) -> Array:
+        """(n,) N that the own sensor of an excerpt reads less than one that starts with it, by what leaked before.
+
+        A high-pass is the force less its low-pass, which starts from zero with the record; what that holds at the
+        excerpt's start dies away in it.
+        """
+        gain, share = settings.get("sensor_gain_g", 1.0), settings.get("sensor_leakage_share", 0.0)
+        parts = ((1 - share, "sensor_leakage_tau"), (share, "sensor_leakage_tau2"))
+        t = excerpt.sample_time * np.arange(excerpt.n)
+        out = np.zeros(excerpt.n)
+        for part, name in parts:
+            tau = settings.get(name, 0.0)
+            if part > 0 and tau > 0:
+                end = np.exp(-self.sample_time * (len(self.force) - 1) / tau)
+                held = float(memory(self.force, self.sample_time, tau)[-1] - end * self.force[0])
+                out += gain * part * held * np.exp(-t / tau)
+        return out
