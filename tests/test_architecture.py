@@ -65,7 +65,7 @@ def test_the_folders_of_the_diagnosis_import_one_way_only(tool: ModuleType) -> N
 
     def rank(module: str) -> int:
         folder = module.split(".")[2]
-        if folder in {"run", "frame_run", "injection"}:
+        if folder in {"run", "frame_run", "damper_run", "searched", "injection"}:
             return len(flow)
         return -1 if folder == "constants" else flow.index(folder)
 

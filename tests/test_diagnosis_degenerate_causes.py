@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
 from mrdamp.diagnosis.evidence.verdict import decide
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.run import scored
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record

@@ -12,13 +12,14 @@ from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_intervals, p
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.store import Kept, Store
-from mrdamp.diagnosis.frame_run import LIMITS, diagnose_frame, reduced, stepped, telling, too_coarse
+from mrdamp.diagnosis.frame_run import LIMITS, reduced, stepped, telling, too_coarse
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
 from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.signals import columns, drawn
 from mrdamp.diagnosis.report.handover import agreement
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
 
@@ -225,7 +226,7 @@ def test_the_cause_is_named(
     named: list[tuple[str, int]],
 ) -> None:
     found = altered(measured, "floor3_acceleration_m_s2", gain)
-    answer = diagnose_frame(case_of(believed(True, **change), found), limits=replace(LIMITS, singles=3))
+    answer = diagnose(case_of(believed(True, **change), found), limits=replace(LIMITS, singles=3))
     assert [(e.effect, e.place) for e in answer.effects] == named
     assert answer.verdict == ("effect" if named else "none")
     assert sum(answer.where.stages.values()) == pytest.approx(1)
@@ -248,7 +249,7 @@ def test_a_lag_beside_wrong_numbers_is_one_cause(measured: dict[str, Record]) ->
             fitted.append(name)
             return super().get(name)
 
-    answer = diagnose_frame(case, limits=replace(LIMITS, singles=3), store=Listing())
+    answer = diagnose(case, limits=replace(LIMITS, singles=3), store=Listing())
     assert answer.verdict == "effect"
     assert [e.effect for e in answer.effects] == ["driver_lag"]
     assert not [name for name in fitted if name.startswith("held") and "+" in name]

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ties import could_hide
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -16,7 +17,6 @@ from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.signals import SECONDS, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_test
-from mrdamp.diagnosis.run import judge
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import (
@@ -25,7 +26,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
 )
 from mrdamp.diagnosis.hypotheses.terms import Sizes
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.run import diagnose, judge
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.records.csv_file import render
 from test_diagnosis_cases import make_case
 from toy_rig import FIFTH, toy

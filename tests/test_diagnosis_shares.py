@@ -16,6 +16,7 @@ from mrdamp.blindtest.excitation import GRID_HZ, Excitation
 from mrdamp.diagnosis.attribution.interfaces import parts
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
+from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.resample import draws, of_records, seconds, spread
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
@@ -24,7 +25,6 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import models_of
-from mrdamp.diagnosis.run import judge
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array

@@ -7,6 +7,8 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.constants import UNSTEADY
+from mrdamp.diagnosis.damper_run import judge
+from mrdamp.diagnosis.evidence.judgement import carried_over
 from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -15,7 +17,6 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import take_through
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.run import carried_over, judge
 from mrdamp.model.core import Array
 from toy_rig import toy
 

@@ -13,7 +13,9 @@ from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.constants import UNKNOWN_ABOVE
+from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit, stroke_since_reversal
+from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, of_cause, shapley, with_lapse
 from mrdamp.diagnosis.fits.least_squares import fit, leave_out
 from mrdamp.diagnosis.fits.limits import Limits
@@ -23,7 +25,6 @@ from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.run import judge, with_nearest
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array

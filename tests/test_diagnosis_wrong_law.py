@@ -6,6 +6,7 @@ Records are written out in NumPy and SciPy, with noise, by forces that the nomin
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from scipy.signal import lfilter
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
 from mrdamp.diagnosis.evidence.baseline import of_baseline
-from mrdamp.diagnosis.evidence.established import standing
+from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
 from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search
@@ -34,7 +35,8 @@ from mrdamp.simulation.predict import write_prediction
 from toy_rig import toy
 
 DT = 0.002
-LAW = {"c0a": 400.0, "c0b": 300.0, "fya": 40.0, "fyb": 300.0, "v_ref": 0.02}
+#: Bingham with the least error on records of this rig with other noise (`identify`): only its form is wrong.
+LAW = {"c0a": 450.0, "c0b": 63.0, "fya": 38.5, "fyb": 277.0, "v_ref": 0.022}
 OWN = Effect("gas_spring", {"f0": 25.0})
 
 
@@ -150,22 +152,37 @@ def test_records_are_left_out_by_command_and_by_speed() -> None:
     assert groupings(Problem(rig)) == (((0, 3), (2,), (1,)), ((0, 1), (2, 3)))
 
 
-def test_a_cause_is_established_over_fewer_and_over_other_causes() -> None:
-    clear = {("a",): 0.9, (): 0.05, ("b",): 0.03, ("parameters",): 0.02}
-    found = standing(clear)
-    assert found is not None
-    assert found.causes == ("a",)
-    assert found.probability > 0.8
-    shared = standing({("a",): 0.4, ("b",): 0.39, (): 0.2, ("parameters",): 0.01})
-    alone = standing({("a",): 0.4, (): 0.59, ("parameters",): 0.01})
+def test_a_cause_is_established_by_all_sets_that_have_it() -> None:
+    clear = standing({("a",): 0.9, (): 0.05, ("b",): 0.03, ("parameters",): 0.02})
+    assert clear is not None
+    assert (clear.causes, clear.probability, clear.others) == (("a",), 0.9, 0.03)
+    assert clear.fewer == pytest.approx(0.07)
+    split = standing(
+        {("a",): 0.4, ("a", "b"): 0.3, (): 0.3}
+    )  # what it stands beside is open, it itself is not
+    assert split is not None
+    assert split.causes == ("a",)
+    assert split.probability == pytest.approx(0.7)
+    both = standing({("a", "b"): 0.6, ("a",): 0.2, (): 0.2})
+    assert both is not None
+    assert both.causes == ("a", "b")
+    shared = standing({("a",): 0.4, ("b",): 0.39, (): 0.21})
     assert shared is not None
-    assert shared.over_others < 0.1 < found.over_others
-    assert alone is not None
-    assert alone.over_fewer < 0
-    tied = standing({("backlash",): 0.5, ("mount_compliance",): 0.49, (): 0.01})
+    assert shared.probability < 0.5
+    tied = standing({("backlash",): 0.4, ("mount_compliance",): 0.39, ("b",): 0.21})
     assert tied is not None
-    assert tied.over_others == 6.0  # clearance and spring are one statement
+    assert (tied.causes, tied.others) == (("backlash",), 0.21)  # clearance and spring are one statement
+    assert tied.probability == pytest.approx(0.79)
     assert standing({(): 0.9, ("parameters",): 0.1}) is None
+
+
+def test_a_free_law_has_to_leave_much_less_than_a_cause() -> None:
+    """The nominal numbers were identified on this rig: a dozen of them free bend to anything."""
+    cause = utility(0.4, 1, 1, free=False)
+    assert cause > 0 > utility(0.95, 1, 1, free=False)
+    assert utility(0.35, 0, 0, free=True) < cause < utility(0.1, 0, 0, free=True)
+    assert utility(0.4, 1, 4, free=False) < cause
+    assert softmax([0.0, np.log(3.0)]) == pytest.approx([0.25, 0.75])
 
 
 def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None:
@@ -176,6 +193,9 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
     found = decide([nominal, half, other], 0.001, inexact=True)
     assert found.verdict == "effect"
     assert found.standing is not None
+    # What it takes off the records that it was fitted to, it has to take off others.
+    fitted = replace(half, left_out=0.9)
+    assert decide([nominal, fitted, other], 0.001, inexact=True).verdict == "unknown"
     little = Scored(("a",), False, 0.8, 1, 1)
     assert decide([nominal, little, other], 0.001, inexact=True).verdict == "unknown"
     assert decide([nominal, little, other], 0.001, inexact=True, own=0.9).verdict == "none"
@@ -185,7 +205,7 @@ def test_what_mends_the_baseline_too_is_no_change() -> None:
     search = Search(Problem(toy({"cubic": 0.3, "sign": 0.5}, 0.02)), 1e-4)
     search.extend(False, 1)
     before = Problem(toy({"cubic": 0.3}, 0.02))
-    against = of_baseline(before, search.ranked(False))
+    against = of_baseline(before, search.ranked(False), 7.0)
     by_cause = {f.hypothesis.causes: against.get(id(f), 0.0) for f in search.ranked(False)}
     assert by_cause[("cubic",)] > 3.0
     assert by_cause[("sign",)] < 0.3 * by_cause[("cubic",)]

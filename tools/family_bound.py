@@ -21,9 +21,9 @@ from mrdamp.diagnosis.evidence.verdict import Scored, decide
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.make import make_rig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
-from mrdamp.diagnosis.run import make_rig
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 

@@ -31,17 +31,19 @@ from mrdamp.blindtest.scale import Sized
 from mrdamp.blindtest.sizing import Task, pooled, relative, size_for
 from mrdamp.commands.output import save_picture
 from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ties import tie_classes
 from mrdamp.diagnosis.evidence.verdict import Scored, by_causes
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.make import make_rig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.signals import columns, drawn
 from mrdamp.diagnosis.report.result import Diagnosis
-from mrdamp.diagnosis.run import diagnose, judge, make_rig
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.files import write_atomic
 from mrdamp.pictures.style import COLOURS, REFERENCE, axes_grid, figure, legend, styled
 

@@ -25,9 +25,9 @@ from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.make import make_rig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.run import make_rig
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model import Model

@@ -61,7 +61,11 @@ def run_case(a: argparse.Namespace) -> int:
     data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}
     if len(rates) == 1:
         data["sample_rate_hz"] = rates.pop()
-    data |= {"nominal": body, "channels": shared, "records": [n for f, n in names.items() if f not in untouched]}
+    data |= {
+        "nominal": body,
+        "channels": shared,
+        "records": [n for f, n in names.items() if f not in untouched],
+    }
     if untouched:
         data["baseline"] = list(untouched.values())
     try:

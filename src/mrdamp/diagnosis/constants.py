@@ -39,10 +39,10 @@ DIRECT_LEFT, DIRECT_RESOLUTION = 0.15, 0.5
 #: Fits whose cost is above so many times the noise's do not meet it: the law is not the rig's, or the cause is none of
 #: the catalogue's. A gap of twice the noise.
 INEXACT = 4.0
-#: Logistic coefficients of the probability that a cause is established where nothing meets the noise: constant, per nat
-#: over fewer causes, per nat over other causes. Fitted to 85 cases of rigs with another law (the misfit bench) and
-#: of measured records with an effect put in (`tools/spike_bench.py`), seeds of their own.
-ESTABLISHED = (0.0, 0.49, 0.21)
+#: Where nothing meets the noise: nats (conditional logit, `evidence.established`) per logarithm of what a fit takes
+#: off the cost of records left out, and the price of a cause, of each of its numbers, of a free law. Fitted to XX cases
+#: of rigs with another law (the misfit bench) and of measured records with an effect put in (`tools/spike_bench.py`).
+LOGIT_GAIN, LOGIT_CAUSE, LOGIT_NUMBER, LOGIT_LAW = 12.0, 4.0, 0.3, 9.0
 #: Effects that change a record alike whatever is tested, so that one is no evidence against the other: delay and
 #: lag overlap by .90 to .98 nearly everywhere, a stiff spring and a small clearance, a preload and an offset.
 TIED_BY_NATURE = (

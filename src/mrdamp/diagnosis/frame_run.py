@@ -1,4 +1,4 @@
-"""A diagnosis of a frame, from case to answer.
+"""The search for what causes a frame's gap, from case to fits.
 
 First where: every block between measured channels is tried alone (`frame_where`). Then which cause: the search and the
 verdict of a damper's diagnosis, over the catalogue without what the clean blocks rule out.
@@ -6,13 +6,11 @@ verdict of a damper's diagnosis, over the catalogue without what the clean block
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis import run
 from mrdamp.diagnosis.attribution.frame_blocks import (
     Block,
     blocks,
@@ -25,11 +23,9 @@ from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
-from mrdamp.diagnosis.evidence.baseline import of_baseline
+from mrdamp.diagnosis.evidence.judgement import decided, scored
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
-from mrdamp.diagnosis.evidence.verdict import Decision, decide
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
-from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -37,11 +33,10 @@ from mrdamp.diagnosis.fits.second_cause import try_second_cause
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
-from mrdamp.diagnosis.problem.noise import Noise, channel_noise, floors, repeatable
+from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost, repeatable
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.assembly import assemble
-from mrdamp.diagnosis.report.file_gaps import with_file_gaps
 from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.searched import Judged, Searched
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative
@@ -80,19 +75,9 @@ def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[
     return replace(case, records=tuple(averaged(r, block) for r in case.records), repeats=repeats), rig
 
 
-def diagnose_frame(
-    case: Case,
-    *,
-    jobs: int = 1,
-    progress: Progress = lambda what, share: None,
-    limits: Limits = LIMITS,
-    store: Store | None = None,
-) -> Diagnosis:
-    """The answer for a frame case; the same for any number of jobs, and for a run that goes on from a store.
-
-    Raises InputError.
-    """
-    begun = time.monotonic()
+def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
+    """The search of a frame's case, through. Raises InputError."""
+    limits = limits or LIMITS
     notes = list(audit(case))
     progress("trying each storey, accelerometer and the damper alone", 0.01)
     found = blocks(case)
@@ -101,42 +86,38 @@ def diagnose_frame(
     notes += note
     rig = stepped(rig, noise)
     untouched = Problem(replace(rig, raw=case.baseline), coarse=True) if case.baseline else None
-    base = run.baseline_gap(untouched, rig)
+    base = baseline_gap(untouched, rig)
 
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
-    search, floor = _search(rig, noise, base, limits, jobs, store or Store(), part(0.05, 0.45))
-    fits, decision = judge(search, rig, untouched)
+    search, floor = _search(rig, noise, base, limits, jobs, store, part(0.05, 0.45))
+    _, decision = judge(search, rig, untouched)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     outside = any(search.solved(f) for f in search.rivals)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
         # What was kept is of other nominal numbers, but where those are held.
         search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
-        fits, decision = judge(search, rig, untouched)
-    decision = run.with_nearest(search, fits, decision)
-    chosen = fits[decision.chosen.index]
-    progress("fitting the corrected simulator", 0.7)
-    final = final_fit(search, chosen, mend=decision.verdict != "none")
-    decision = run.carried_over(search, final, decision)
-    final, decision = run.never_worse(search, fits, final, decision)
-    chosen = fits[decision.chosen.index]
-    progress("looking at what is tied and unseen", 0.85)
-    answer = assemble(small, rig, search, fits, decision, final, noise, floor, notes, begun)
-    evidence = damper_evidence(case, found) if decision.verdict == "unknown" else None
-    where = replace(
-        answer.where,
-        stages=shares_by_stage(search, chosen, decision.verdict, found, evidence),
-        intervals=intervals_by_stage(search, chosen, decision.verdict, found, evidence),
-        places=place_shares(found),
-        place_intervals=place_intervals(found),
-    )
-    answer = replace(answer, where=where)
-    return with_file_gaps(answer, small, final.problem, final.fit.residual, base if case.baseline else None)
+
+    def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
+        evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
+        where = replace(
+            answer.where,
+            stages=shares_by_stage(search, chosen, answer.verdict, found, evidence),
+            intervals=intervals_by_stage(search, chosen, answer.verdict, found, evidence),
+            places=place_shares(found),
+            place_intervals=place_intervals(found),
+        )
+        return replace(answer, where=where)
+
+    def judged() -> Judged:
+        return judge(search, rig, untouched)
+
+    return Searched(small, rig, search, noise, floor, base, notes, judged, complete)
 
 
-def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:
+def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> Judged:
     """All fits, those with the structure's numbers told as effects among them, and the decision over them. baseline:
     records of the rig as it was."""
     penalties: dict[int, float] = {}
@@ -151,22 +132,14 @@ def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> tup
                         search.fits[key] = named
                         penalties[id(named)] = penalty
     fits = [*search.ranked(False), *search.ranked(True)]
-    for one, nats in ({} if baseline is None else of_baseline(baseline, fits)).items():
-        penalties[one] = penalties.get(one, 0.0) + nats
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
-    weighed = [replace(s, move=0.0) for s in run.scored(fits, penalties)]
-    rivals = [replace(s, move=0.0) for s in run.scored(search.rivals)]
-    decision = decide(
-        weighed, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own
-    )
-    if decision.outside is not None:
-        search.looks_like = search.rivals[decision.outside]
+    decision = decided(search, fits, penalties, baseline, moves=False)
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:
         # A block at fault on its own shows what is small beside the noise of all channels together.
         left = search.unexplained(first)
-        decision = replace(decision, verdict="effect", chosen=weighed[0], unexplained=left)
+        decision = replace(decision, verdict="effect", chosen=scored([first])[0], unexplained=left)
     return fits, decision
 
 
@@ -190,7 +163,7 @@ def _search(
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
-    search.own = run.own_cost(problem, base)
+    search.own = own_cost(problem, base)
     search.steady = noise.steady
     if before is not None:
         search.cache = before.cache.held()

@@ -1,61 +1,92 @@
 """Whether a cause is established where the law itself is not the rig's.
 
-No simulator meets the noise then, and what a cause leaves says little. What counts is how much more evidence it has
-than doing without it, and than any other cause has in its place.
+No simulator meets the noise then, and what a cause leaves says little. What counts is how much better a set of causes
+predicts records left out of its fit than the nominal simulator does, and than every other set: a conditional logit over
+all sets that were fitted, with the nominal simulator as the answer "none of these".
+
+Source of the model: McFadden (1974), Conditional logit analysis of qualitative choice behavior.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from mrdamp.diagnosis.constants import ESTABLISHED, TIED_BY_NATURE
+import numpy as np
 
-#: Log odds beyond which a comparison counts as decided: over fewer causes, and over other ones, which may be none.
-_MOST, _MOST_OTHERS = 12.0, 6.0
+from mrdamp.diagnosis.constants import (
+    LOGIT_CAUSE,
+    LOGIT_GAIN,
+    LOGIT_LAW,
+    LOGIT_NUMBER,
+    TIED_BY_NATURE,
+)
+from mrdamp.model.core import Array
+
+#: Of what the nominal simulator leaves; a fit that leaves less counts as this.
+_LEAST = 1e-6
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How a set of causes stands beside its rivals: log odds (nats) over doing with less (fewer of its causes, or none
-    with the nominal numbers as they are, or free), and over the best set with another cause in the place of one of its;
-    probability: that it is established."""
+    """causes: those established, or of the most probable set where none is; probability: that the least certain of them
+    is at work; fewer: of no cause (the nominal simulator, or its numbers freed); others: of the best set without any of
+    the causes (or one tied with them by nature)."""
 
     causes: tuple[str, ...]
-    over_fewer: float
-    over_others: float
     probability: float
+    fewer: float
+    others: float
 
 
-def standing(known: Mapping[tuple[str, ...], float]) -> Standing | None:
-    """Of the most probable set that is established, or of the most probable one where none is; None without any cause.
+def utility(left: float, causes: int, numbers: int, *, free: bool, penalty: float = 0.0) -> float:
+    """Nats for a fit over the nominal simulator.
 
-    known: probability by set of causes, `()` and `("parameters",)` among them, largest first.
+    left: cost on records left out of the fit, over the nominal simulator's; causes, numbers: of its effects, how many;
+    free: the law's numbers are free; penalty: nats against it.
     """
-    found = [_of_set(causes, known) for causes in known if causes not in ((), ("parameters",))]
-    return next((s for s in found if s.probability > 0.5), found[0] if found else None)
+    gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
+    return gain - LOGIT_CAUSE * causes - LOGIT_NUMBER * numbers - LOGIT_LAW * free - penalty
 
 
-def _of_set(causes: tuple[str, ...], known: Mapping[tuple[str, ...], float]) -> Standing:
-    own = set(causes)
-    fewer = [p for other, p in known.items() if other == ("parameters",) or set(other) < own]
-    others = [p for other, p in known.items() if _instead(own, set(other))]
-    over_fewer = _log_odds(known[causes], max(fewer, default=0.0))
-    over_others = min(_log_odds(known[causes], max(others, default=0.0)), _MOST_OTHERS)
-    constant, per_fewer, per_other = ESTABLISHED
-    logit = constant + per_fewer * over_fewer + per_other * over_others
-    return Standing(causes, over_fewer, over_others, 1 / (1 + math.exp(-logit)))
+def softmax(utilities: Sequence[float] | Array) -> Array:
+    """Probabilities (n,) of alternatives by their utilities (nats)."""
+    u = np.asarray(utilities, dtype=np.float64)
+    weights = np.exp(u - u.max())
+    return np.asarray(weights / weights.sum())
 
 
-def _instead(own: set[str], other: set[str]) -> bool:
-    """True where a set has other causes in place of one of the set's own; one tied with it by nature does not count."""
-    if other in (set(), {"parameters"}) or own <= other:
-        return False
-    lacking, added = own - other, other - own
-    effects = {c.partition("@")[0] for c in lacking | added}
-    return bool(added) and not any(effects <= tie for tie in TIED_BY_NATURE)
+def standing(sets: Mapping[tuple[str, ...], float]) -> Standing | None:
+    """What is established, by the probabilities of the sets of causes (`()`: the nominal simulator, `("parameters",)`:
+    its numbers freed); None where no set has a cause.
+
+    A cause is established where the sets that have it, or one tied with it by nature, are together more probable than
+    not; the most probable set says which of those that are tied it is.
+    """
+    found = [s for s in sorted(sets, key=lambda s: (-sets[s], s)) if _causes(s)]
+    if not found:
+        return None
+    marginal = {c: _probability(sets, c) for s in found for c in s}
+    top = next((s for s in found if all(marginal[c] > 0.5 for c in s)), None)
+    if top is None:
+        best = next((s for s in found if any(marginal[c] > 0.5 for c in s)), found[0])
+        top = tuple(c for c in best if marginal[c] > 0.5) or best
+    fewer = sum(p for s, p in sets.items() if not _causes(s))
+    others = max((p for s, p in sets.items() if _causes(s) and not any(_has(s, c) for c in top)), default=0.0)
+    return Standing(top, min(marginal[c] for c in top), fewer, others)
 
 
-def _log_odds(one: float, other: float) -> float:
-    return min(math.log(max(one, 1e-30)) - math.log(max(other, 1e-30)), _MOST)
+def _causes(causes: Collection[str]) -> bool:
+    return bool(causes) and set(causes) != {"parameters"}
+
+
+def _probability(sets: Mapping[tuple[str, ...], float], cause: str) -> float:
+    return sum(p for s, p in sets.items() if _has(s, cause))
+
+
+def _has(causes: Collection[str], cause: str) -> bool:
+    """True where a set has a cause, or one that changes a record alike whatever is tested."""
+    effect = cause.partition("@")[0]
+    tied = {other for tie in TIED_BY_NATURE if effect in tie for other in tie}
+    return any(c == cause or c.partition("@")[0] in tied for c in causes)

@@ -27,7 +27,8 @@ from mrdamp.diagnosis.constants import (
     UNSTEADY,
     WRONG_FORM,
 )
-from mrdamp.diagnosis.evidence.established import Standing, standing
+from mrdamp.diagnosis.evidence.established import Standing, softmax, standing, utility
+from mrdamp.model.core import Array
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Scored:
 
     cost: sum of squares of its residuals; numbers: free coordinates of its effects; index: place in the list of
     fits; penalty: nats against the nominal parameters that it needs; move: RMS of what the law's numbers move by, as
-    shares of themselves; direct: nats that channels which see the same thing speak for its causes.
+    shares of themselves; direct: nats that channels which see the same thing speak for its causes; left_out: cost on
+    records left out of the fit; None where the cost itself stands for it.
     """
 
     causes: tuple[str, ...]
@@ -47,6 +49,7 @@ class Scored:
     penalty: float = 0.0
     move: float = 0.0
     direct: float = 0.0
+    left_out: float | None = None
 
 
 @dataclass(frozen=True)
@@ -91,15 +94,20 @@ def decide(
     floor = min(max(least, floor), NONE_ABOVE**2 / 2 * floor)
     excess = max(nominal.cost - floor, 1e-12)
     resolution = RESOLUTION + FLOOR_DOUBT * floor / excess
-    scores = np.array([_evidence(f, floor, excess, resolution) for f in fits])
-    weights = np.exp(scores - scores.max())
-    probabilities = tuple(float(p) for p in weights / weights.sum())
+
+    def evidence(some: Sequence[Scored]) -> Array:
+        if inexact:
+            return np.array([_utility(f, nominal.cost) for f in some])
+        return np.array([_evidence(f, floor, excess, resolution) for f in some])
+
+    scores = evidence(fits)
+    probabilities = tuple(float(p) for p in softmax(scores))
     # The answer is the most probable set of causes, all its forms together, in its best form.
     known = by_causes(fits, probabilities)
     found = standing(known) if inexact else None
-    likely = found.causes if found is not None and found.probability > 0.5 else next(iter(known))
-    if inexact and (found is None or found.probability <= 0.5) and likely not in ((), ("parameters",)):
-        likely = max(((), ("parameters",)), key=lambda k: known.get(k, 0.0))
+    likely = next(iter(known))
+    if found is not None:
+        likely = _among(fits, found.causes) if found.probability > 0.5 else _without_cause(known)
     chosen = fits[max((k for k, f in enumerate(fits) if _named(f) == likely), key=lambda k: float(scores[k]))]
     left = max(chosen.cost - floor, 0.0) / excess
     if steady and nominal.cost <= NONE_ABOVE * floor and least >= (1 - REDUCIBLE) * nominal.cost:
@@ -108,12 +116,19 @@ def decide(
         left = 1.0
     unknown = beyond(left, excess, floor, causes=bool(chosen.causes))
     if inexact:
-        unknown = 1 - found.probability if chosen.causes and found is not None else _without(chosen, left)
-    other = [_evidence(r, floor, excess, resolution) - OUTSIDE_PRICE for r in rivals]
+        # The nominal simulator as it is stands for "none of these".
+        unknown = probabilities[fits.index(nominal)]
+        probabilities = tuple(
+            0.0 if f is nominal else p / max(1 - unknown, 1e-9)
+            for f, p in zip(fits, probabilities, strict=True)
+        )
+        if not chosen.causes:
+            unknown = max(unknown, _without(chosen, left))
+    other = evidence(rivals) - OUTSIDE_PRICE
     outside = None
-    if other:
-        mass = float(np.sum(np.exp(np.array(other) - scores.max())))
-        rival = mass / (mass + float(weights.sum()))
+    if len(other):
+        mass = float(np.sum(np.exp(other - scores.max())))
+        rival = mass / (mass + float(np.sum(np.exp(scores - scores.max()))))
         unknown = rival + (1 - rival) * unknown
         if rival > 0.5:
             outside = rivals[int(np.argmax(other))].index
@@ -136,10 +151,29 @@ def decide(
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside, found)
 
 
+def _among(fits: Sequence[Scored], causes: tuple[str, ...]) -> tuple[str, ...]:
+    """The causes as a set that was fitted."""
+    return next(_named(f) for f in fits if set(f.causes) == set(causes))
+
+
+def _without_cause(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:
+    none: tuple[tuple[str, ...], ...] = ((), ("parameters",))
+    return max(none, key=lambda k: known.get(k, 0.0))
+
+
 def _without(chosen: Scored, left: float) -> float:
     """Probability of an unknown cause where nothing meets the noise and none of the catalogue's is established: free
     numbers are the answer as far as they leave little."""
     return beyond(left, 1.0, 1.0, causes=True) if chosen.free else UNSTEADY
+
+
+def _utility(found: Scored, nominal: float) -> float:
+    """Nats for a fit over the nominal simulator (of this cost) where the law is not the rig's."""
+    if not found.causes and not found.free:
+        return 0.0
+    left = (found.cost if found.left_out is None else found.left_out) / nominal
+    own = utility(left, len(found.causes), found.numbers, free=found.free, penalty=found.penalty)
+    return own + found.direct
 
 
 def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:

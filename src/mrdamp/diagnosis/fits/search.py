@@ -17,8 +17,8 @@ from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, refo
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.delay_clock import try_clock
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.limits import NARROW, Limits
+from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.model.core import Array

@@ -84,3 +84,17 @@ def trust(problem: Problem, floor: Array) -> dict[tuple[int, int], float]:
     """What each block counts, by (record, channel): less, the more of it is noise (floor (blocks,), as gaps)."""
     counts = 1 / np.hypot(1.0, floor / _CLEAR)
     return {(b.record, b.channel): float(c) for b, c in zip(problem.blocks, counts, strict=True)}
+
+
+def baseline_gap(problem: Problem | None, rig: Rig) -> Array:
+    """(channels,) RMS gap that the nominal simulator leaves of the baseline's records, 0 without any."""
+    if problem is None:
+        return np.zeros(len(rig.channels))
+    gaps = problem.gaps(problem.of_settings([{}])[0])
+    channel = np.array([b.channel for b in problem.blocks])
+    return np.array([np.sqrt(np.mean(gaps[channel == c] ** 2)) for c in range(len(rig.channels))])
+
+
+def own_cost(problem: Problem, base: Array) -> float:
+    """Cost that gaps (channels,) of the rig's baseline stand for."""
+    return problem.cost(np.array([base[b.channel] for b in problem.blocks]))

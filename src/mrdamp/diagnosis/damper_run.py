@@ -1,0 +1,105 @@
+"""The search for what causes a damper's gap, from case to fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from mrdamp.diagnosis.case.audit import audit
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
+from mrdamp.diagnosis.evidence.judgement import decided
+from mrdamp.diagnosis.evidence.penalties import of_damper
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.noise import (
+    Noise,
+    baseline_gap,
+    channel_noise,
+    floors,
+    own_cost,
+    repeatable,
+    trust,
+)
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.searched import Judged, Searched
+from mrdamp.model.core import Array
+
+Progress = Callable[[str, float], None]
+
+#: Samples of residuals that a search keeps, a channel of a record counted each.
+_SAMPLES = 20_000
+#: Share of the excess that free numbers leave, below which those at an end of their range may be further off yet.
+_FAR_OFF = 0.02
+
+
+def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
+    """The search of a damper's case, through. Raises InputError."""
+    rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
+    notes = list(audit(case))
+    progress("comparing channels that see the same thing", 0.01)
+    channels = compared(rig.records, rig.terms, rig.nominal_model.attributes)
+    rig = replace(
+        rig,
+        known={c.term.name: c.settings for c in channels if c.term is not None and c.settings is not None},
+    )
+    noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
+    notes += unsteady
+    progress("recalibrating the nominal parameters", 0.02)
+    untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
+    base = baseline_gap(untouched, rig)
+    search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
+    ends = frozenset(search.base.at_bounds)
+    if ends and search.unexplained(search.base) < _FAR_OFF:
+        rig = replace(rig, wider=ends)
+        search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
+    search.steady = noise.steady
+    search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
+    for term in (t for t in rig.terms if t.name in rig.known):
+        search.begin_with(term)
+    search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
+
+    def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
+        return replace(answer, compared=tuple(c.to_dict() for c in channels))
+
+    def judged() -> Judged:
+        return judge(search, agrees=sensor_agrees(channels), baseline=untouched)
+
+    return Searched(case, rig, search, noise, floor, base, notes, judged, complete)
+
+
+def judge(search: Search, *, agrees: bool = False, baseline: Problem | None = None) -> Judged:
+    """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does;
+    baseline: records of the rig as it was."""
+    fits = [*search.ranked(False), *search.ranked(True)]
+    penalties = {
+        id(f): of_damper(search.problem.rig, f, search.base, agrees=agrees, inexact=search.inexact)
+        for f in fits
+    }
+    return fits, decided(search, fits, penalties, baseline)
+
+
+def _shortened(rig: DamperRig) -> Problem:
+    """Residuals of a rig's records, of excerpts where they are long."""
+    short = rig.searched()
+    stride = max(1, round(sum(r.n for r in short.records) * len(rig.channels) / _SAMPLES))
+    return Problem(short, stride=stride, coarse=True)
+
+
+def _searching(
+    rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store, base: Array
+) -> tuple[Search, Array]:
+    """A search that has not begun, on excerpts of long records, and the gaps (blocks,) that noise alone leaves.
+
+    base: (channels,) gap that the simulator leaves of the rig's baseline.
+    """
+    plain = _shortened(rig)
+    floor = floors(plain, noise, {})
+    problem = Problem(plain.rig, stride=plain.stride, coarse=True, trust=trust(plain, floor))
+    search = Search(problem, problem.cost(floor), limits, jobs, store)
+    search.own = own_cost(problem, base)
+    return search, floor

@@ -1,0 +1,150 @@
+"""The decision over the fits of a search, and what records left out make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamp.diagnosis.constants import INDEPENDENT, LOGIT_GAIN, UNSTEADY
+from mrdamp.diagnosis.evidence.baseline import of_baseline
+from mrdamp.diagnosis.evidence.penalties import of_itself
+from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
+from mrdamp.diagnosis.fits.final import FinalFit, heldout
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.regimes import regime_cost
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.residuals import Problem
+
+#: Fits of an unknown cause that are tried on records left out.
+_NEAREST = 6
+#: Share of the excess that a cause may leave of records left out, where tests do not repeat.
+_CARRIED = 0.5
+
+
+def decided(
+    search: Search,
+    fits: Sequence[Fit],
+    penalties: Mapping[int, float],
+    baseline: Problem | None,
+    *,
+    moves: bool = True,
+) -> Decision:
+    """The decision over fits. penalties: nats by id of a fit; baseline: records of the rig as it was; moves: False
+    where no price is put on how far the law's numbers move."""
+    against = against_baseline(search, baseline, fits)
+    all_nats = {id(f): penalties.get(id(f), 0.0) + against.get(id(f), 0.0) for f in fits}
+    left = left_out_costs(search, [*fits, *search.rivals])
+    known, rivals = scored(fits, all_nats, search.direct, left), scored(search.rivals, left_out=left)
+    if not moves:
+        known, rivals = ([replace(s, move=0.0) for s in some] for some in (known, rivals))
+    decision = decide(
+        known, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own
+    )
+    if decision.outside is not None:
+        search.looks_like = search.rivals[decision.outside]
+    return decision
+
+
+def against_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit]) -> dict[int, float]:
+    """Nats by id against fits that mend the rig's baseline too."""
+    if baseline is None:
+        return {}
+    return of_baseline(baseline, fits, LOGIT_GAIN if search.inexact else 0.5 * INDEPENDENT)
+
+
+def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
+    """Costs by id on records left out, where nothing meets the noise; of free laws, which bend to the records that they
+    were fitted to, in the worse of two ways to leave them out: each in turn, or by regime."""
+    if not search.inexact:
+        return {}
+    out = {}
+    for f in (f for f in fits if f.hypothesis.coordinates):
+        out[id(f)] = search.problem.cost(heldout(search.problem, f))
+        if f.hypothesis.nominal:
+            out[id(f)] = max(out[id(f)], regime_cost(search.problem, f))
+    return out
+
+
+def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
+    """The decision; where the cause is unknown, with the fit that leaves least on records left out as the chosen one.
+
+    What has the most evidence of a cause may be nothing at all where no cause explains much; a simulator is still to be
+    handed over that is as near as the catalogue allows.
+    """
+    if decision.verdict != "unknown":
+        return decision
+    near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
+    if (
+        search.inexact
+    ):  # a law that is not the rig's is bent by anything: what holds in other regimes, or nothing
+        near.append(next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates))
+        best = min(near, key=lambda k: regime_cost(search.problem, fits[k]))
+    else:
+        best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
+    found = fits[best]
+    left = max(found.cost - decision.floor, 0.0) / decision.excess
+    return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
+
+
+def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decision:
+    """The decision; `unknown` where two runs of one test differ by more than their noise and the cause that fits the
+    records says little of those left out: what changes from run to run is fitted by anything with numbers enough.
+    `parameters` where free numbers alone came to their end after the search, and leave noise of records left out."""
+    if search.inexact:
+        return decision
+    left = max(search.problem.cost(final.heldout) - decision.floor, 0.0) / decision.excess
+    law = decision.chosen.free and not decision.chosen.causes
+    if decision.verdict == "unknown" and law and search.steady and decision.outside is None:
+        unknown = beyond(left, decision.excess, decision.floor, causes=False)
+        if unknown < min(decision.unknown, 0.5):
+            return replace(decision, verdict="parameters", unknown=unknown)
+    if search.steady or decision.verdict != "effect" or left <= _CARRIED:
+        return decision
+    return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+
+
+def never_worse(
+    search: Search, fits: Sequence[Fit], final: FinalFit, decision: Decision
+) -> tuple[FinalFit, Decision]:
+    """The final fit and the decision; the nominal simulator unchanged, and no cause, where the fit leaves more of whole
+    records left out of it than the nominal simulator does."""
+    problem = final.problem
+    nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
+    gaps = problem.gaps(nominal.residual)
+    if decision.verdict == "none" or problem.cost(final.heldout) <= problem.cost(gaps):
+        return final, decision
+    index = next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates)
+    unchanged = replace(
+        decision,
+        verdict="unknown",
+        chosen=replace(scored([fits[index]])[0], index=index),
+        unexplained=1.0,
+        unknown=max(decision.unknown, UNSTEADY),
+    )
+    return FinalFit(nominal, (), gaps, problem), unchanged
+
+
+def scored(
+    fits: Sequence[Fit],
+    penalties: Mapping[int, float] | None = None,
+    direct: Mapping[str, float] | None = None,
+    left_out: Mapping[int, float] | None = None,
+) -> list[Scored]:
+    """What the verdict goes by. penalties, left_out: by id of a fit, direct: by cause (see `Scored`)."""
+    return [
+        Scored(
+            f.hypothesis.causes,
+            bool(f.hypothesis.nominal),
+            f.cost,
+            len(f.point) - len(f.hypothesis.nominal),
+            index,
+            (penalties or {}).get(id(f), 0.0) + of_itself(f),
+            f.move,
+            sum((direct or {}).get(cause, 0.0) for cause in f.hypothesis.causes),
+            (left_out or {}).get(id(f)),
+        )
+        for index, f in enumerate(fits)
+    ]
