@@ -13,6 +13,7 @@ from mrdamp.diagnosis.attribution.stages import stage_shares
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide
+from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import (
     PLAIN,
@@ -68,9 +69,9 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[tuple[bool, int]]:
     steps: list[tuple[bool, int]] = []
     extend = Search.extend
 
-    def listed(search: Search, free: bool, depth: int) -> None:
+    def listed(search: Search, free: bool, depth: int, limits: Limits | None = None) -> None:
         steps.append((free, depth))
-        extend(search, free, depth)
+        extend(search, free, depth, limits)
 
     monkeypatch.setattr(Search, "extend", listed)
     return steps

@@ -295,7 +295,7 @@ def test_settings_that_the_chain_refuses_are_far_off_and_leave_the_others_alone(
 
 def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
     """An effect takes a part of the cost, too little to be named: nothing at all has the most evidence."""
-    search = searched({"outside": 1.1, "cubic": 0.25})
+    search = searched({"outside": 1.1, "cubic": 0.15})
     fits, decision = judge(search)
     assert decision.verdict == "unknown"
     near = with_nearest(search, fits, decision)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
+from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees, sensor_unexplained
 from mrdamp.diagnosis.evidence.judgement import decided
 from mrdamp.diagnosis.evidence.penalties import of_damper
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -67,17 +67,20 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         return replace(answer, compared=tuple(c.to_dict() for c in channels))
 
     def judged() -> Judged:
-        return judge(search, agrees=sensor_agrees(channels), baseline=untouched)
+        clears = sensor_agrees(channels) or (search.inexact and sensor_unexplained(channels))
+        return judge(search, clears_sensor=clears, baseline=untouched)
 
     return Searched(case, rig, search, noise, floor, base, notes, judged, complete)
 
 
-def judge(search: Search, *, agrees: bool = False, baseline: Problem | None = None) -> Judged:
-    """All fits of a search and the decision over them. agrees: the force sensor reads what the load cell does;
-    baseline: records of the rig as it was."""
+def judge(search: Search, *, clears_sensor: bool = False, baseline: Problem | None = None) -> Judged:
+    """All fits of a search and the decision over them. clears_sensor: the load cell beside the force sensor speaks
+    against all of its effects; baseline: records of the rig as it was."""
     fits = [*search.ranked(False), *search.ranked(True)]
     penalties = {
-        id(f): of_damper(search.problem.rig, f, search.base, agrees=agrees, inexact=search.inexact)
+        id(f): of_damper(
+            search.problem.rig, f, search.base, clears_sensor=clears_sensor, inexact=search.inexact
+        )
         for f in fits
     }
     return fits, decided(search, fits, penalties, baseline)

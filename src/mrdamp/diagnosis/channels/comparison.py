@@ -87,6 +87,11 @@ def sensor_agrees(found: Sequence[Compared]) -> bool:
     )
 
 
+def sensor_unexplained(found: Sequence[Compared]) -> bool:
+    """True where the force sensor and the load cell differ by what no effect of the sensor explains."""
+    return any(c.channels[1] == "force_N" and c.cause is None for c in found) and not sensor_agrees(found)
+
+
 def _same_unit(records: Sequence[Record]) -> bool:
     command, current = (
         np.concatenate([r.channel(name) for r in records]) for name in ("command", "current_A")

@@ -20,6 +20,7 @@ from mrdamp.diagnosis.constants import (
     LOGIT_GAIN,
     LOGIT_LAW,
     LOGIT_NUMBER,
+    LOGIT_SECOND,
     TIED_BY_NATURE,
 )
 from mrdamp.model.core import Array
@@ -47,7 +48,8 @@ def utility(left: float, causes: int, numbers: int, *, free: bool, penalty: floa
     free: the law's numbers are free; penalty: nats against it.
     """
     gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
-    return gain - LOGIT_CAUSE * causes - LOGIT_NUMBER * numbers - LOGIT_LAW * free - penalty
+    price = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * free
+    return gain - price - penalty
 
 
 def softmax(utilities: Sequence[float] | Array) -> Array:

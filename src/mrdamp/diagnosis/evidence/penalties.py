@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mrdamp.diagnosis.constants import NOT_ITSELF, REDUCIBLE, SENSOR_AGREES
+from mrdamp.diagnosis.constants import LOGIT_LAW, LOOPS, NOT_ITSELF, REDUCIBLE, SENSOR_AGREES
 from mrdamp.diagnosis.evidence.verdict import idle_price
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
@@ -17,16 +17,21 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(rig: Rig, found: Fit, law: Fit, *, agrees: bool = False, inexact: bool = False) -> float:
-    """Against a fit of a damper's records on which free numbers alone (`law`) do as well or would say the same.
+def of_damper(
+    rig: Rig, found: Fit, free: Fit, *, clears_sensor: bool = False, inexact: bool = False
+) -> float:
+    """Against a fit of a damper's records on which free numbers alone (`free`) do as well or would say the same.
 
-    agrees: the force sensor reads what the load cell does, which none of its effects would leave so. inexact: the law
+    clears_sensor: the load cell beside the force sensor speaks against all of its effects. inexact: the law
     is not the rig's, and its numbers are no plainer statement than a gain: the two are told as tied.
     """
     penalty = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
-    if agrees and any(c.startswith("sensor_") for c in found.hypothesis.causes):
+    law = rig.model({}).law if inexact else ""
+    if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
+        penalty += LOGIT_LAW
+    if clears_sensor and any(c.startswith("sensor_") for c in found.hypothesis.causes):
         penalty += SENSOR_AGREES
-    if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * law.cost:
+    if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * free.cost:
         penalty += idle_price(found.move)
     return penalty
 

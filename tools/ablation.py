@@ -1,0 +1,181 @@
+"""What each special rule of the diagnosis is worth: `python tools/ablation.py OUT --bench NAME=CASES,LABELS.json ...`.
+
+Every case is searched once. Its fits are then judged as they are and once more with each rule left out, so that a row
+of the table differs from the first by that rule alone. Rules of the search (which fits are made) are not among them.
+OUT/BENCH/CASE.json holds the answers of a case; a run that was interrupted goes on there. OUT/ablation.md is the table:
+cases right, those with a cause named right, and those with a cause invented.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from mrdamp.blindtest.score import Row, row
+from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.evidence import established, judgement, penalties, verdict
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.run import searched
+from mrdamp.diagnosis.searched import Searched
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
+
+
+@contextmanager
+def constant(module: Any, name: str, value: Any) -> Iterator[None]:
+    """A constant of a module, as it imported it, with another value."""
+    with mock.patch.object(module, name, value):
+        yield
+
+
+@contextmanager
+def attribute(search: Search, name: str, value: Any) -> Iterator[None]:
+    """Something that a search has collected, with another value."""
+    before = getattr(search, name)
+    setattr(search, name, value)
+    try:
+        yield
+    finally:
+        setattr(search, name, before)
+
+
+@contextmanager
+def _both(one: Any, other: Any) -> Iterator[None]:
+    with ExitStack() as stack:
+        stack.enter_context(one)
+        stack.enter_context(other)
+        yield
+
+
+Rule = Callable[[Searched], Any]
+#: What is left out, by name.
+RULES: Mapping[str, Rule] = {
+    "penalty of a cause that is another one (`NOT_ITSELF`)": lambda s: constant(penalties, "NOT_ITSELF", 0.0),
+    "price of a free law beside an idle cause": lambda s: constant(penalties, "REDUCIBLE", -math.inf),
+    "price of a law's numbers by how far they move (`MOVE_PRICE`)": lambda s: constant(
+        verdict, "MOVE_PRICE", 0.0
+    ),
+    "price of a free law (`LAW_PRICE`, `LOGIT_LAW`)": lambda s: _both(
+        constant(verdict, "LAW_PRICE", 0.0), constant(established, "LOGIT_LAW", 0.0)
+    ),
+    "price of a number (`NUMBER_PRICE`, `LOGIT_NUMBER`)": lambda s: _both(
+        constant(verdict, "NUMBER_PRICE", 0.0), constant(established, "LOGIT_NUMBER", 0.0)
+    ),
+    "doubt of the noise floor (`FLOOR_DOUBT`)": lambda s: constant(verdict, "FLOOR_DOUBT", 0.0),
+    "tests that do not repeat (`UNSTEADY`)": lambda s: attribute(s.search, "steady", True),
+    "rivals outside the catalogue": lambda s: attribute(s.search, "rivals", []),
+    "channels compared directly": lambda s: attribute(s.search, "direct", {}),
+    "sensor and load cell that agree (`SENSOR_AGREES`)": lambda s: constant(penalties, "SENSOR_AGREES", 0.0),
+    "ties by nature (`TIED_BY_NATURE`)": lambda s: constant(established, "TIED_BY_NATURE", ()),
+    "baseline records": lambda s: constant(judgement, "of_baseline", lambda *a: {}),
+    "records left out, beside a wrong law": lambda s: constant(judgement, "left_out_costs", lambda *a: {}),
+    "another evidence beside a wrong law (`INEXACT`)": lambda s: constant(Search, "inexact", False),
+}
+
+
+def answers(folder: Path) -> dict[str, Any]:
+    """Verdict and causes (name, place) with all rules, and without each."""
+    case = read_case(folder)
+    with threadpool_limits(limits=1):
+        found = searched(case, 1, lambda what, share: None, None, Store())
+        out = {"all rules": _judged(found)}
+        for name, rule in RULES.items():
+            with rule(found):
+                out[name] = _judged(found)
+    return out
+
+
+def _judged(found: Searched) -> dict[str, Any]:
+    fits, decision = found.judge()
+    terms = fits[decision.chosen.index].hypothesis.terms if decision.verdict == "effect" else ()
+    return {"verdict": decision.verdict, "effects": [{"name": t.effect, "place": t.place} for t in terms]}
+
+
+def answer_one(bench: str, folder: Path, out: Path) -> str:
+    """Writes a case's answers, unless they are there."""
+    file = out / bench / f"{folder.name}.json"
+    if file.exists():
+        return ""
+    begun = time.monotonic()
+    try:
+        found = answers(folder)
+    except (InputError, ValueError, ArithmeticError) as error:
+        return f"{bench}/{folder.name}: {error}"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(file, json.dumps(found, indent=1) + "\n")
+    return f"{bench}/{folder.name}: {time.monotonic() - begun:.0f} s"
+
+
+def rows(out: Path, benches: Mapping[str, tuple[Path, Path]]) -> dict[str, dict[str, list[Row]]]:
+    """Rule -> bench -> scored answers."""
+    scored: dict[str, dict[str, list[Row]]] = {}
+    for bench, (_, labels) in benches.items():
+        known = json.loads(labels.read_text(encoding="utf-8"))
+        for file in sorted((out / bench).glob("*.json")):
+            label = {"stages": [], **known[file.stem]}
+            for rule, answer in json.loads(file.read_text(encoding="utf-8")).items():
+                one = row(file.stem, label, answer, (math.nan, math.nan), math.nan)
+                scored.setdefault(rule, {}).setdefault(bench, []).append(one)
+    return scored
+
+
+def table(scored: Mapping[str, Mapping[str, Sequence[Row]]], benches: Sequence[str]) -> str:
+    """Markdown: a line a rule; right of all, causes named right of those there, invented ones of all."""
+    head = ["left out", *(f"{b}: right" for b in benches), "causes named", "cases with an invented cause"]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "--:|" * (len(head) - 1)]
+    for rule, by_bench in scored.items():
+        every = [r for b in benches for r in by_bench.get(b, ())]
+        effects = [r for r in every if r.want == "effect"]
+        cells = [_of(by_bench.get(b, ())) for b in benches]
+        invented = sum(bool(r.invented) for r in every)
+        lines.append(f"| {rule} | {' | '.join(cells)} | {_of(effects)} | {invented} of {len(every)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _of(some: Sequence[Row]) -> str:
+    return f"{sum(r.right for r in some)} of {len(some)}"
+
+
+def main() -> int:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("out", type=Path)
+    p.add_argument("--bench", nargs="+", required=True, metavar="NAME=CASES,LABELS")
+    p.add_argument("--jobs", type=int, default=1, help="cases at a time (default: %(default)s)")
+    a = p.parse_args()
+    benches = {}
+    for text in a.bench:
+        name, _, paths = text.partition("=")
+        cases, _, labels = paths.partition(",")
+        if not (Path(cases).is_dir() and Path(labels).is_file()):
+            print(f"ablation: --bench {text}: NAME=FOLDER_OF_CASES,LABELS.json is needed", file=sys.stderr)
+            return 2
+        benches[name] = (Path(cases), Path(labels))
+    tasks = [
+        (name, case, a.out)
+        for name, (cases, _) in benches.items()
+        for case in sorted(cases.iterdir())
+        if (case / "case.json").is_file()
+    ]
+    work = Parallel(n_jobs=a.jobs, return_as="generator_unordered")
+    for done, line in enumerate(work(delayed(answer_one)(*task) for task in tasks), 1):
+        print(f"{done}/{len(tasks)} {line}", flush=True)
+    text = table(rows(a.out, benches), list(benches))
+    write_atomic(a.out / "ablation.md", text)
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
