@@ -128,7 +128,7 @@ def python_rows(effort: Effort) -> tuple[Figure, ...]:
         r = ratio(costs[loop.what], costs["one"])
         rows.append(of_ratio(loop.what, r, "Python", "plugin", loop.target, note))
     r = ratio(costs[LOOPS[1].what], costs["row"])
-    rows.append(of_ratio(f"like accuracy, over a row of {ROWS} in a batch", r, "Python", "plugin"))
+    rows.append(of_ratio(f"equal accuracy, over a row of {ROWS} in a batch", r, "Python", "plugin"))
     for what, name in (("with damper and sensors", "engine"), ("without both", "bare")):
         rows.append(Figure(f"the engine's part of a step, frame {what}", float(np.median(costs[name])), "us"))
     return tuple(rows)
@@ -149,11 +149,11 @@ def measure(effort: Effort) -> list[Section]:
             "(plain floats, as above, called before each step, which is cheaper than a callback) and whose engine is "
             "stepped from Python; ground motion, observation, reward and info are the same, the last three the same "
             "code. Force errors are against the environment at 0.025 ms, RMS over RMS, with the ground's peak at 3.4, "
-            "8 (the strongest of the default motions) and 17 m/s2. A velocity that is carried on by half a step makes "
-            "the law in Python as accurate as the plugin at the same step; it stays explicit, and stronger motions "
-            "take more inner steps. The last two rows are the plugin's step without any Python of the environment's, "
-            "and without damper and sensors too: the Python loop at 0.5 ms is less than 5 times even the last, so "
-            "that no damper on this engine could reach 5 at like accuracy.",
+            "8 (the strongest of the default motions) and 17 m/s2. A velocity extrapolated by half a step makes the "
+            "law in Python as accurate as the plugin at the same step. It remains explicit, and stronger motions need "
+            "more inner steps. The last two rows are the plugin's step without the environment's Python, and without "
+            "damper and sensors too. The Python loop at 0.5 ms takes less than 5 times even the last, so "
+            "no damper on this engine could reach 5 at equal accuracy.",
             python_rows(effort),
         ),
     ]

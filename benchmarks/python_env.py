@@ -123,10 +123,16 @@ class Loop:
 
 
 LOOPS = (
-    Loop("both at 0.5 ms, velocity as the engine has it", 1, 3, abreast=False),
-    Loop("like accuracy: both at 0.5 ms, velocity half a step on", 1, 3, abreast=True, target=">= 5"),
+    Loop("both at 0.5 ms, velocity of the engine", 1, 3, abreast=False),
+    Loop(
+        "equal accuracy: both at 0.5 ms, velocity extrapolated by half a step",
+        1,
+        3,
+        abreast=True,
+        target=">= 5",
+    ),
     Loop("the same with five inner steps of the law for three", 1, 5, abreast=True, target=">= 5"),
-    Loop("Python at 0.1 ms, velocity as the engine has it", 5, 1, abreast=False, target=">= 5"),
+    Loop("Python at 0.1 ms, velocity of the engine", 5, 1, abreast=False, target=">= 5"),
 )
 #: Factors on the motion of 3.4 m/s2: as it is, the strongest of the environment's own motions, and one beyond.
 AMPLITUDES = (1.0, 2.35, 5.0)

@@ -92,7 +92,7 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
         "",
         "Written by `make bench`. Every ratio is measured in one run: both sides in turn, "
         f"{rounds} rounds, the median of the rounds' ratios, CPU time of the measuring thread. "
-        "A target belongs to the row that it stands in; rows without one are there for comparison.",
+        "A target applies to its row; rows without one are for comparison.",
         "",
         f"Machine: {machine()}.",
         "",

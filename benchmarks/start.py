@@ -1,4 +1,4 @@
-"""How long Python takes to have the package, against what every program here pays anyway."""
+"""Start-up time of the package against that of NumPy, MuJoCo and Gymnasium."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ STARTS = {
 }
 _TEXT = (
     "CPU time of a new interpreter, user and system, with warm files; the interpreter's own start is in both sides. "
-    "`import mrdamp` waits for MuJoCo and Gymnasium to be imported by someone else, and then registers its plugins and "
-    "environments; `import mujoco` alone loads the plugin by its entry point."
+    "`import mrdamp` registers its plugins and environments when MuJoCo and Gymnasium are imported; "
+    "`import mujoco` alone loads the plugin by its entry point."
 )
 
 
