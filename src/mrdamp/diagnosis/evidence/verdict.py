@@ -107,7 +107,7 @@ def decide(
     found = standing(known) if inexact else None
     likely = next(iter(known))
     if found is not None:
-        likely = _among(fits, found.causes) if found.probability > 0.5 else _without_cause(known)
+        likely = _fitted_with(known, found.causes) if found.probability > 0.5 else _without_cause(known)
     chosen = fits[max((k for k, f in enumerate(fits) if _named(f) == likely), key=lambda k: float(scores[k]))]
     left = max(chosen.cost - floor, 0.0) / excess
     if steady and nominal.cost <= NONE_ABOVE * floor and least >= (1 - REDUCIBLE) * nominal.cost:
@@ -151,9 +151,10 @@ def decide(
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside, found)
 
 
-def _among(fits: Sequence[Scored], causes: tuple[str, ...]) -> tuple[str, ...]:
-    """The causes as a set that was fitted."""
-    return next(_named(f) for f in fits if set(f.causes) == set(causes))
+def _fitted_with(known: Mapping[tuple[str, ...], float], causes: tuple[str, ...]) -> tuple[str, ...]:
+    """The causes as a set that was fitted; the most probable one that has them, where they were not alone."""
+    wanted = set(causes)
+    return next((s for s in known if set(s) == wanted), None) or next(s for s in known if wanted <= set(s))
 
 
 def _without_cause(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:
