@@ -100,7 +100,9 @@ def answers(folder: Path) -> dict[str, Any]:
 def _judged(found: Searched) -> dict[str, Any]:
     fits, decision = found.judge()
     terms = fits[decision.chosen.index].hypothesis.terms if decision.verdict == "effect" else ()
-    return {"verdict": decision.verdict, "effects": [{"name": t.effect, "place": t.place} for t in terms]}
+    likely = 1 - decision.unknown
+    effects = [{"name": t.effect, "place": t.place, "probability": likely} for t in terms]
+    return {"verdict": decision.verdict, "effects": effects}
 
 
 def answer_one(bench: str, folder: Path, out: Path) -> str:

@@ -1,0 +1,98 @@
+"""The ablation tool: every rule can be left out and is back afterwards; its table counts what it says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modules import TOOLS, loaded
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.damper_run import judge
+from mrdamp.diagnosis.evidence import established, penalties, verdict
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.noise import Noise
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.searched import Searched
+from mrdamp.model import Model
+from toy_rig import toy
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    return loaded(TOOLS / "ablation.py")
+
+
+def found() -> Searched:
+    """A search that nothing comes near the noise of: half of the gap is outside the toy's catalogue."""
+    search = Search(Problem(toy({"outside": 1.1, "cubic": 0.5}, 0.02)), 1e-5)
+    search.run()
+    model = Model("bingham", {"c0a": 1.0, "c0b": 0.0, "fya": 1.0, "fyb": 0.0, "v_ref": 0.1})
+    one, none = np.ones(1), np.zeros(1)
+    return Searched(
+        Case("toy", Path(), model, search.problem.rig.records, ()),
+        search.problem.rig,
+        search,
+        Noise(one, "repeat", one),
+        one,
+        none,
+        [],
+        lambda: judge(search),
+        lambda answer, chosen: answer,
+    )
+
+
+def test_every_rule_is_left_out_and_back_again(tool: ModuleType) -> None:
+    one = found()
+    before = json.dumps(tool._judged(one))
+    for rule in tool.RULES.values():
+        with rule(one):
+            tool._judged(one)
+    assert json.dumps(tool._judged(one)) == before
+    assert one.search.inexact
+    with tool.RULES["another evidence beside a wrong law (`INEXACT`)"](one):
+        assert not one.search.inexact
+        assert one.judge()[1].standing is None
+    price = verdict.LAW_PRICE, established.LOGIT_LAW
+    with tool.RULES["price of a free law (`LAW_PRICE`, `LOGIT_LAW`)"](one):
+        assert (verdict.LAW_PRICE, established.LOGIT_LAW) == (0.0, 0.0)
+    assert price == (verdict.LAW_PRICE, established.LOGIT_LAW)
+    with tool.RULES["sensor and load cell that agree (`SENSOR_AGREES`)"](one):
+        assert penalties.SENSOR_AGREES == 0.0
+
+
+def test_the_table_counts_right_named_and_invented(tool: ModuleType, tmp_path: Path) -> None:
+    lag = [{"name": "driver_lag", "place": None, "probability": 0.9}]
+    wrong = [{"name": "heating", "place": None, "probability": 0.9}]
+
+    def answer(effects: list[dict[str, Any]]) -> dict[str, Any]:
+        return {"verdict": "effect" if effects else "unknown", "effects": effects}
+
+    rows = {"a": (answer(lag), answer(wrong)), "b": (answer([]), answer(lag))}
+    (tmp_path / "out" / "bench").mkdir(parents=True)
+    for case, (every, without) in rows.items():
+        text = json.dumps({"all rules": every, "a rule": without})
+        (tmp_path / "out" / "bench" / f"{case}.json").write_text(text)
+    labels = tmp_path / "labels.json"
+    labels.write_text(
+        json.dumps({"a": {"label": "driver_lag"}, "b": {"label": "~own", "also": ["remanence"]}})
+    )
+    scored = tool.rows(tmp_path / "out", {"bench": (tmp_path, labels)})
+    lines = tool.table(scored, ["bench"]).splitlines()
+    assert lines[2] == "| all rules | 2 of 2 | 1 of 1 | 0 of 2 |"
+    assert lines[3] == "| a rule | 0 of 2 | 0 of 1 | 2 of 2 |"
+
+
+def test_a_bench_without_labels_is_one_line(
+    tool: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "sys.argv", ["ablation.py", str(tmp_path / "out"), "--bench", f"x={tmp_path},no.json"]
+    )
+    assert tool.main() == 2
+    assert "LABELS.json is needed" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
