@@ -9,6 +9,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import INDEPENDENT, LOGIT_GAIN, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
+from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
@@ -22,6 +23,8 @@ from mrdamp.diagnosis.problem.residuals import Problem
 _NEAREST = 6
 #: Share of the excess that a cause may leave of records left out, where tests do not repeat.
 _CARRIED = 0.5
+#: Nats below the best fit at which another one is as good as ruled out, penalties included.
+_IMPROBABLE = 20.0
 
 
 def decided(
@@ -57,15 +60,33 @@ def against_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fi
 
 def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
     """Costs by id on records left out, where nothing meets the noise; of free laws, which bend to the records that they
-    were fitted to, in the worse of two ways to leave them out: each in turn, or by regime."""
+    were fitted to, in the worse of two ways to leave them out: each in turn, or by regime.
+
+    A fit leaves no less of records left out than of its own: those that would be improbable even with their own cost
+    are not asked.
+    """
     if not search.inexact:
         return {}
-    out = {}
-    for f in (f for f in fits if f.hypothesis.coordinates):
+    moving = [f for f in fits if f.hypothesis.coordinates]
+    most = {id(f): _own_utility(search, f, f.cost) for f in moving}
+    out: dict[int, float] = {}
+    best = 0.0  # the nominal simulator's
+    for f in sorted(moving, key=lambda f: -most[id(f)]):
+        if most[id(f)] < best - _IMPROBABLE:
+            break
         out[id(f)] = search.problem.cost(heldout(search.problem, f))
         if f.hypothesis.nominal:
             out[id(f)] = max(out[id(f)], regime_cost(search.problem, f))
+        best = max(best, _own_utility(search, f, out[id(f)]))
     return out
+
+
+def _own_utility(search: Search, f: Fit, left: float) -> float:
+    """Nats over the nominal simulator, without penalties, of a fit that leaves so much."""
+    numbers = len(f.point) - len(f.hypothesis.nominal)
+    share = left / search.nominal_cost
+    direct = sum(search.direct.get(cause, 0.0) for cause in f.hypothesis.causes)
+    return direct + utility(share, len(f.hypothesis.causes), numbers, free=bool(f.hypothesis.nominal))
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
