@@ -413,6 +413,14 @@ def test_sweep_takes_every_setting_and_seed(tmp_path: Path) -> None:
     assert table[0]["score"] == pytest.approx(np.mean([r.best["score"] for r in one[0].results]))
 
 
+def test_settings_of_a_sweep_are_drawn_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["train", FRAME, "--algo", "es", "--evaluations", "1", "--set", *SMALL, "n_timesteps=1000"]
+    assert main([*command, "--sweep", "sigma=0.1,0.3", "-o", str(tmp_path)]) == 0
+    drawn = tmp_path / "curves.png"
+    assert drawn.stat().st_size > 10_000
+    assert f"all of them: {drawn}" in capsys.readouterr().out
+
+
 def _scores(folder: Path) -> list[float]:
     return [seed["score"] for row in json.loads((folder / "sweep.json").read_text()) for seed in row["seeds"]]
 

@@ -6,6 +6,7 @@ there while the critic is trained only: the actor, which alone is exported, is b
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import torch
@@ -56,17 +57,34 @@ class SplitNetworks(nn.Module):
 
 
 class AsymmetricOnPolicy(ActorCriticPolicy):
-    """For PPO and A2C. front: k; net_arch: {pi: [...], vf: [...]} or one list for both."""
+    """For PPO and A2C. front: k; net_arch: {pi: [...], vf: [...]} or one list for both.
+
+    averaged: the actor's mean over the last updates, which noise in the gradients moves less: what is exported.
+    """
 
     def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
         self._front = front
         super().__init__(*arguments, **named)
 
     def _build_mlp_extractor(self) -> None:
-        arch = (
-            self.net_arch if isinstance(self.net_arch, dict) else {"pi": self.net_arch, "vf": self.net_arch}
-        )
+        arch = self.net_arch
+        if not isinstance(arch, dict):
+            arch = {"pi": arch, "vf": arch}
         self.mlp_extractor = SplitNetworks(self._front, self.features_dim, arch, self.activation_fn)
+
+    def _build(self, lr_schedule: Any) -> None:
+        super()._build(lr_schedule)
+        self.averaged = copy.deepcopy(self._actor).requires_grad_(False)
+
+    @property
+    def _actor(self) -> nn.Sequential:
+        return nn.Sequential(*self.mlp_extractor.policy_net, self.action_net)
+
+    def average(self, fresh: float) -> None:
+        """Moves the mean by a share `fresh` to the actor."""
+        with torch.no_grad():
+            for held, now in zip(self.averaged.parameters(), self._actor.parameters(), strict=True):
+                held.lerp_(now, fresh)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return {**super()._get_constructor_parameters(), "front": self._front}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +32,39 @@ def curves(results: Sequence[Result]) -> Figure:
     return fig
 
 
+@style.styled
+def compared(named: Mapping[str, Sequence[Result]]) -> Figure:
+    """One line a setting: the mean over its seeds at the evaluations that all have, and the seeds' range around it."""
+    fig = style.figure(0.6 * style.WIDTH)
+    axes = fig.add_subplot()
+    for k, (name, results) in enumerate(named.items()):
+        colour = style.COLOURS[k % len(style.COLOURS)]
+        shared = min(len(result.curve) for result in results)
+        at = np.mean([[row["timesteps"] / 1e6 for row in r.curve[:shared]] for r in results], axis=0)
+        scores = np.array([[row["score"] for row in r.curve[:shared]] for r in results])
+        axes.plot(at, scores.mean(axis=0), color=colour, linewidth=1.6, label=name)
+        if len(results) > 1:
+            axes.fill_between(
+                at, scores.min(axis=0), scores.max(axis=0), color=colour, alpha=0.15, linewidth=0
+            )
+    axes.set_xlabel("control periods (millions)")
+    axes.set_ylabel("validation score")
+    axes.legend()
+    return fig
+
+
+def draw_compared(named: Mapping[str, Sequence[Result]], path: Path) -> None:
+    """Writes the picture. Raises InputError."""
+    _write(compared(named), path)
+
+
 def draw(results: Sequence[Result], path: Path) -> None:
     """Writes the picture. Raises InputError."""
+    _write(curves(results), path)
+
+
+def _write(figure: Figure, path: Path) -> None:
     try:
-        curves(results).savefig(path, dpi=150)
+        figure.savefig(path, dpi=150)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error}") from None

@@ -18,7 +18,9 @@ def network(policy: Any) -> Network:
 
     Raises InputError for one that is not layers of one activation.
     """
-    if hasattr(policy, "mlp_extractor"):  # PPO, A2C: cut off at the ends of the action's range
+    if hasattr(policy, "averaged"):
+        modules, squash = list(policy.averaged), False
+    elif hasattr(policy, "mlp_extractor"):  # PPO, A2C: cut off at the ends of the action's range
         modules, squash = [*policy.mlp_extractor.policy_net, policy.action_net], False
     elif hasattr(policy.actor, "latent_pi"):  # SAC: tanh of a Gaussian's mean
         modules, squash = [*policy.actor.latent_pi, policy.actor.mu], True

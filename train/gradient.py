@@ -30,6 +30,7 @@ _FALLING = (
     "linear_"  # before a learning rate that falls to zero over the training, as RL Baselines3 Zoo has `lin_`
 )
 _OFF_POLICY = ("ddpg", "sac", "td3")
+_FRESH = 0.1  # share of the newest actor in the mean over updates that is exported
 _NOTHING = (
     1e-3  # of the actor's last layer at the start, over its usual size: what is learned begins at the teacher
 )
@@ -170,6 +171,8 @@ def _begin_at_nothing(policy: Any) -> None:
         for layer in last:
             layer.weight.mul_(_NOTHING)
             layer.bias.zero_()
+    if hasattr(policy, "average"):
+        policy.average(1.0)
 
 
 class _Callback(BaseCallback):
@@ -187,6 +190,9 @@ class _Callback(BaseCallback):
         if run.timesteps >= self._told + run.chosen.n_timesteps / 100:
             self._told = run.timesteps
             run.tell(self._progress)
+        policy: Any = self.model.policy
+        if hasattr(policy, "average"):
+            policy.average(_FRESH)
         if run.due():
             run.evaluate()
         self._freeze(run.timesteps < run.chosen.freeze)

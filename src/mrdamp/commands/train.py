@@ -81,6 +81,11 @@ def run_train(a: argparse.Namespace) -> int:
         found = sweep(options, a.out, seeds, a.sweep, a.jobs, progress)
     for point in found:
         _print(point, list(seeds), a.out)
+    if len(found) > 1:
+        from mrdamp.train.curves import draw_compared
+
+        draw_compared({" ".join(point.overrides): point.results for point in found}, a.out / "curves.png")
+        print(f"all of them: {a.out / 'curves.png'}")
     return 0
 
 
