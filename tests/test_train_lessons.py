@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
 
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Policy
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.envs.task import Task
 from mrdamp.simulation.roads import iso8608
@@ -28,14 +31,21 @@ PLAIN: dict[str, dict[str, Any]] = {
 BASE, OTHER = 0.3, 0.33
 
 
+def constant(task: Task, share: float) -> Policy:
+    """A share of the largest command, whatever is seen."""
+    size = task.observer.size
+    net = Network(((np.zeros((1, size)), np.array([2.0 * share - 1.0])),))
+    fresh = Observer.from_dict(task.observer.to_dict())
+    return Policy("c", task.rows.period, fresh, np.eye(size), net, float(task.command_max[0]))
+
+
 def pooled(environment: str, count: int = 3) -> tuple[World, Task, list[Known]]:
     chosen = world(environment, PLAIN[environment])
     rng = np.random.default_rng(1)
     roads = [iso8608("C", 15.0, 2.0, seed) for seed in range(count)]
     loads = roads if environment == CAR else chosen.draw(rng, count)
     task = chosen.task(2)
-    largest = float(task.command_max[0])
-    runs = known(chosen, task, loads, lambda seen: np.full(len(seen), BASE * largest))
+    runs = known(chosen, task, loads, constant(task, BASE))
     return chosen, chosen.task(2, "chain", Drawn([run.load for run in runs])), runs
 
 
@@ -63,10 +73,7 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
     lessons = Lessons(PlantVecEnv(task), chosen, task, runs, exponent, scale=1.0)
     assert all(abs(v) < 2e-5 for v in paid(lessons, BASE, runs).values())
     gains = paid(lessons, OTHER, runs)
-    largest = float(task.command_max[0])
-    other = known(
-        chosen, chosen.task(2), [r.load for r in runs], lambda seen: np.full(len(seen), OTHER * largest)
-    )
+    other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
     shares = np.array([c.share for c in chosen.criteria])
     for k, (run, moved) in enumerate(zip(runs, other, strict=True)):
         if chosen.exponent == 2.0:
@@ -76,6 +83,30 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
             expected = float((run.ratios * (1 - norms[1] / norms[0])) @ shares)
         assert gains[k] == pytest.approx(expected, rel=0.25, abs=1e-5)
         assert abs(expected) > 1e-5
+
+
+def test_a_renewed_base_is_worth_nothing_more() -> None:
+    chosen, task, runs = pooled(FRAME)
+    lessons = Lessons(PlantVecEnv(task), chosen, task, runs, 8.0, scale=1.0)
+    before = paid(lessons, OTHER, runs)
+    other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
+    lessons.renew(other)
+    assert all(abs(v) < 2e-5 < abs(before[k]) for k, v in paid(lessons, OTHER, runs).items())
+
+
+def test_what_goes_wrong_costs_along_the_tangent() -> None:
+    chosen, task, runs = pooled(FRAME)
+    p, knee = 16.0, 1.1
+    found = paid(Lessons(PlantVecEnv(task), chosen, task, runs, p, scale=1.0), 0.0, runs)
+    released = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, 0.0))
+    shares, worse = np.array([c.share for c in chosen.criteria]), 0
+    for k, (run, moved) in enumerate(zip(runs, released, strict=True)):
+        x, b = (r.criteria / run.criteria.max(axis=0) for r in (moved, run))
+        straight = np.where(x < knee, x**p, knee**p + p * knee ** (p - 1) * (x - knee))
+        share = shares * run.ratios / p / (b**p).sum(axis=0)
+        assert found[k] == pytest.approx(float(((b**p - straight) * share).sum()), rel=1e-3)
+        worse += bool((x > knee).any())
+    assert worse
 
 
 def test_runs_of_the_pool_are_those_of_the_task() -> None:

@@ -19,7 +19,6 @@ from mrdamp.control.networks import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
 from mrdamp.train.asymmetric import POLICIES
-from mrdamp.train.evaluate import forces
 from mrdamp.train.export import memory, network
 from mrdamp.train.lessons import Lessons
 from mrdamp.train.pool import Drawn, Known, known
@@ -44,6 +43,7 @@ class GradientRun(Run):
         torch.set_num_threads(1)
         self._teacher = self.taught() if self.chosen.teacher else None
         self.model: BaseAlgorithm | None = None
+        self.lessons_given: Lessons | None = None
         runs = self._pool()
         base = PlantVecEnv(self.task)
         base.seed(int(self.draws.generate_state(1)[0] // 2))
@@ -52,8 +52,10 @@ class GradientRun(Run):
             exponent = self.chosen.exponent or self.world.exponent
             told = self.chosen.privileged
             venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, told=told)
+            self.lessons_given = venv
         self.venv = VecMonitor(venv)
         self.model = self._model(int(self.seed.generate_state(1)[0] // 2))
+        self._renewed = 0
 
     @property
     def timesteps(self) -> int:
@@ -91,17 +93,27 @@ class GradientRun(Run):
         self.model.save(fresh)
         fresh.replace(self.out / "checkpoint.zip")
 
+    def renew(self) -> None:
+        """Makes what has been learned the base of the reward, where that is due."""
+        every = self.chosen.renew
+        if self.lessons_given is None or not every or self.timesteps // every <= self._renewed:
+            return
+        self._renewed = self.timesteps // every
+        self.lessons_given.renew(self._runs())
+
     def _pool(self) -> list[Known]:
-        """Runs of the base under the loads of the pool, which the task draws from."""
-        many = self.chosen.pool
-        if not many:
+        """Runs of the teacher under the loads of the pool, which the task draws from."""
+        if not self.chosen.pool:
             return []
-        rng = np.random.default_rng(self.pooled)
-        loads = self.world.some(rng, many)
-        base = self.policy()
-        runs = known(self.world, self.task, loads, lambda seen: base.commands(seen, forces(self.task, seen)))
+        self._loads = self.world.some(np.random.default_rng(self.pooled), self.chosen.pool)
+        self._aside = self.task
+        runs = self._runs()
         self.task = self.world.task(self.task.n, self.chosen.engine, Drawn([run.load for run in runs]))
         return runs
+
+    def _runs(self) -> list[Known]:
+        """Of the present policy under the loads of the pool."""
+        return known(self.world, self._aside, self._loads, self.policy())
 
     def _model(self, seed: int) -> BaseAlgorithm:
         chosen, name = self.chosen, self.options.algorithm
@@ -195,6 +207,7 @@ class _Callback(BaseCallback):
             policy.average(_FRESH)
         if run.due():
             run.evaluate()
+        run.renew()
         self._freeze(run.timesteps < run.chosen.freeze)
 
     def _freeze(self, frozen: bool) -> None:

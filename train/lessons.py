@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _LIMIT = 20.0  # that the critic's numbers are cut off at
-_MOST = 2.0  # a criterion over the base's peak at most: what diverges would drown the rest
+_KNEE = 1.1  # of a criterion over the base's peak, from where on its power grows along the tangent
 _AHEAD = (8, 24)  # control periods ahead that the critic is shown the base's measurements at
 _WINDOWS = (8, 32, 128)  # control periods: ends of the windows that the base's costs to come are summed over
 _FAR = 1 << 30  # to the end
@@ -42,22 +42,11 @@ class Lessons(VecEnvWrapper):
 
     def __init__(
         self, venv: VecEnv, world: World, task: Task, runs: Sequence[Known], exponent: float, price: float = 0.0,
-        scale: float = 1000.0, share_column: int = 2, told: bool = True,
+        scale: float = 1000.0, told: bool = True,
     ) -> None:  # fmt: skip
         self._world, self._task, self._p, self._scale = world, task, exponent, scale
-        self._price, self._share, self._told = price * scale, share_column, told
-        shares = np.array([c.share for c in world.criteria])
-        self._peaks = np.array([np.maximum(run.criteria.max(axis=0), 1e-12) for run in runs])
-        powers = [(run.criteria / peak) ** exponent for run, peak in zip(runs, self._peaks, strict=True)]
-        ratios = np.array([run.ratios for run in runs])
-        self._factors = scale / exponent * shares * ratios / np.array([power.sum(axis=0) for power in powers])
-        self._steps = np.array([len(run.criteria) for run in runs])
-        # All runs one after the other, T + 1 numbers each: row t of run k stands at first[k] + t.
-        self._first = np.concatenate([[0], np.cumsum(self._steps + 1)[:-1]])
-        costs = [power @ factor for power, factor in zip(powers, self._factors, strict=True)]
-        self._costs = np.concatenate([[*cost, 0.0] for cost in costs])
-        self._sums = np.concatenate([[0.0, *np.cumsum(cost)] for cost in costs])
-        self._measured = np.concatenate([run.measured for run in runs])
+        self._price, self._told = price * scale, told
+        self.renew(runs)
         rms = np.array([np.sqrt(np.mean(np.square(run.measured, dtype=np.float64), axis=0)) for run in runs])
         self._all = np.maximum(np.sqrt(np.mean(rms**2, axis=0)), 1e-12)
         self._own = np.maximum(rms, 1e-3 * self._all)
@@ -69,6 +58,23 @@ class Lessons(VecEnvWrapper):
         width, limit = venv.observation_space.shape[0], float(venv.observation_space.high.max())
         super().__init__(venv, observation_space=Box(-limit, limit, (width + self.extra,), np.float32))
 
+    def renew(self, runs: Sequence[Known]) -> None:
+        """Another base controller from now on, under the same loads: a mean of powers is the mean of ratios only near
+        the base."""
+        shares = np.array([c.share for c in self._world.criteria])
+        self._peaks = np.array([np.maximum(run.criteria.max(axis=0), 1e-12) for run in runs])
+        powers = [(run.criteria / peak) ** self._p for run, peak in zip(runs, self._peaks, strict=True)]
+        ratios = np.array([run.ratios for run in runs])
+        sums = np.array([power.sum(axis=0) for power in powers])
+        self._factors = self._scale / self._p * shares * ratios / sums
+        self._steps = np.array([len(run.criteria) for run in runs])
+        # All runs one after the other, T + 1 numbers each: row t of run k stands at first[k] + t.
+        self._first = np.concatenate([[0], np.cumsum(self._steps + 1)[:-1]])
+        costs = [power @ factor for power, factor in zip(powers, self._factors, strict=True)]
+        self._costs = np.concatenate([[*cost, 0.0] for cost in costs])
+        self._sums = np.concatenate([[0.0, *np.cumsum(cost)] for cost in costs])
+        self._measured = np.concatenate([run.measured for run in runs])
+
     def reset(self) -> Any:
         seen = self.venv.reset()
         self._begin(range(self.num_envs))
@@ -77,12 +83,15 @@ class Lessons(VecEnvWrapper):
     def step_wait(self) -> Any:
         observation, _, done, infos = self.venv.step_wait()
         period = self._task.happened
-        sizes = np.minimum(self._world.sizes_of(period) / self._peaks[self._load], _MOST)
-        cost = (sizes**self._p * self._factors[self._load]).sum(axis=1)
+        sizes = self._world.sizes_of(period) / self._peaks[self._load]
+        # Straight on behind _KNEE: one episode that goes wrong would drown a batch.
+        within = np.minimum(sizes, _KNEE)
+        powers = within**self._p + self._p * _KNEE ** (self._p - 1) * (sizes - within)
+        cost = (powers * self._factors[self._load]).sum(axis=1)
         base = self._costs[self._first[self._load] + self._t]
         reward = base - cost
         if self._price:
-            reward -= self._price * period[:, self._share] / self._task.rows.steps
+            reward -= self._price * period[:, self._world.share_column] / self._task.rows.steps
         self._t += 1
         over = np.flatnonzero(done).tolist()
         for (

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
-from mrdamp.train.evaluate import Act
+from mrdamp.train.evaluate import forces
 from mrdamp.train.worlds import World
 
 Array = NDArray[np.float64]
@@ -47,16 +48,17 @@ class Known:
     measured: NDArray[np.float32]
 
 
-def known(world: World, task: Task, loads: Sequence[Any], act: Act) -> list[Known]:
-    """The runs under `loads` in the order given, on the rows of a task; they are named by their places."""
+def known(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> list[Known]:
+    """A policy's runs under `loads` in the order given, on the rows of a task; they are named by their places."""
     named = [replace(load, name=str(k)) for k, load in enumerate(loads)]
     found: list[Known] = []
     for first in range(0, len(named), task.n):
-        found += _runs(world, task, named[first : first + task.n], act)
+        found += _runs(world, task, named[first : first + task.n], policy)
     return found
 
 
-def _runs(world: World, task: Task, loads: Sequence[Any], act: Act) -> list[Known]:
+def _runs(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> list[Known]:
+    policy.reset()
     many, rngs = len(loads), [np.random.default_rng(k) for k in range(task.n)]
     given = [*loads, *[loads[0]] * (task.n - many)]
     seen = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(given)])
@@ -67,7 +69,8 @@ def _runs(world: World, task: Task, loads: Sequence[Any], act: Act) -> list[Know
     ratios = np.zeros((many, len(columns)))
     measured[0] = task.measured[:many]
     for t in range(longest):
-        step = task.step(2.0 * act(seen)[:, None] / float(task.command_max[0]) - 1.0)
+        command = policy.commands(seen, forces(task, seen))
+        step = task.step(2.0 * command[:, None] / float(task.command_max[0]) - 1.0)
         criteria[t] = world.sizes_of(task.happened)[:many]
         measured[t + 1] = task.measured[:many]
         last = steps == t + 1

@@ -16,7 +16,7 @@ from mrdamp.files import decode, read_bytes
 ALGORITHMS = ("a2c", "ddpg", "es", "ppo", "recurrent", "sac", "td3")
 
 
-_WHOLE = ("pool", "freeze")
+_WHOLE = ("pool", "freeze", "renew")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ class Settings:
 
     For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
     `mrdamp.train.lessons`; 0: new loads throughout, with the environment's reward. exponent: of that reward, none: the
-    world's. price: of the mean current over its largest, in the score's unit. privileged: the critic sees the full
+    world's. renew: control periods after which what has been learned takes the place of the teacher in that reward; 0:
+    never. price: of the mean current over its largest, in the score's unit. privileged: the critic sees the full
     state and the load to come. freeze: control periods at the start in which the critic learns alone. fixed_std:
     on-policy learners keep the standard deviation they explore with, which narrows early otherwise. explore: of DDPG,
     SAC and TD3, the standard deviation of Ornstein-Uhlenbeck noise on the actions; 0: none. correlated: its correlation
@@ -89,6 +90,7 @@ class Settings:
     least: Mapping[str, float] | None = None
     pool: int = 0
     exponent: float | None = None
+    renew: int = 0
     price: float = 0.0
     privileged: bool = False
     freeze: int = 0
@@ -105,7 +107,7 @@ class Settings:
             raise InputError(f"hyperparameters: action is {self.action!r}; allowed: command, force")
         if self.engine not in ("chain", "mujoco"):
             raise InputError(f"hyperparameters: engine is {self.engine!r}; allowed: chain, mujoco")
-        for name, least in (("n_envs", 1), ("n_timesteps", 1), ("pool", 0), ("freeze", 0)):
+        for name, least in (("n_envs", 1), ("n_timesteps", 1), ("pool", 0), ("freeze", 0), ("renew", 0)):
             value = getattr(self, name)
             if not isinstance(value, int) or value < least:
                 raise InputError(

@@ -80,6 +80,8 @@ class World(ABC):
     measures: ClassVar[tuple[str, ...]]
     #: Of the criteria's norm over time, unless the hyperparameters say otherwise.
     exponent: ClassVar[float]
+    #: Of what happens in a control period: the mean current over its largest.
+    share_column: ClassVar[int] = 2
 
     @property
     @abstractmethod
@@ -268,6 +270,7 @@ class CarWorld(World):
     option: ClassVar[str] = "road"
     measures: ClassVar[tuple[str, ...]] = ("comfort_ratio", "load_ratio", "mean_current")
     exponent: ClassVar[float] = 2.0
+    share_column: ClassVar[int] = 5
 
     @property
     def criteria(self) -> tuple[Criterion, ...]:
