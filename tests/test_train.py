@@ -182,6 +182,13 @@ def test_validation_is_drawn_apart_from_training() -> None:
     assert not trained & judged
 
 
+def test_validation_roads_are_drawn_apart_from_training() -> None:
+    rng = np.random.default_rng(np.random.SeedSequence(0).spawn(3)[0])
+    trained, judged = loads.TrainingRoads().some(rng, 40), loads.validation_roads()
+    assert len({road.name[0] for road in judged}) == 5  # classes A to D and bumps
+    assert not {road.height.tobytes() for road in trained} & {road.height.tobytes() for road in judged}
+
+
 def test_a_pulse_keeps_the_peak_and_adds_its_own_period() -> None:
     plain = loads.training_motions((2.0, 2.0)).draw(np.random.default_rng(5))
     pulses = loads.Pulses(_Same(plain), share=1.0, period=(1.0, 1.0), size=(5.0, 5.0))

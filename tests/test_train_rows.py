@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,11 +17,11 @@ from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import Act, episodes, forces
 from mrdamp.train.imitation import estimated
-from mrdamp.train.loads import some_motions
+from mrdamp.train.loads import TrainingRoads, some_motions
 from mrdamp.train.worlds import world
 
 Array = NDArray[np.float64]
-FRAME, CABLE = "mrdamp/Frame-v0", "mrdamp/Cable-v0"
+FRAME, CABLE, CAR = "mrdamp/Frame-v0", "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"
 SEEN = {"action_in_observation": False}
 
 
@@ -31,17 +34,21 @@ def policyish(task: Task, largest: float) -> Act:
     return act
 
 
-@pytest.mark.parametrize(("environment", "tolerance"), [(FRAME, 0.01), (CABLE, 0.05)])
+def some_loads(environment: str) -> Sequence[Any]:
+    if environment == FRAME:
+        return some_motions(np.random.default_rng(3), 3, 8.0)
+    if environment == CABLE:
+        return [AmbientLoads(duration=3.0).draw(np.random.default_rng(k), 12.65) for k in range(2)]
+    return TrainingRoads(3.0).some(np.random.default_rng(3), 5)
+
+
+@pytest.mark.parametrize(("environment", "tolerance"), [(FRAME, 0.01), (CABLE, 0.05), (CAR, 0.01)])
 def test_episodes_of_a_search_are_those_of_the_engine(environment: str, tolerance: float) -> None:
     own = {"timestep": 2.5e-4, "action_in_observation": False}
     if environment == FRAME:
         own["period"] = 2e-3
     chosen = world(environment, own)
-    loads = (
-        some_motions(np.random.default_rng(3), 3, 8.0)
-        if environment == FRAME
-        else [AmbientLoads(duration=3.0).draw(np.random.default_rng(k), 12.65) for k in range(2)]
-    )
+    loads = some_loads(environment)
     chain, engine = chosen.searching(len(loads)), chosen.judging(len(loads))
     assert isinstance(chain.rows, Chained)
     assert not isinstance(engine.rows, Chained)
@@ -58,7 +65,8 @@ def test_episodes_of_a_search_are_those_of_the_engine(environment: str, toleranc
 
 
 @pytest.mark.parametrize(
-    ("environment", "spec"), [(FRAME, "clipped-optimal:balance=30,r=1e-6"), (CABLE, "clipped-optimal")]
+    ("environment", "spec"),
+    [(FRAME, "clipped-optimal:balance=30,r=1e-6"), (CABLE, "clipped-optimal"), (CAR, "lq-tracking:r=1")],
 )
 def test_states_of_the_observer_are_shares_of_the_wanted_force(environment: str, spec: str) -> None:
     floors = [*(f"acceleration_{j}" for j in (1, 2, 3)), "displacement_1", "force"]
