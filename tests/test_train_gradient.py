@@ -272,7 +272,7 @@ def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
 @pytest.mark.parametrize("algorithm", ["recurrent", "sac", "td3"])
 def test_every_learner_trains_from_its_teacher(algorithm: str, tmp_path: Path) -> None:
     own = {
-        "recurrent": ("n_steps=16", "batch_size=32"),
+        "recurrent": ("n_steps=16", "batch_size=32", "freeze=0"),
         "sac": ("learning_starts=64", "buffer_size=1000"),
         "td3": ("learning_starts=64", "buffer_size=1000"),
     }[algorithm]
