@@ -61,7 +61,9 @@ class Judge:
         found = [self._one(policy, *part) for part in self._parts]
         return {name: np.concatenate([f[name] for f in found]) for name in found[0]}
 
-    def _one(self, policy: Policy | float, world: World, loads: Sequence[Any], task: Task) -> dict[str, Array]:
+    def _one(
+        self, policy: Policy | float, world: World, loads: Sequence[Any], task: Task
+    ) -> dict[str, Array]:
         if isinstance(policy, Policy):
             policy.reset()
 

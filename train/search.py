@@ -52,7 +52,8 @@ class EvolutionRun(Run):
             )
         loads = range(self.loads_count)
         self.tasks = [
-            w.searching(self.population * len(loads[k :: len(self.worlds)])) for k, w in enumerate(self.worlds)
+            w.searching(self.population * len(loads[k :: len(self.worlds)]))
+            for k, w in enumerate(self.worlds)
         ]
         self.task = self.tasks[0]
         self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))

@@ -40,7 +40,9 @@ class Options:
         if self.algorithm not in ALGORITHMS:
             raise InputError(f"algorithm {self.algorithm!r} is unknown; there are {', '.join(ALGORITHMS)}")
         if self.others and (self.algorithm != "es" or self.model is None):
-            raise InputError(f"{self.algorithm}: {1 + len(self.others)} models; allowed: several for es, else one")
+            raise InputError(
+                f"{self.algorithm}: {1 + len(self.others)} models; allowed: several for es, else one"
+            )
         for name, least in (("seed", 0), ("evaluations", 1), ("timesteps", 1)):
             value = getattr(self, name)
             if value is not None and value < least:

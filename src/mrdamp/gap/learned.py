@@ -66,7 +66,11 @@ class Learning:
         for simulator, file in zip(simulators, files, strict=True):
             simulator.write(file)
         options = Options(
-            algorithm=self.algorithm, seed=self.seed, timesteps=self.timesteps, model=files[0], others=tuple(files[1:])
+            algorithm=self.algorithm,
+            seed=self.seed,
+            timesteps=self.timesteps,
+            model=files[0],
+            others=tuple(files[1:]),
         )
         found = train(options, folder / "training", progress)
         return registry.make(f"{registry.POLICY}:{found.folder / 'policy.json'}", site)
