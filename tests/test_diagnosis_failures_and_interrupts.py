@@ -124,7 +124,7 @@ def test_an_interrupted_run_goes_on_to_the_same_answer(
             raise KeyboardInterrupt
         tell(what, share)
 
-    monkeypatch.setattr(command, "_tell", stop)
+    monkeypatch.setattr(command, "_show_progress", stop)
     capsys.readouterr()
     assert cli.main(["diagnose", str(case), "-o", str(halved), "--jobs", "1"]) == 130
     line = capsys.readouterr().err.strip().splitlines()[-1]
@@ -132,7 +132,7 @@ def test_an_interrupted_run_goes_on_to_the_same_answer(
     assert [p.name for p in halved.iterdir()] == [".fits.json"]
     kept = json.loads((halved / ".fits.json").read_text())["points"]
     assert len(kept) > 2
-    monkeypatch.setattr(command, "_tell", tell)
+    monkeypatch.setattr(command, "_show_progress", tell)
     again: list[str] = []
 
     def counted(problem: Problem, hypothesis: Hypothesis, *a: Any, **more: Any) -> Fit:
