@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
+from mrdamp.diagnosis.constants import LOGIT_TEMPER
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
@@ -193,6 +194,13 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
     found = decide([nominal, half, other], 0.001, inexact=True)
     assert found.verdict == "effect"
     assert found.standing is not None
+    # Stated probabilities are tempered, the decision is not: the odds over none go by a root of what it weighs.
+    taken = utility(0.3, 1, 1, free=False)
+    assert found.standing.probability == pytest.approx(
+        np.exp(taken) / (1 + np.exp(taken) + np.exp(utility(0.95, 1, 1, free=False)))
+    )
+    odds = (1 - found.unknown) * found.probabilities[1] / found.unknown
+    assert np.log(odds) == pytest.approx(taken / LOGIT_TEMPER)
     # What it takes off the records that it was fitted to, it has to take off others.
     fitted = replace(half, left_out=0.9)
     assert decide([nominal, fitted, other], 0.001, inexact=True).verdict == "unknown"

@@ -15,6 +15,7 @@ from mrdamp.diagnosis.constants import (
     INDEPENDENT,
     LAPSE,
     LAW_PRICE,
+    LOGIT_TEMPER,
     MOVE,
     MOVE_PRICE,
     NONE_ABOVE,
@@ -118,10 +119,6 @@ def decide(
     if inexact:
         # The nominal simulator as it is stands for "none of these".
         unknown = probabilities[fits.index(nominal)]
-        probabilities = tuple(
-            0.0 if f is nominal else p / max(1 - unknown, 1e-9)
-            for f, p in zip(fits, probabilities, strict=True)
-        )
         if not chosen.causes:
             unknown = max(unknown, _without(chosen, left))
     other = evidence(rivals) - OUTSIDE_PRICE
@@ -132,6 +129,11 @@ def decide(
         unknown = rival + (1 - rival) * unknown
         if rival > 0.5:
             outside = rivals[int(np.argmax(other))].index
+    decided = unknown
+    if inexact:
+        probabilities, unknown = _stated(scores, other, fits.index(nominal))
+        if not chosen.causes:
+            unknown = max(unknown, decided)
     if (
         steady
         and outside is None
@@ -141,14 +143,27 @@ def decide(
         # Free numbers take a little off noise in few records; where nothing is worth its price that is no gap.
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not steady and not chosen.causes:
-        unknown = max(unknown, UNSTEADY)
-    if outside is not None or unknown > (0.5 if inexact else (1 - unknown) * known[likely]):
+        decided = unknown = max(unknown, UNSTEADY)
+    if outside is not None or decided > (0.5 if inexact else (1 - unknown) * known[likely]):
         verdict = "unknown"
     else:
         verdict = "effect" if chosen.causes else "parameters"
     if verdict != "effect" and outside is None and nominal.cost <= NONE_ABOVE * own:
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     return Decision(verdict, chosen, probabilities, left, floor, excess, unknown, outside, found)
+
+
+def _stated(scores: Array, other: Array, nominal: int) -> tuple[tuple[float, ...], float]:
+    """Probabilities of fits as they are stated, without the nominal simulator (an index), and of an unknown cause: by
+    tempered utilities of fits and rivals.
+
+    Source: Guo et al. (2017), On calibration of modern neural networks (temperature scaling).
+    """
+    stated = softmax(np.concatenate([scores, other]) / LOGIT_TEMPER)
+    unknown = float(stated[nominal] + np.sum(stated[len(scores) :]))
+    own = stated[: len(scores)] / max(1 - unknown, 1e-9)
+    own[nominal] = 0.0
+    return tuple(float(p) for p in own), unknown
 
 
 def _fitted_with(known: Mapping[tuple[str, ...], float], causes: tuple[str, ...]) -> tuple[str, ...]:
