@@ -7,6 +7,14 @@ from mrdamp.diagnosis.hypotheses.terms import Sizes, Term, linear, positive
 
 def current_terms(s: Sizes) -> tuple[Term, ...]:
     """Effects of the stages `driver` and `magnetics`."""
+    knee = (
+        positive("saturation_i_s", s.command, 0.05 * s.command, 30 * s.command),
+        positive("saturation_shape", 2.0, 0.7, 12.0),
+    )
+    loop = (
+        linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
+        positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+    )
     by_current = (
         (
             linear("remanence_up", 0.3 / s.command, -2 / s.command, 4 / s.command),
@@ -102,19 +110,13 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
         Term(
             "saturation",
             "magnetics",
-            (
-                positive("saturation_i_s", s.command, 0.05 * s.command, 30 * s.command),
-                positive("saturation_shape", 2.0, 0.7, 12.0),
-            ),
+            knee,
             ((1.0 * s.command, 2.0), (0.4 * s.command, 2.0), (2.0 * s.command, 1.0)),
         ),
         Term(
             "saturation",
             "magnetics",
-            (
-                positive("saturation_i_s", s.command, 0.05 * s.command, 30 * s.command),
-                positive("saturation_shape", 2.0, 0.7, 12.0),
-            ),
+            knee,
             ((1.0 * s.command, 2.0), (0.4 * s.command, 2.0), (0.4 * s.command, 1.0)),
             form="at full scale",
             fixed={"saturation_full": s.command},  # the law was calibrated at the largest current
@@ -123,8 +125,7 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
             "remanence",
             "magnetics",
             (
-                linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
-                positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                *loop,
                 linear("remanence_start", 0.5, -1.0, 1.0),
             ),
             (
@@ -137,10 +138,7 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
             Term(
                 "remanence",
                 "magnetics",
-                (
-                    linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
-                    positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
-                ),
+                loop,
                 ((0.05 * s.command, 0.2 * s.command), (0.1 * s.command, 0.05 * s.command)),
                 form=form,
                 fixed={"remanence_stops": stops, "remanence_rise": risen},
@@ -156,8 +154,7 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
                 "remanence",
                 "magnetics",
                 (
-                    linear("remanence_b", 0.05 * s.command, 0.0, 0.6 * s.command),
-                    positive("remanence_d", 0.2 * s.command, 0.005 * s.command, 3 * s.command),
+                    *loop,
                     *bounds,
                 ),
                 starts,

@@ -25,6 +25,13 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
     k = s.force / s.stroke
     inertia = s.force / s.acceleration
     dt = s.sample_time
+    friction = (
+        linear("seal_friction_coulomb", 0.03 * s.force, 0.0, 2 * s.force),
+        positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
+        positive("seal_friction_v_s", 0.1 * s.velocity, 1e-3 * s.velocity, 2 * s.velocity),
+    )
+    mass = linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia)
+    mount = positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k)
     return (
         *current_terms(s),
         *fluid_terms(s),
@@ -48,9 +55,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "seal_friction",
             "mechanics",
             (
-                linear("seal_friction_coulomb", 0.03 * s.force, 0.0, 2 * s.force),
-                positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
-                positive("seal_friction_v_s", 0.1 * s.velocity, 1e-3 * s.velocity, 2 * s.velocity),
+                *friction,
                 positive("seal_friction_presliding", 2e-3 * s.stroke, 2e-4 * s.stroke, 0.2 * s.stroke),
             ),
             ((0.08 * s.force, 1.2, 0.1 * s.velocity, 2e-3 * s.stroke),),
@@ -59,9 +64,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "seal_friction",
             "mechanics",
             (
-                linear("seal_friction_coulomb", 0.03 * s.force, 0.0, 2 * s.force),
-                positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
-                positive("seal_friction_v_s", 0.1 * s.velocity, 1e-3 * s.velocity, 2 * s.velocity),
+                *friction,
                 positive("seal_friction_width", 0.02 * s.velocity, 1e-3 * s.velocity, 0.5 * s.velocity),
             ),
             ((0.08 * s.force, 1.2, 0.1 * s.velocity, 0.02 * s.velocity),),
@@ -70,7 +73,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
         Term(
             "moving_mass",
             "mechanics",
-            (linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),),
+            (mass,),
             ((0.1 * inertia,),),
             fixed={"moving_mass_beyond": 1.0},  # as a fixture is; matters behind a mount alone
         ),
@@ -78,7 +81,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "moving_mass",
             "mechanics",
             (
-                linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),
+                mass,
                 positive("moving_mass_hz", min(80.0, 0.4 / dt), 10.0, 0.45 / dt, 0.2),
                 positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
                 linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
@@ -95,7 +98,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "moving_mass",
             "mechanics",
             (
-                linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia),
+                mass,
                 positive("moving_mass_hz", 35.0, 8.0, 0.3 / dt, 0.2),
                 positive("moving_mass_hz2", 80.0, 10.0, 0.45 / dt, 0.2),
                 positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
@@ -112,14 +115,14 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
         Term(
             "mount_compliance",
             "mount",
-            (positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),),
+            (mount,),
             ((30 * k,), (200 * k,), (1000 * k,)),
         ),
         Term(
             "mount_compliance",
             "mount",
             (
-                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                mount,
                 positive(
                     "mount_compliance_k3", (30 / s.stroke) ** 2, 0.1 / s.stroke**2, 1e8 / s.stroke**2, 1.0
                 ),
@@ -131,7 +134,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "mount_compliance",
             "mount",
             (
-                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                mount,
                 positive("mount_compliance_stop", 0.02 * s.stroke, 1e-5 * s.stroke, 0.5 * s.stroke),
                 positive("mount_compliance_stiffer", 2.0, 0.2, 10.0),
             ),
@@ -142,7 +145,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "mount_compliance",
             "mount",
             (
-                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                mount,
                 positive("mount_compliance_friction", 0.2 * s.force, 3e-3 * s.force, 3 * s.force),
                 positive("mount_compliance_slide", 1e-3 * s.stroke, 1e-5 * s.stroke, 0.1 * s.stroke),
             ),
@@ -153,7 +156,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             "mount_compliance",
             "mount",
             (
-                positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k),
+                mount,
                 positive("mount_compliance_loss", 1.0, 0.05, 20.0),
                 positive("mount_compliance_time", 0.03, 1e-3, 1.0),
             ),

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mrdamp.diagnosis.hypotheses.terms import Sizes, Term, linear, positive
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, positive
 
 
 def fluid_terms(s: Sizes) -> tuple[Term, ...]:
     """The effects that act on the fluid's share of the force."""
-    turn = replace(positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0), rugged=True)
     heat = (
         linear("heating_kappa", 0.02, 0.0, 1.0),
         linear("heating_kappa_yield", 0.02, 0.0, 1.0),
         positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
     )
-    pressed = (  # what gas in series with the fluid is pressed together by
-        positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
-        positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
-        positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
+    thinning = (
+        linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
+        positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
     )
     return (
         Term(
@@ -85,104 +83,93 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
         Term(
             "shear_thinning",
             "fluid",
-            (
-                linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
-                positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
-            ),
+            thinning,
             ((0.6, 0.5 * s.velocity), (0.4, 1.5 * s.velocity)),
         ),
         Term(
             "shear_thinning",
             "fluid",
             (
-                linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
-                positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
+                *thinning,
                 positive("shear_thinning_shape", 2.0, 0.5, 8.0, 0.3),
             ),
             ((0.6, 0.5 * s.velocity, 2.0), (0.4, 1.5 * s.velocity, 1.2)),
             form="both dashpots",
             fixed={"shear_thinning_series": 1.0},
         ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                (
-                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 2.0, 0.5, 10.0, 0.3),
-                    turn,
-                ),
-                tuple((0.3, share * s.stroke, 2.0, back) for share in (0.1, 0.4) for back in (5e-6, 2e-5)),
-                form=form,
-                fixed={"trapped_gas_direction": direction},
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        *_gas_terms(s),
+    )
+
+
+def _gas_terms(s: Sizes) -> tuple[Term, ...]:
+    turn = replace(positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0), rugged=True)
+    width = positive("trapped_gas_width", 0.02 * s.velocity, 1e-3 * s.velocity, s.velocity)
+    loss = (  # of the force until the gas is pressed together
+        linear("trapped_gas_d", 0.1, 0.0, 1.0),
+        positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
+    )
+    pressed = (  # what gas in series with the fluid is pressed together by
+        positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
+        positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
+        positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
+    )
+    return (
+        *_on_either_side(
+            "",
+            (*loss, positive("trapped_gas_shape", 2.0, 0.5, 10.0, 0.3), turn),
+            *((0.3, share * s.stroke, 2.0, back) for share in (0.1, 0.4) for back in (5e-6, 2e-5)),
         ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                (
-                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_reach", 0.2 * s.stroke, 0.01 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 1.5, 0.5, 10.0, 0.3),
-                    positive("trapped_gas_width", 0.02 * s.velocity, 1e-3 * s.velocity, s.velocity),
-                ),
-                (
-                    (0.3, 0.1 * s.stroke, 0.2 * s.stroke, 1.5, 0.02 * s.velocity),
-                    (0.3, 0.3 * s.stroke, 0.5 * s.stroke, 1.5, 0.02 * s.velocity),
-                ),
-                form=f"{form}, a pocket",
-                fixed={"trapped_gas_direction": direction},
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        *_on_either_side(
+            "a pocket",
+            (
+                *loss,
+                positive("trapped_gas_reach", 0.2 * s.stroke, 0.01 * s.stroke, 2 * s.stroke),
+                positive("trapped_gas_shape", 1.5, 0.5, 10.0, 0.3),
+                width,
+            ),
+            (0.3, 0.1 * s.stroke, 0.2 * s.stroke, 1.5, 0.02 * s.velocity),
+            (0.3, 0.3 * s.stroke, 0.5 * s.stroke, 1.5, 0.02 * s.velocity),
         ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                (
-                    linear("trapped_gas_d", 0.1, 0.0, 1.0),
-                    positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
-                    positive("trapped_gas_shape", 1.0, 0.5, 10.0, 0.3),
-                    positive("trapped_gas_time", 0.1, 5e-3, 20.0),
-                    positive("trapped_gas_width", 0.02 * s.velocity, 1e-3 * s.velocity, s.velocity),
-                ),
-                tuple((0.3, share * s.stroke, 1.0, 0.2, 0.02 * s.velocity) for share in (0.15, 0.4)),
-                form=f"{form}, in its own time",
-                fixed={"trapped_gas_direction": direction, "trapped_gas_end": 1.0},
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        *_on_either_side(
+            "in its own time",
+            (
+                *loss,
+                positive("trapped_gas_shape", 1.0, 0.5, 10.0, 0.3),
+                positive("trapped_gas_time", 0.1, 5e-3, 20.0),
+                width,
+            ),
+            *((0.3, share * s.stroke, 1.0, 0.2, 0.02 * s.velocity) for share in (0.15, 0.4)),
+            trapped_gas_end=1.0,
         ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                (
-                    *pressed,
-                    positive("trapped_gas_width", 0.05 * s.velocity, 2e-3 * s.velocity, s.velocity),
-                ),
-                ((0.2 * s.force, 0.07 * s.stroke, 1.2, 0.05 * s.velocity),),
-                form=f"{form}, in series",
-                fixed={"trapped_gas_direction": direction, "trapped_gas_series": 1.0},
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        *_on_either_side(
+            "in series",
+            (*pressed, positive("trapped_gas_width", 0.05 * s.velocity, 2e-3 * s.velocity, s.velocity)),
+            (0.2 * s.force, 0.07 * s.stroke, 1.2, 0.05 * s.velocity),
+            trapped_gas_series=1.0,
         ),
-        *(
-            Term(
-                "trapped_gas",
-                "fluid",
-                pressed,
-                ((0.2 * s.force, 0.1 * s.stroke, 1.2), (0.5 * s.force, 0.4 * s.stroke, 1.2)),
-                form=f"{form}, in series by the secant",
-                fixed={
-                    "trapped_gas_direction": direction,
-                    "trapped_gas_series": 1.0,
-                    "trapped_gas_secant": 1.0,
-                },
-            )
-            for form, direction in (("extension", 1.0), ("compression", -1.0))
+        *_on_either_side(
+            "in series by the secant",
+            pressed,
+            (0.2 * s.force, 0.1 * s.stroke, 1.2),
+            (0.5 * s.force, 0.4 * s.stroke, 1.2),
+            trapped_gas_series=1.0,
+            trapped_gas_secant=1.0,
         ),
+    )
+
+
+def _on_either_side(
+    form: str, coordinates: tuple[Coordinate, ...], *starts: tuple[float, ...], **fixed: float
+) -> tuple[Term, ...]:
+    """Gas that is pressed together in extension, and in compression."""
+    return tuple(
+        Term(
+            "trapped_gas",
+            "fluid",
+            coordinates,
+            starts,
+            form=f"{side}, {form}" if form else side,
+            fixed={"trapped_gas_direction": direction, **fixed},
+        )
+        for side, direction in (("extension", 1.0), ("compression", -1.0))
     )
