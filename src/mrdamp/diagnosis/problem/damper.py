@@ -24,7 +24,7 @@ from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term,
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
-from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
+from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -37,7 +37,7 @@ from mrdamp.records.upsampling import upsampled as between
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
 #: Hz, of the sines of a proposed test.
-_LOWEST, _HIGHEST = 0.3, 10.0
+_BAND = 0.3, 10.0
 #: s, the chain's step while searching, the same for rough runs and where a mount or gas is solved for in every step,
 #: and in the last fit.
 _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
@@ -298,17 +298,10 @@ class DamperRig:
     @cached_property
     def envelope(self) -> Envelope:
         """Limits of the next test: what the records span; the command from 0 to the simulator's own limit."""
-        command = np.concatenate([r.command for r in self.records])
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
-        return Envelope(
-            channel="displacement_m",
-            largest=self.sizes.stroke,
-            rate=v,
-            lowest=_LOWEST,
-            highest=_HIGHEST,
-            command_low=lowest(command),
-            command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
-            sample_time=self.sizes.sample_time,
+        largest = self.nominal_model.parameters.get("command_max")
+        return Envelope.of(
+            "displacement_m", self.sizes.stroke, v, _BAND, self.records, largest, self.sizes.sample_time
         )
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:

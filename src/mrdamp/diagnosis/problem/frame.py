@@ -19,7 +19,7 @@ from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, group
 from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
-from mrdamp.diagnosis.problem.signals import Envelope, Signal, lowest
+from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, core, effects_from
 from mrdamp.model.core import Array, FrameInput
@@ -36,7 +36,7 @@ _ROUGH, _ROUGHER = 4e-3, 4.0
 #: The law's numbers are free within so many times the damper's ranges.
 _WIDER = 2.0
 #: Hz, of the sines of a proposed test.
-_LOWEST, _HIGHEST = 0.8, 16.0
+_BAND = 0.8, 16.0
 _STRUCTURE = ("mass", "stiffness", "damping")
 
 
@@ -290,17 +290,10 @@ class FrameRig:
     @cached_property
     def envelope(self) -> Envelope:
         """Limits of the next test: no more acceleration of the ground than the records have."""
-        command = np.concatenate([r.command for r in self.raw])
-        return Envelope(
-            channel="ground_acceleration_m_s2",
-            largest=max(float(np.abs(r.channel("ground_acceleration_m_s2")).max()) for r in self.raw),
-            rate=None,
-            lowest=_LOWEST,
-            highest=_HIGHEST,
-            command_low=lowest(command),
-            command_high=self.nominal_model.parameters.get("command_max", float(command.max())),
-            sample_time=self.sizes.sample_time,
-        )
+        ground = "ground_acceleration_m_s2"
+        strongest = max(float(np.abs(r.channel(ground)).max()) for r in self.raw)
+        largest = self.nominal_model.parameters.get("command_max")
+        return Envelope.of(ground, strongest, None, _BAND, self.raw, largest, self.sizes.sample_time)
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a test that has not been made."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamp.model.core import Array
+from mrdamp.records import Record
 
 #: s, length of a test.
 SECONDS = 6.0
@@ -47,6 +48,22 @@ class Envelope:
     command_low: float
     command_high: float
     sample_time: float
+
+    @classmethod
+    def of(
+        cls,
+        channel: str,
+        largest: float,
+        rate: float | None,
+        band: tuple[float, float],
+        records: Sequence[Record],
+        command_max: float | None,
+        sample_time: float,
+    ) -> Envelope:
+        """Limits from records. band: Hz; command_max: A or V, the largest of the records where None."""
+        command = np.concatenate([r.command for r in records])
+        high = float(command.max()) if command_max is None else command_max
+        return cls(channel, largest, rate, *band, lowest(command), high, sample_time)
 
 
 @dataclass(frozen=True)
