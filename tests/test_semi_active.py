@@ -79,7 +79,9 @@ def test_regulator_and_filter_of_one_storey_meet_their_closed_forms() -> None:
     # s^4 + 2 w^2 s^2 + w^4 + S_g/S_v for the filter that measures x.
     frame, r, ratio = one_storey(), 2e-13, 3e7
     w2, m = 4.8e5 / 120.0, 120.0
-    aim = optimal_force(frame, {"displacement_1": 1.0}, r, ratio, measurements=["displacement_1"])
+    aim = optimal_force(
+        frame, regulate={"displacement_1": 1.0}, r=r, noise_ratio=ratio, measurements=["displacement_1"]
+    )
     linear = plant(frame)
     regulated = np.linalg.eigvals(linear.a - np.outer(linear.b, aim.k))
     np.testing.assert_allclose(
@@ -265,7 +267,7 @@ def test_ideal_active_control_does_better_than_the_frame_alone_and_takes_energy_
     model, motion = frame_model(), kanai_tajimi(6, duration=12.0).compressed(5.0)
     frame = dyke1996()
     bare = stepping.run_frame(model, motion, None)
-    controller = ideal_active(frame, registry.balanced(frame, 5.0), 1e-6)
+    controller = ideal_active(frame, regulate=registry.balanced(frame, 5.0), r=1e-6)
     run = stepping.run_frame(model, motion, controller, ideal_force=True)
     assert np.abs(run.drift).max() < 0.6 * np.abs(bare.drift).max()
     assert np.abs(run.acceleration).max() < 0.6 * np.abs(bare.acceleration).max()
@@ -295,7 +297,7 @@ def test_options_reach_the_controller() -> None:
     tuned = registry.make("clipped-optimal:r=1e-9,balance=2", SITE)
     assert isinstance(tuned, ForceController)
     assert isinstance(tuned.follower, OnOff)
-    wanted = optimal_force(dyke1996(), registry.balanced(dyke1996(), 2.0), 1e-9).k
+    wanted = optimal_force(dyke1996(), regulate=registry.balanced(dyke1996(), 2.0), r=1e-9).k
     assert isinstance(tuned.aim, OptimalForce)
     np.testing.assert_allclose(tuned.aim.k, wanted)
     assert registry.parse(registry.spec("constant", {"value": 0.75})) == ("constant", "", {"value": 0.75})

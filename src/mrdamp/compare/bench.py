@@ -30,6 +30,29 @@ class Measure:
 #: What ratios are over on a structure with a damper more or less.
 WITHOUT = "the structure without a damper"
 
+#: Controllers compared by default on a frame or a cable.
+DEFAULT = (
+    "passive-off",
+    "passive-on",
+    "best-constant",
+    "clipped-optimal",
+    "clipped-optimal-tuned",
+    "modulated-optimal-tuned",
+    "force-tracking-tuned",
+    "lyapunov-tuned",
+    "max-dissipation",
+    "skyhook-tuned",
+)
+#: The tuned ones of them: name -> registered controller.
+TUNED = {
+    "best-constant": "constant",
+    "clipped-optimal-tuned": "clipped-optimal",
+    "modulated-optimal-tuned": "modulated-optimal",
+    "force-tracking-tuned": "force-tracking",
+    "lyapunov-tuned": "lyapunov",
+    "skyhook-tuned": "skyhook",
+}
+
 #: Of the command and the coil, on any bench; NaN for an ideal actuator.
 ELECTRIC: tuple[Measure, ...] = (
     Measure("mean_command", "mean command ({unit})"),

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, WITHOUT, Measure
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Measure
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
 from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
@@ -54,26 +54,8 @@ class CableBench(PlantBench):
     )
     headline: ClassVar[tuple[str, ...]] = ("motion", "peak_force", "mean_command", "switching_rate")
     claimed: ClassVar[tuple[str, ...]] = ("motion", "mean_command")
-    tuned: ClassVar[Mapping[str, str]] = {
-        "best-constant": "constant",
-        "clipped-optimal-tuned": "clipped-optimal",
-        "modulated-optimal-tuned": "modulated-optimal",
-        "force-tracking-tuned": "force-tracking",
-        "lyapunov-tuned": "lyapunov",
-        "skyhook-tuned": "skyhook",
-    }
-    default: ClassVar[tuple[str, ...]] = (
-        "passive-off",
-        "passive-on",
-        "best-constant",
-        "clipped-optimal",
-        "clipped-optimal-tuned",
-        "modulated-optimal-tuned",
-        "force-tracking-tuned",
-        "lyapunov-tuned",
-        "max-dissipation",
-        "skyhook-tuned",
-    )
+    tuned: ClassVar[Mapping[str, str]] = TUNED
+    default: ClassVar[tuple[str, ...]] = DEFAULT
     tuning_amplitudes: ClassVar[tuple[float, ...]] = (0.6, 1.4)
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT

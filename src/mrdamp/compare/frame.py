@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, WITHOUT, Coil, Measure
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Coil, Measure
 from mrdamp.compare.motions import TUNING_AMPLITUDES, UNSEEN_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.compare.on_chain import run_chain
 from mrdamp.control import registry
@@ -58,28 +58,8 @@ class FrameBench:
     )
     headline: ClassVar[tuple[str, ...]] = ("J1", "J2", "J4", "J5", "mean_command", "switching_rate")
     claimed: ClassVar[tuple[str, ...]] = ("J1", "J2", "mean_command")
-    tuned: ClassVar[Mapping[str, str]] = {
-        "best-constant": "constant",
-        "clipped-optimal-tuned": "clipped-optimal",
-        "modulated-optimal-tuned": "modulated-optimal",
-        "force-tracking-tuned": "force-tracking",
-        "lyapunov-tuned": "lyapunov",
-        "skyhook-tuned": "skyhook",
-        "ideal-active-tuned": registry.IDEAL,
-    }
-    default: ClassVar[tuple[str, ...]] = (
-        "passive-off",
-        "passive-on",
-        "best-constant",
-        "clipped-optimal",
-        "clipped-optimal-tuned",
-        "modulated-optimal-tuned",
-        "force-tracking-tuned",
-        "lyapunov-tuned",
-        "max-dissipation",
-        "skyhook-tuned",
-        "ideal-active-tuned",
-    )
+    tuned: ClassVar[Mapping[str, str]] = {**TUNED, "ideal-active-tuned": registry.IDEAL}
+    default: ClassVar[tuple[str, ...]] = (*DEFAULT, "ideal-active-tuned")
     tuning_amplitudes: ClassVar[tuple[float, ...]] = TUNING_AMPLITUDES
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT

@@ -47,7 +47,17 @@ class Velocities:
         return wheel, body
 
 
-class HookForce:
+class _FromVelocities:
+    """Base of what acts on `Velocities`. leak, period: s."""
+
+    def __init__(self, leak: float, period: float) -> None:
+        self._velocities = Velocities(leak, period)
+
+    def reset(self) -> None:
+        self._velocities.reset()
+
+
+class HookForce(_FromVelocities):
     """Wanted force share c z_b' - (1 - share) c z_w'. damping: c, N s/m; share: 1 skyhook, 0 groundhook."""
 
     def __init__(self, damping: float, share: float, leak: float, period: float) -> None:
@@ -55,11 +65,8 @@ class HookForce:
             raise InputError(f"hybrid: share is {share}; allowed: 0 to 1")
         if not 0 < damping < math.inf:
             raise InputError(f"hybrid: damping is {damping}; allowed: a finite number > 0")
+        super().__init__(leak, period)
         self.damping, self.share = damping, share
-        self._velocities = Velocities(leak, period)
-
-    def reset(self) -> None:
-        self._velocities.reset()
 
     def __call__(self, t: float, y: Mapping[str, float]) -> float:
         wheel, body = self._velocities(t, y)
@@ -70,16 +77,13 @@ class HookForce:
 Switch = Callable[[float, float, float, float], bool]
 
 
-class Switching:
+class Switching(_FromVelocities):
     """On/off control by a `Switch`. command_max: A or V; leak, period: s."""
 
     def __init__(self, name: str, switch: Switch, command_max: float, leak: float, period: float) -> None:
+        super().__init__(leak, period)
         self.name, self.period = name, period
         self._switch, self._on = switch, command_max
-        self._velocities = Velocities(leak, period)
-
-    def reset(self) -> None:
-        self._velocities.reset()
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
         wheel, body = self._velocities(t, y)

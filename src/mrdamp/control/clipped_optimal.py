@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mrdamp.inverse import Inverse
 
 __all__ = [
-    "OptimalForce", "clip", "clipped_optimal", "force_tracking", "frame_estimator", "ideal_active",
+    "Lqg", "OptimalForce", "clip", "clipped_optimal", "force_tracking", "frame_estimator", "ideal_active",
     "modulated_optimal", "optimal_force",
 ]  # fmt: skip
 
@@ -70,22 +70,26 @@ def frame_estimator(
     return Estimator(plant(frame), *outputs(frame, names), names, noise_ratio, period)
 
 
-def optimal_force(
-    frame: ShearFrame,
-    regulate: Mapping[str, float] | None = None,
-    r: float = 1e-17,
-    noise_ratio: float = 50.0,
-    period: float = 1e-3,
-    measurements: Sequence[str] | None = None,
-) -> OptimalForce:
-    """The LQG force of a frame; the defaults are Dyke's.
+class Lqg(TypedDict, total=False):
+    """Options of the LQG force of a frame, all with Dyke's values by default.
 
     regulate: weights Q of the regulated outputs by measurement name (or `drift_j`), 1 on the top floor's absolute
-    acceleration by default. r: weight of the force squared. noise_ratio: S_g / S_v. period: s. measurements: names
-    of what the filter gets, all floor accelerations and `displacement_1` by default. Raises InputError.
+    acceleration by default. r: weight of the force squared, 1e-17. noise_ratio: S_g / S_v, 50. measurements: names of
+    what the filter gets, all floor accelerations and `displacement_1` by default.
     """
+
+    regulate: Mapping[str, float] | None
+    r: float
+    noise_ratio: float
+    measurements: Sequence[str] | None
+
+
+def optimal_force(frame: ShearFrame, period: float = 1e-3, **lqg: Unpack[Lqg]) -> OptimalForce:
+    """The LQG force of a frame. period: s; lqg: options, see `Lqg`. Raises InputError."""
+    regulate, measurements = lqg.get("regulate"), lqg.get("measurements")
     weights = dict(regulate) if regulate is not None else {f"acceleration_{frame.storeys}": 1.0}
     names = default_measurements(frame) if measurements is None else tuple(measurements)
+    r, noise_ratio = lqg.get("r", 1e-17), lqg.get("noise_ratio", 50.0)
     return plant_force(
         plant(frame), lambda rows: outputs(frame, rows), weights, r, noise_ratio, period, names
     )
@@ -122,62 +126,44 @@ def plant_force(
 def clipped_optimal(
     frame: ShearFrame,
     command_max: float,
-    regulate: Mapping[str, float] | None = None,
-    r: float = 1e-17,
-    noise_ratio: float = 50.0,
     period: float = 1e-3,
-    measurements: Sequence[str] | None = None,
     name: str = "clipped-optimal",
+    **lqg: Unpack[Lqg],
 ) -> ForceController:
     """A clipped-optimal controller for a frame; the defaults are Dyke's.
 
-    command_max: A or V; the rest as for `optimal_force`. Raises InputError.
+    command_max: A or V; period: s; lqg: options, see `Lqg`. Raises InputError.
     """
     _check(command_max=command_max)
-    aim = optimal_force(frame, regulate, r, noise_ratio, period, measurements)
-    return ForceController(aim, OnOff(command_max), period, name)
+    return ForceController(optimal_force(frame, period, **lqg), OnOff(command_max), period, name)
 
 
 def modulated_optimal(
     frame: ShearFrame,
     command_max: float,
     force_max: float,
-    regulate: Mapping[str, float] | None = None,
-    r: float = 1e-17,
-    noise_ratio: float = 50.0,
     period: float = 1e-3,
-    name: str = "modulated-optimal",
+    **lqg: Unpack[Lqg],
 ) -> ForceController:
     """The same aim, followed by a command in proportion to it; force_max in N, see `Modulated`."""
-    aim = optimal_force(frame, regulate, r, noise_ratio, period)
-    return ForceController(aim, Modulated(command_max, force_max), period, name)
+    aim = optimal_force(frame, period, **lqg)
+    return ForceController(aim, Modulated(command_max, force_max), period, "modulated-optimal")
 
 
-def force_tracking(
-    frame: ShearFrame,
-    inverse: Inverse,
-    regulate: Mapping[str, float] | None = None,
-    r: float = 1e-17,
-    noise_ratio: float = 50.0,
-    name: str = "force-tracking",
-) -> ForceController:
+def force_tracking(frame: ShearFrame, inverse: Inverse, **lqg: Unpack[Lqg]) -> ForceController:
     """The same aim, followed by an inverse model of the damper in place of on/off switching, at its period."""
-    aim = optimal_force(frame, regulate, r, noise_ratio, inverse.period)
-    return ForceController(aim, Tracking(inverse), inverse.period, name)
+    aim = optimal_force(frame, inverse.period, **lqg)
+    return ForceController(aim, Tracking(inverse), inverse.period, "force-tracking")
 
 
 def ideal_active(
-    frame: ShearFrame,
-    regulate: Mapping[str, float] | None = None,
-    r: float = 1e-17,
-    noise_ratio: float = 50.0,
-    period: float = 1e-3,
-    force_max: float = math.inf,
-    name: str = "ideal-active",
+    frame: ShearFrame, period: float = 1e-3, force_max: float = math.inf, **lqg: Unpack[Lqg]
 ) -> ForceController:
-    """The LQG force applied as it is: its command is a force in N, for `run_frame(..., ideal_force=True)`."""
-    aim = optimal_force(frame, regulate, r, noise_ratio, period)
-    return ForceController(aim, Direct(force_max), period, name)
+    """The LQG force applied as it is, limited to force_max (N).
+
+    Its command is a force in N, for `run_frame(..., ideal_force=True)`.
+    """
+    return ForceController(optimal_force(frame, period, **lqg), Direct(force_max), period, "ideal-active")
 
 
 def _check(**values: float) -> None:

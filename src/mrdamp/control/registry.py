@@ -11,6 +11,7 @@ import numpy as np
 
 from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import (
+    Lqg,
     clipped_optimal,
     force_tracking,
     ideal_active,
@@ -81,32 +82,30 @@ def balanced(frame: ShearFrame, balance: float) -> dict[str, float]:
     return {f"acceleration_{j}": 1.0 for j in floors} | {f"drift_{j}": weight for j in floors}
 
 
-def _regulate(site: Site, o: Mapping[str, float]) -> dict[str, float] | None:
-    """None, Dyke's own weights, where no balance is given."""
-    return None if math.isnan(o["balance"]) else balanced(site.frame, o["balance"])
+def _lqg(site: Site, o: Mapping[str, float]) -> Lqg:
+    """Dyke's own weights where no balance is given."""
+    regulate = None if math.isnan(o["balance"]) else balanced(site.frame, o["balance"])
+    return Lqg(regulate=regulate, r=o["r"], noise_ratio=o["noise_ratio"])
 
 
 def _optimal(site: Site, o: Mapping[str, float]) -> Controller:
-    on = o["level"] * site.command_max
-    return clipped_optimal(site.frame, on, _regulate(site, o), o["r"], o["noise_ratio"], site.period)
+    return clipped_optimal(site.frame, o["level"] * site.command_max, site.period, **_lqg(site, o))
 
 
 def _modulated(site: Site, o: Mapping[str, float]) -> Controller:
     largest = site.force_max() if math.isnan(o["force_max"]) else o["force_max"]
-    return modulated_optimal(
-        site.frame, site.command_max, largest, _regulate(site, o), o["r"], o["noise_ratio"], site.period
-    )
+    return modulated_optimal(site.frame, site.command_max, largest, site.period, **_lqg(site, o))
 
 
 def _tracking(site: Site, o: Mapping[str, float]) -> Controller:
     from mrdamp.inverse import LawInverse
 
     inverse = LawInverse(site.damper, site.period, commands=(0.0, site.command_max))
-    return force_tracking(site.frame, inverse, _regulate(site, o), o["r"], o["noise_ratio"])
+    return force_tracking(site.frame, inverse, **_lqg(site, o))
 
 
 def _active(site: Site, o: Mapping[str, float]) -> Controller:
-    return ideal_active(site.frame, _regulate(site, o), o["r"], o["noise_ratio"], site.period)
+    return ideal_active(site.frame, site.period, **_lqg(site, o))
 
 
 def _lyapunov(site: Site, o: Mapping[str, float]) -> Controller:

@@ -128,7 +128,7 @@ def _runs(damper: Model, model: Model, ground: GroundMotion, tell: Progress) -> 
         "passive-on": passive_on(command_max),
         "clipped-optimal": clipped_optimal(model.structure, command_max),
         "force-tracking": force_tracking(
-            model.structure, inverse, balanced(model.structure, BALANCE), FORCE_PRICE
+            model.structure, inverse, regulate=balanced(model.structure, BALANCE), r=FORCE_PRICE
         ),
     }
     runs = {}
