@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp.envs.weights import PartScore, Weights
+from mrdamp.envs.weights import DAMPER, PartScore, Weights
 from mrdamp.errors import InputError
 from mrdamp.structures.cables import StayCable
 
@@ -85,11 +85,8 @@ class CableScore(PartScore[CableReward]):
         *(f"reward_{part}" for part in PARTS),
         "rms_motion",
         "motion_ratio",
-        "mean_power",
-        "mean_current",
-        "dissipated_energy",
+        *DAMPER,
     )
-
     kept = 8
 
     def of(self, period: Array) -> tuple[Array, Array]:

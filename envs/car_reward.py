@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.weights import PartScore, Weights
+from mrdamp.envs.weights import DAMPER, PartScore, Weights
 from mrdamp.errors import InputError
 from mrdamp.simulation.comfort import wk
 from mrdamp.structures.cars import QuarterCar
@@ -101,11 +101,8 @@ class CarScore(PartScore[CarReward]):
         "stroke_ratio",
         "peak_stroke",
         "airborne",
-        "mean_power",
-        "mean_current",
-        "dissipated_energy",
+        *DAMPER,
     )
-
     kept = 12
 
     def of(self, period: Array) -> tuple[Array, Array]:

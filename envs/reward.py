@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.weights import PartScore, Weights
+from mrdamp.envs.weights import DAMPER, PartScore, Weights
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 
@@ -116,11 +116,8 @@ class Score(PartScore[FrameReward]):
         "peak_acceleration",
         "drift_ratio",
         "acceleration_ratio",
-        "mean_power",
-        "mean_current",
-        "dissipated_energy",
+        *DAMPER,
     )
-
     kept = 9
 
     def of(self, period: Array) -> tuple[Array, Array]:

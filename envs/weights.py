@@ -52,6 +52,10 @@ class Weights:
 Of = TypeVar("Of", bound=Weights)
 
 
+#: Fields of `info` about the damper; every reward has them last.
+DAMPER = ("mean_power", "mean_current", "dissipated_energy")
+
+
 class PartScore(Generic[Of]):
     """Base of the rewards of n rows. values (n, kept) are all that it remembers of them, the reference first.
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from mrdamp.errors import InputError
 from mrdamp.records import read_record
+from refusals import refusal_of
 
 HEADER = "time_s,displacement_m,command,force_N"
 
@@ -26,9 +24,4 @@ def write(folder: Path, lines: list[str], name: str = "a.csv") -> Path:
 
 
 def message(path: Path, required: tuple[str, ...] | None = None) -> str:
-    with pytest.raises(InputError) as caught:
-        read_record(path, required)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert path.name in text
-    return text
+    return refusal_of(path, lambda: read_record(path, required))

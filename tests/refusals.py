@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,16 @@ def refuses(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+def refusal_of(path: Path, read: Callable[[], Any]) -> str:
+    """What a file is refused with: one line that names it."""
+    with pytest.raises(InputError) as caught:
+        read()
+    text = str(caught.value)
+    assert "\n" not in text
+    assert path.name in text
+    return text
 
 
 def says_that_it_diverged(task: Task) -> None:

@@ -12,11 +12,12 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import mrdamp.envs  # noqa: F401  (registers the ids)
 from dampers import attributes
+from env_arguments import TWO_DAMPERS
 from excitation import Array
 from frame_reference import solve
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
-from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask, SyntheticMotions
+from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask
 from mrdamp.envs.task import Task
 from mrdamp.envs.vector import PlantVectorEnv
 from mrdamp.errors import InputError
@@ -196,13 +197,7 @@ def test_the_frame_agrees_with_scipy(floor: int) -> None:
 # --- as environments ----------------------------------------------------------------------
 N = 5
 ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
-    "mrdamp/Frame-v0": {
-        "motions": SyntheticMotions(duration=1.5),
-        "noise": {"acceleration": 0.05, "force": 2.0},
-        "history": 3,
-        "damper_between": [(0, 1), (1, 3)],
-        "reward": FrameReward.peaks(),
-    },
+    "mrdamp/Frame-v0": TWO_DAMPERS,
     "mrdamp/Cable-v0": {"loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "memory": [3.0]},
 }
 SINGLE: Mapping[str, Callable[..., Any]] = {"mrdamp/Frame-v0": FrameEnv, "mrdamp/Cable-v0": CableEnv}

@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from scipy.signal import dlsim, lfilter
 
 import mrdamp.envs
+from env_arguments import TWO_DAMPERS
 from mrdamp.control.observe import LinearFilter, Stack
 from mrdamp.envs import (
     AmbientLoads,
@@ -36,13 +37,7 @@ from mrdamp.structures import dyke1996
 
 N = 3
 ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
-    "frame": {
-        "motions": SyntheticMotions(duration=1.5),
-        "noise": {"acceleration": 0.05, "force": 2.0},
-        "history": 3,
-        "damper_between": [(0, 1), (1, 3)],
-        "reward": FrameReward.peaks(),
-    },
+    "frame": TWO_DAMPERS,
     "cable": {
         "loads": AmbientLoads(duration=0.3),
         "noise": {"force": 0.1},

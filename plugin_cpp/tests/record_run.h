@@ -10,6 +10,8 @@
 
 namespace check {
 
+constexpr double kDt = 1e-3;  // s, of test records
+
 struct Setting {
   const char* name;
   double value;

@@ -5,14 +5,13 @@
 #include "laws/coefficients.h"
 #include "tests/record_run.h"
 
+using check::kDt;
 using check::Record;
 using check::Run;
 using check::Sample;
 using mrdamp::Params;
 
 namespace {
-
-constexpr double kDt = 1e-3;
 
 Record Sine(double amplitude, double omega, double command, int n = 600) {
   return Sample(

@@ -1,9 +1,10 @@
 // The shear frame against closed forms: one storey, two modes, viscous and dry dampers.
 #include "tests/record_run.h"
 
+using check::kDt;
+
 namespace {
 
-constexpr double kDt = 1e-3;
 constexpr double kMass = 98.3, kStiffness = 5.16e5, kDamping = 125;  // Dyke et al. 1996, first storey
 
 struct Frame {

@@ -2,14 +2,13 @@
 #include "effects/magnetics.h"
 #include "tests/record_run.h"
 
+using check::kDt;
 using check::Record;
 using check::Run;
 using check::Sample;
 using mrdamp::Params;
 
 namespace {
-
-constexpr double kDt = 1e-3;
 
 TEST(SaturationBendsTheField) {
   Params p;

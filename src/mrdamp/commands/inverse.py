@@ -101,11 +101,7 @@ def _text(result: Trial, page: Path) -> str:
     if result.fit:
         lines.append(f"{result.fit.model.law}: held-out free-run error {result.fit.held_out_nrmse:.3f}")
     if result.network:
-        net = result.network
-        lines.append(
-            f"network {net.network.topology}, {1e3 * net.lead * net.period:.0f} ms ahead:"
-            f" held-out error of the command {net.error:.3f} of its standard deviation"
-        )
+        lines.append(f"network {result.network.about}")
     for kind in result.tracks:
         lines.append(f"wanted force: {kind}")
         lines.append(f"  {'inverse':24s} {'RMS error':>11s} {'of wanted':>10s} {'ranges/s':>9s} {'mean':>7s}")

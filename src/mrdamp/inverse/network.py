@@ -73,6 +73,14 @@ class NetworkInverse:
         """Control period, s: the network's sample time."""
         return self.network.sample_time
 
+    @property
+    def about(self) -> str:
+        """One line on the network: topology, lead, error of the command."""
+        return (
+            f"{self.network.topology}, {1e3 * self.lead * self.period:.0f} ms ahead; held-out error of the command "
+            f"{self.error:.3f} of its standard deviation"
+        )
+
     def reset(self) -> None:
         self._past: dict[str, Array] = {}
         self._wanted: float | None = None

@@ -66,11 +66,7 @@ def _models(page: Page, result: Trial) -> None:
         own = ", ".join(effect.name for effect in result.model.effects) or "none"
         said.append(f"Law inverse: {result.model.name}, law {result.model.law}, effects: {own}.")
     if result.network:
-        net = result.network
-        said.append(
-            f"Network inverse: {net.network.topology}, the force {1e3 * net.lead * net.period:.0f} ms ahead; error of "
-            f"the command on records held out {net.error:.3f} of its standard deviation."
-        )
+        said.append(f"Network inverse: {result.network.about}.")
     page.text("What was steered and by what", said)
 
 

@@ -20,6 +20,7 @@ from mrdamp.pictures.style import (
     axes_grid,
     elide,
     figure,
+    interval_legend,
     legend,
     styled,
     ticks,
@@ -73,15 +74,7 @@ def shares(panels: Mapping[str, Sequence[Share]]) -> Figure:
         ticks(ax, 3)
     axes[0].set_yticks(np.arange(len(names)), [elide(name, 110, 9) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)
-    legend(
-        fig,
-        [
-            Line2D([], [], color=COLOURS[0], marker="o", markersize=4.5, linestyle="none"),
-            Line2D([], [], color=COLOURS[0], linewidth=3.2, alpha=0.35),
-            Line2D([], [], color=MUTED, marker="|", markersize=6, linestyle="none"),
-        ],
-        ["all runs", "95 %", "one motion"],
-    )
+    interval_legend(fig, "all runs", "95 %", "one motion")
     return fig
 
 

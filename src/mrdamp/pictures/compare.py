@@ -25,6 +25,7 @@ from mrdamp.pictures.style import (
     axes_grid,
     elide,
     figure,
+    interval_legend,
     legend,
     short,
     styled,
@@ -88,15 +89,7 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
         ax.set_visible(False)
     axes[0].set_yticks(place, [elide(name, 128, 9) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)
-    legend(
-        fig,
-        [
-            Line2D([], [], color=COLOURS[0], marker="o", markersize=4.5, linestyle="none"),
-            Line2D([], [], color=COLOURS[0], linewidth=3.2, alpha=0.35),
-            Line2D([], [], color=MUTED, marker="|", markersize=7, linestyle="none"),
-        ],
-        ["mean", "95 % of the mean", "worst"],
-    )
+    interval_legend(fig, "mean", "95 % of the mean", "worst")
     return fig
 
 

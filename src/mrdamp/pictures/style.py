@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
 from matplotlib.textpath import TextToPath
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
@@ -132,6 +133,16 @@ def legend(fig: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> Non
         handles, short, loc="outside upper center", ncols=columns,
         handlelength=1.8, handletextpad=0.5, columnspacing=1.4, borderpad=0.35, labelspacing=0.3,
     )  # fmt: skip
+
+
+def interval_legend(fig: Figure, mean: str, interval: str, single: str) -> None:
+    """Of rows with a dot (mean), a bar (interval) and ticks (single values)."""
+    handles = [
+        Line2D([], [], color=COLOURS[0], marker="o", markersize=4.5, linestyle="none"),
+        Line2D([], [], color=COLOURS[0], linewidth=3.2, alpha=0.35),
+        Line2D([], [], color=MUTED, marker="|", markersize=7, linestyle="none"),
+    ]
+    legend(fig, handles, [mean, interval, single])
 
 
 def row_title(left: Axes, right: Axes, name: str, note: str) -> None:

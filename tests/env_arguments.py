@@ -1,0 +1,17 @@
+"""Keyword arguments of environments that use much of what they have, for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from mrdamp.envs import FrameReward, SyntheticMotions
+
+#: A frame with two dampers, noise, a history and a reward of peaks.
+TWO_DAMPERS: Mapping[str, Any] = {
+    "motions": SyntheticMotions(duration=1.5),
+    "noise": {"acceleration": 0.05, "force": 2.0},
+    "history": 3,
+    "damper_between": [(0, 1), (1, 3)],
+    "reward": FrameReward.peaks(),
+}
