@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import RATE_HZ, Array, Numbers, run_damper
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, size_for
+from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, shares_shown, size_for
 
 #: Causes that only a second force channel tells from the law's own numbers.
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range", "cell_hysteresis", "clipped_range")
@@ -108,32 +109,22 @@ def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation
         forces = [damper_channels(truth, test, test.rng)["force_N"] for test in tests]
         return [(f, f - nominal_damper(plain.numbers, truth, t)) for f, t in zip(forces, tests, strict=True)]
 
-    everything = residuals(list(parts))
-    found = {}
-    for name in parts:
-        others = [other for other in parts if other != name]
-        left = [rest for _, rest in residuals(others)] if others else [np.zeros(1)] * len(tests)
-        pairs = zip(everything, left, strict=True)
-        found[name] = pooled([relative(force - (error - rest), force) for (force, error), rest in pairs])
-    return found
+    return shares_shown(list(parts), residuals)
 
 
 def _believed(
     rng: np.random.Generator, task: Task, device: dampers.Device, plain: Truth, tests: Sequence[Excitation]
 ) -> dict[str, float]:
-    """The simulator's parameters: wrong where that is the label, slightly so in some of the other cases."""
-    way = dampers.direction(rng, device.parameters)
-    if task.label == "parameters":
-        measured = [nominal_damper(plain.numbers, plain, test) for test in tests]
+    @cache
+    def measured() -> list[Array]:
+        return [nominal_damper(plain.numbers, plain, test) for test in tests]
 
-        def gap(size: float) -> float:
-            numbers = {**plain.numbers, **dampers.perturbed(device.parameters, way, size)}
-            pairs = zip(tests, measured, strict=True)
-            return pooled([relative(nominal_damper(numbers, plain, test), force) for test, force in pairs])
+    def gap(parameters: Numbers) -> float:
+        numbers = {**plain.numbers, **parameters}
+        pairs = zip(tests, measured(), strict=True)
+        return pooled([relative(nominal_damper(numbers, plain, test), force) for test, force in pairs])
 
-        return dampers.perturbed(device.parameters, way, size_for(gap, goal(rng, weak=False, noise=0.0)))
-    slightly = task.parts and not task.weak and not task.outside and rng.random() < 0.4
-    return dampers.perturbed(device.parameters, way, 0.04 if slightly else 0.0)
+    return dampers.believed(rng, task, device, gap, slight=(0.4, 0.04))
 
 
 def chosen_channels(rng: np.random.Generator, task: Task) -> list[str]:

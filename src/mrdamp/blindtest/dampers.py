@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from mrdamp import sets
 from mrdamp.blindtest.excitation import Machine
 from mrdamp.blindtest.rig import ALL_LAWS, RATE_HZ, Numbers
+from mrdamp.blindtest.sizing import Task, goal, size_for
 
 #: Never drawn: shape numbers, and places rather than sizes.
 _FIXED = ("n", "x0", "v_ref", "m0")
@@ -112,6 +113,28 @@ def draw(rng: np.random.Generator, *, frame: bool = False, mounted: bool = False
     drawn = {k: v if k in _FIXED else v * float(rng.uniform(0.8, 1.25)) for k, v in parameters.items()}
     machine = Machine(stroke * float(rng.uniform(0.9, 1.3)), float(rng.uniform(0.15, 0.3)), top)
     return Device(law, drawn, machine)
+
+
+def believed(
+    rng: np.random.Generator,
+    task: Task,
+    device: Device,
+    gap: Callable[[Numbers], float],
+    slight: tuple[float, float],
+) -> dict[str, float]:
+    """The simulator's parameters: wrong where that is the label, slightly so in some of the other cases.
+
+    gap: simulator's parameters -> its gap to the rig, of the RMS. slight: share of the other cases with slightly
+    wrong parameters, and their size (see `perturbed`).
+    """
+    way = direction(rng, device.parameters)
+    if task.label == "parameters":
+        wanted = goal(rng, weak=False, noise=0.0)
+        size = size_for(lambda size: gap(perturbed(device.parameters, way, size)), wanted)
+        return perturbed(device.parameters, way, size)
+    share, size = slight
+    slightly = task.parts and not task.weak and not task.outside and rng.random() < share
+    return perturbed(device.parameters, way, size if slightly else 0.0)
 
 
 def perturbed(parameters: Numbers, direction: Mapping[str, float], size: float) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from mrdamp.blindtest.frame_causes import FrameScale
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import Array, Numbers, run_frame
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, size_for
+from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, shares_shown, size_for
 
 #: Masses (kg), stiffnesses (N/m) and damping (N s/m) of the frame of Dyke et al. 1996, doi:10.1088/0964-1726/5/5/006.
 _MASS, _STIFFNESS, _DAMPING = (98.3, 98.3, 98.3), (5.16e5, 6.84e5, 6.84e5), (125.0, 50.0, 50.0)
@@ -142,47 +143,30 @@ def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: fl
 def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
     """The gap (of the RMS) that each of a case's causes opens on tests, by what the residual loses without it."""
 
-    def run(names: Sequence[str]) -> list[tuple[dict[str, Array], dict[str, Array]]]:
+    def residuals(names: Sequence[str]) -> list[tuple[Array, Array]]:
         truth = plain.having(causes.merged([parts[name] for name in names]))
         measured = [frame_channels(truth, test, test.rng) for test in tests]
         said = [frame_channels(plain, test, test.rng, felt_ground(truth, test)) for test in tests]
-        return [(m, {n: m[n] - s[n] for n in _MEASURED}) for m, s in zip(measured, said, strict=True)]
+        return [(m[n], m[n] - s[n]) for m, s in zip(measured, said, strict=True) for n in _MEASURED]
 
-    everything = run(list(parts))
-    found = {}
-    for name in parts:
-        others = [other for other in parts if other != name]
-        left = (
-            [rest for _, rest in run(others)]
-            if others
-            else [dict.fromkeys(_MEASURED, np.zeros(1))] * len(tests)
-        )
-        pairs = list(zip(everything, left, strict=True))
-        found[name] = pooled(
-            [relative(m[n] - (error[n] - rest[n]), m[n]) for (m, error), rest in pairs for n in _MEASURED]
-        )
-    return found
+    return shares_shown(list(parts), residuals)
 
 
 def _believed(
     rng: np.random.Generator, task: Task, device: dampers.Device, plain: Truth, tests: Sequence[Excitation]
 ) -> dict[str, float]:
-    """The simulator's parameters of the damper: wrong where that is the label, slightly so in some other cases."""
-    way = dampers.direction(rng, device.parameters)
-    if task.label == "parameters":
-        none = np.random.default_rng(0)
-        measured = [frame_channels(plain, test, none) for test in tests]
+    none = np.random.default_rng(0)
 
-        def gap(size: float) -> float:
-            other = replace(
-                plain, numbers={**plain.numbers, **dampers.perturbed(device.parameters, way, size)}
-            )
-            pairs = zip(tests, measured, strict=True)
-            return pooled([_error(frame_channels(other, test, none), m) for test, m in pairs])
+    @cache
+    def measured() -> list[dict[str, Array]]:
+        return [frame_channels(plain, test, none) for test in tests]
 
-        return dampers.perturbed(device.parameters, way, size_for(gap, goal(rng, weak=False, noise=0.0)))
-    slightly = task.parts and not task.weak and not task.outside and rng.random() < 0.3
-    return dampers.perturbed(device.parameters, way, 0.03 if slightly else 0.0)
+    def gap(parameters: Numbers) -> float:
+        other = replace(plain, numbers={**plain.numbers, **parameters})
+        pairs = zip(tests, measured(), strict=True)
+        return pooled([_error(frame_channels(other, test, none), m) for test, m in pairs])
+
+    return dampers.believed(rng, task, device, gap, slight=(0.3, 0.03))
 
 
 def recorded(

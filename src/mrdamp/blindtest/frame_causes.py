@@ -122,13 +122,14 @@ PLACED: Mapping[str, tuple[str, tuple[PlacedForm, ...]]] = {
 }
 
 
+def _hung(j: int, mass: float, hz: float, ratio: float) -> Sized:
+    """A mass (kg, by size) on a spring and a dashpot."""
+    fixed = {f"storey{j}.hung_hz": hz, f"storey{j}.hung_ratio": ratio}
+    return lambda s: {f"storey{j}.hung_mass": mass * s, **fixed}
+
+
 def _appendage(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    hz, ratio = r.uniform(6.0, 16.0), r.uniform(0.01, 0.04)
-    return lambda s: {
-        f"storey{j}.hung_mass": 25 * s,
-        f"storey{j}.hung_hz": hz,
-        f"storey{j}.hung_ratio": ratio,
-    }
+    return _hung(j, 25.0, r.uniform(6.0, 16.0), r.uniform(0.01, 0.04))
 
 
 def _pounding(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
@@ -181,12 +182,7 @@ def _ground_misaligned(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
 
 def _sloshing(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
     """An open tank whose water sways near the frame's first frequency."""
-    hz, ratio = r.uniform(2.5, 5.5), r.uniform(0.005, 0.02)
-    return lambda s: {
-        f"storey{j}.hung_mass": 15 * s,
-        f"storey{j}.hung_hz": hz,
-        f"storey{j}.hung_ratio": ratio,
-    }
+    return _hung(j, 15.0, r.uniform(2.5, 5.5), r.uniform(0.005, 0.02))
 
 
 def _floppy_floor(r: np.random.Generator, c: FrameScale, j: int) -> Sized:

@@ -99,6 +99,12 @@ class Row:
         return 1 - self.after / self.before if self.before > 0 else math.nan
 
 
+def _of_label(case: str, label: Mapping[str, Any]) -> tuple[str, str, str, tuple[str, ...], bool]:
+    """The first fields of a row."""
+    weak = bool(label.get("weak", False))
+    return case, str(label.get("rig", "")), label["label"], tuple(label["stages"]), weak
+
+
 def row(
     case: str, label: Mapping[str, Any], answer: Mapping[str, Any], gaps: tuple[float, float], seconds: float
 ) -> Row:
@@ -108,11 +114,7 @@ def row(
     )
     stages = answer.get("where", {}).get("stages", {})
     return Row(
-        case,
-        str(label.get("rig", "")),
-        label["label"],
-        tuple(label["stages"]),
-        bool(label.get("weak", False)),
+        *_of_label(case, label),
         answer["verdict"],
         named,
         tuple(frozenset(tie) for tie in answer.get("indistinguishable", [])),
@@ -127,11 +129,7 @@ def row(
 def failed(case: str, label: Mapping[str, Any], verdict: str, seconds: float, error: str) -> Row:
     """A row of a case without an answer."""
     return Row(
-        case,
-        str(label.get("rig", "")),
-        label["label"],
-        tuple(label["stages"]),
-        bool(label.get("weak", False)),
+        *_of_label(case, label),
         verdict,
         named=frozenset(),
         tied=(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +73,22 @@ def goal(rng: np.random.Generator, *, weak: bool, noise: float) -> float:
     """The gap to open, of the RMS; `noise`: that of the measurement, of the RMS too."""
     low, high = (_WEAK[0] * noise, _WEAK[1] * noise) if weak else (max(0.05, 4 * noise), 0.3)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+#: Names of causes -> (measured, residual) per test and channel, on a rig with these causes only.
+Residuals = Callable[[Sequence[str]], list[tuple[Array, Array]]]
+
+
+def shares_shown(causes: Sequence[str], residuals: Residuals) -> dict[str, float]:
+    """Gap (of the RMS) due to each of a case's causes: the part of the residual that vanishes without that cause."""
+    everything = residuals(causes)
+    found = {}
+    for name in causes:
+        others = [other for other in causes if other != name]
+        left = [rest for _, rest in residuals(others)] if others else [np.zeros(1)] * len(everything)
+        pairs = zip(everything, left, strict=True)
+        found[name] = pooled([relative(force - (error - rest), force) for (force, error), rest in pairs])
+    return found
 
 
 def must_show(shares: Mapping[str, float], noise: float) -> None:
