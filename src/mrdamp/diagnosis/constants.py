@@ -66,3 +66,34 @@ TIED_BY_NATURE = (
 SENSOR_AGREES = 6.0
 #: Share of what is left that a model of the same inputs predicts on records left out, above which it is the law's.
 PREDICTABLE = 0.15
+
+# The numbers below were set on opened cases of sealed tests whose law is exactly the simulator's.
+
+#: Two runs of one test that differ by more than this times the noise of the high band do not repeat. Of a cause that
+#: explains such tests, the share of the excess that it may leave of records left out.
+REPEATS, CARRIED = 1.75, 0.5
+#: Two channels that see the same thing agree where they differ by no more than this times the noise. A measured current
+#: is in the command's unit where its size over the command's lies between the last two.
+CHANNELS_AGREE, SAME_UNIT = 1.1, (0.8, 1.25)
+#: Two causes are tied where what they change is alike by this cosine, or the rival is this probable.
+TIE_COSINE, TIE_PROBABLE = 0.98, 0.1
+#: Records hide a cause whose signature, at the size it starts from, is below so many times the error that is left.
+HIDDEN_BELOW = 0.1
+#: A frame's block is at fault where its gap is so many times its noise.
+BLOCK_FAULT = 1.35
+#: Without a cause that explains it, a stage counts by this power of what its effects explain best.
+STAGE_SHARPNESS = 3.0
+#: Independent samples, of those of a verdict, that the likelihood of an error which comes and goes in time counts for:
+#: it can follow nearly anything. Where no model explains TOUCHED (share of the error), it is all there is, and counts
+#: for up to UNTOUCHED more.
+WAVERING, UNTOUCHED, TOUCHED = 4.0, 200.0, 0.3
+#: A fit is evidence of its effects' stage where it leaves no more than so much of what the law's free numbers leave.
+STAGE_TELLS = 0.8
+#: Stages whose errors are commonly random in time, and the price (nats) of that in another.
+RANDOM_STAGES, RANDOM_PRICE = ("driver", "fluid", "sensor"), 1.0
+#: Least scatter (shares) of the masses and stiffnesses that an owner's numbers have; damping is known so many times
+#: worse; independent samples that their standard errors are taken over.
+STRUCTURE_SCATTER, DAMPING_SCATTER, STRUCTURE_SAMPLES = 0.015, 5.0, 300.0
+#: Least relative change of a structure's number that counts as an effect (of damping, this times DAMPING_SCATTER), and
+#: the most of them at once.
+STRUCTURE_CHANGE, STRUCTURE_CHANGES = 0.06, 2

@@ -17,6 +17,7 @@ from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import DrawnCosts, cause_shares, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
+from mrdamp.diagnosis.constants import BLOCK_FAULT
 from mrdamp.diagnosis.evidence.resample import SECONDS, Interval, draws, group_sums, interval
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
@@ -31,8 +32,6 @@ from mrdamp.structures import ShearFrame
 _BAND = 20.0
 #: s at both ends of a record that do not count (filters, start states).
 _ENDS = 0.2
-#: A block is at fault where its gap is so many times its noise.
-_FAULT = 1.35
 _STAGE = {"accelerometer": "sensor", "storey": "structure"}
 
 
@@ -55,7 +54,7 @@ class Block:
     @property
     def clean(self) -> bool:
         """True where noise alone explains the gap."""
-        return self.gap < _FAULT * self.noise
+        return self.gap < BLOCK_FAULT * self.noise
 
     @property
     def excess(self) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured
+from mrdamp.diagnosis.constants import SAME_UNIT
 from mrdamp.diagnosis.evidence.resample import SECONDS, draws, group_sums, interval
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import END, SKIP
@@ -20,8 +21,6 @@ from mrdamp.model import core
 from mrdamp.model.core import Array
 
 _STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
-#: A current is in the command's unit where its size over the command's lies between these.
-_SAME_UNIT = (0.8, 1.25)
 #: What takes the driver out of the chain: the measured current is what comes out of it.
 _NO_DRIVER = ("driver_lag", "command_delay")
 
@@ -101,7 +100,7 @@ def _in_command_unit(current: Array, command: Array) -> Array:
     """The current (n,) as a command: as it is, or where the command has another unit, by the ratio of their sizes."""
     size = float(command @ command)
     gain = float(current @ command) / size if size > 0 else 1.0
-    return current if _SAME_UNIT[0] < gain < _SAME_UNIT[1] or not gain > 0 else current / gain
+    return current if SAME_UNIT[0] < gain < SAME_UNIT[1] or not gain > 0 else current / gain
 
 
 def _no_driver() -> dict[str, float]:

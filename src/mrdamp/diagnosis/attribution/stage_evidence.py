@@ -17,7 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
-from mrdamp.diagnosis.constants import INDEPENDENT, NUMBER_PRICE
+from mrdamp.diagnosis.constants import (
+    INDEPENDENT,
+    NUMBER_PRICE,
+    RANDOM_PRICE,
+    RANDOM_STAGES,
+    STAGE_TELLS,
+    TOUCHED,
+    UNTOUCHED,
+    WAVERING,
+)
 from mrdamp.diagnosis.evidence.resample import draws, seconds
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
@@ -32,15 +41,8 @@ _RIDGES, _EVERY = (1e-3, 1e-2, 1e-1), 3
 _LAW_PRIOR = 3e-3
 #: s, of a window (the first: a sample, the last: a record) of a wavering error.
 _WINDOWS = (0.0, 0.032, 0.128, np.inf)
-#: Independent samples, of those of a verdict, that its likelihood counts for: it can follow nearly anything. Where no
-#: model explains _TOUCHED (share of the error), the wavering is all there is, and counts for up to so many more.
-_WAVERING, _UNTOUCHED, _TOUCHED = 4.0, 200.0, 0.3
 #: Of a wavering error: levels of the rest, sizes over the error's own, shares of the windows that it is in.
 _LEVELS, _SIZES, _SHARES = 7, np.geomspace(0.03, 30, 6), (0.15, 0.999)
-#: A fit tells something of its effects' stage where it leaves no more than so much of what the law's numbers leave.
-_MORE = 0.8
-#: Stages whose errors are commonly random in time, and the price (nats) of that in another.
-_RANDOM, _RANDOM_PRICE = ("driver", "fluid", "sensor"), 1.0
 
 _Groups = list[NDArray[np.intp]]
 
@@ -66,7 +68,7 @@ class StageEvidence:
         plain: dict[str, Array] = {}
         told: dict[str, Array] = {}
         laws = [law, errors.weighted]
-        most = np.inf if base is None else _MORE * _cost(errors.parts(base.residual))
+        most = np.inf if base is None else STAGE_TELLS * _cost(errors.parts(base.residual))
         costs = [_cost(law)]
         for name, own in columns_of(problem, problem.rig).items():
             stage = "sensor" if name == "reading" else name
@@ -75,23 +77,23 @@ class StageEvidence:
             if f is not None and _cost(errors.parts(f.residual)) < most:
                 price = NUMBER_PRICE * (len(f.point) - len(f.hypothesis.nominal))
                 models.append((errors.parts(f.residual), price))
-            rare = 0.0 if name in _RANDOM else _RANDOM_PRICE
+            rare = 0.0 if name in RANDOM_STAGES else RANDOM_PRICE
             models.append((errors.by_record(own), NUMBER_PRICE * len(own.gains) + rare))
             costs += [_cost(left) for left, _ in models]
             models += [(left, rare) for left in laws]
             means = [errors.likelihoods(left, own, level) for left, _ in models]
             values = [
-                (INDEPENDENT - _WAVERING) * white + _WAVERING * mean - price
+                (INDEPENDENT - WAVERING) * white + WAVERING * mean - price
                 for (_, price), (white, mean) in zip(models, means, strict=True)
             ]
             best = np.max(values, axis=0)
             told[stage] = np.maximum(best, told.get(stage, best))
             plain[stage] = np.maximum(means[-1][1], plain.get(stage, means[-1][1]))
         explained = 1 - min(costs) / max(costs[0], 1e-30)
-        untouched = max(1 - explained / _TOUCHED, 0.0)
+        untouched = max(1 - explained / TOUCHED, 0.0)
         for stage in told:
-            price = 0.0 if stage in _RANDOM else _RANDOM_PRICE
-            told[stage] = told[stage] + untouched * (_UNTOUCHED * plain[stage] - price)
+            price = 0.0 if stage in RANDOM_STAGES else RANDOM_PRICE
+            told[stage] = told[stage] + untouched * (UNTOUCHED * plain[stage] - price)
         return cls(tuple(told), np.column_stack(list(told.values())))
 
     def at(self, draw: int | None = None) -> dict[str, float]:

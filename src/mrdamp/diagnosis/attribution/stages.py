@@ -10,6 +10,7 @@ import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
+from mrdamp.diagnosis.constants import STAGE_SHARPNESS
 from mrdamp.diagnosis.evidence.resample import Interval, draws, group_sums, interval, seconds
 from mrdamp.diagnosis.evidence.verdict import shapley
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -18,8 +19,6 @@ from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
-#: Without a cause that explains it, a stage counts by this power of what its effects explain best.
-_SHARPNESS = 3.0
 #: Where the law's own numbers act: they stand between the field and the mechanics.
 LAW_STAGE = "fluid"
 
@@ -174,7 +173,7 @@ def _shares(
         return {s: float(s == term.stage) for s in stages}
     if told:
         return _within({s: told.get(s, 0.0) for s in stages}, parts, measured)
-    weights = {s: value**_SHARPNESS for s, value in _explained(search, stages, cost).items()}
+    weights = {s: value**STAGE_SHARPNESS for s, value in _explained(search, stages, cost).items()}
     total = sum(weights.values())
     return _within({s: value / total for s, value in weights.items()}, parts, measured)
 

@@ -15,7 +15,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mrdamp.diagnosis.channels.smoothing import noise_level
-from mrdamp.diagnosis.constants import DIRECT_LEFT, DIRECT_RESOLUTION, INDEPENDENT, NUMBER_PRICE
+from mrdamp.diagnosis.constants import (
+    CHANNELS_AGREE,
+    DIRECT_LEFT,
+    DIRECT_RESOLUTION,
+    INDEPENDENT,
+    NUMBER_PRICE,
+    SAME_UNIT,
+)
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.model import core
 from mrdamp.model.core import Array
@@ -23,10 +30,6 @@ from mrdamp.records import Record
 
 #: A law without any force of its own, and a spring of 1 N/m: what goes in as a displacement comes out as the force.
 _PASSES = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.1, "gas_spring_k": 1.0}
-#: A measured current is the command in the same unit where the ratio of their sizes is between these.
-_SAME_UNIT = (0.8, 1.25)
-#: Two channels agree where they differ by no more than this times the noise.
-_AGREES = 1.1
 #: Samples that a comparison looks at, of all records together; s at a record's start that do not count.
 _SAMPLES, _SKIP = 40_000, 0.2
 
@@ -82,7 +85,7 @@ def compared(records: Sequence[Record], terms: Sequence[Term], base: Settings) -
 def sensor_agrees(found: Sequence[Compared]) -> bool:
     """True where the force sensor reads what the load cell does, but for noise."""
     return any(
-        c.channels[1] == "force_N" and c.before <= _AGREES * np.hypot(c.noise, 1e-2 * DIRECT_RESOLUTION)
+        c.channels[1] == "force_N" and c.before <= CHANNELS_AGREE * np.hypot(c.noise, 1e-2 * DIRECT_RESOLUTION)
         for c in found
     )
 
@@ -97,7 +100,7 @@ def _same_unit(records: Sequence[Record]) -> bool:
         np.concatenate([r.channel(name) for r in records]) for name in ("command", "current_A")
     )
     size = float(np.sqrt(np.mean(command**2)))
-    return size > 0 and _SAME_UNIT[0] < float(np.sqrt(np.mean(current**2))) / size < _SAME_UNIT[1]
+    return size > 0 and SAME_UNIT[0] < float(np.sqrt(np.mean(current**2))) / size < SAME_UNIT[1]
 
 
 def _through_sensor(own: Settings) -> Simulate:

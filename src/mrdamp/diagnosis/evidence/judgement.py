@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import INDEPENDENT, LOGIT_GAIN, UNSTEADY
+from mrdamp.diagnosis.constants import CARRIED, INDEPENDENT, LOGIT_GAIN, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
@@ -21,8 +21,6 @@ from mrdamp.diagnosis.problem.residuals import Problem
 
 #: Fits of an unknown cause that are tried on records left out.
 _NEAREST = 6
-#: Share of the excess that a cause may leave of records left out, where tests do not repeat.
-_CARRIED = 0.5
 #: Nats below the best fit at which another one is as good as ruled out, penalties included.
 _IMPROBABLE = 20.0
 
@@ -122,7 +120,7 @@ def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decisio
         unknown = beyond(left, decision.excess, decision.floor, causes=False)
         if unknown < min(decision.unknown, 0.5):
             return replace(decision, verdict="parameters", unknown=unknown)
-    if search.steady or decision.verdict != "effect" or left <= _CARRIED:
+    if search.steady or decision.verdict != "effect" or left <= CARRIED:
         return decision
     return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
 

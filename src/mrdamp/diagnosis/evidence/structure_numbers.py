@@ -12,17 +12,18 @@ from itertools import combinations
 
 import numpy as np
 
+from mrdamp.diagnosis.constants import (
+    DAMPING_SCATTER,
+    STRUCTURE_CHANGE,
+    STRUCTURE_CHANGES,
+    STRUCTURE_SAMPLES,
+    STRUCTURE_SCATTER,
+)
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.model.core import Array
 
-#: Least scatter of masses and stiffnesses that an owner's numbers have; damping is known so many times worse.
-_SCATTER, _DAMPING = 0.015, 5.0
-#: Independent samples that the standard errors are taken over.
-_INDEPENDENT = 300.0
-#: Least relative change that counts as an effect (of damping, this times _DAMPING), and the most of them at once.
-_LEAST, _MOST = 0.06, 2
 _EFFECTS = {"stiffness": "storey_stiffness", "damping": "storey_damping", "mass": "floor_mass"}
 
 
@@ -40,11 +41,11 @@ class Deviations:
     def penalty(self, without: tuple[int, ...] = ()) -> float:
         """Nats against these deviations, at the scatter that makes it least; `without` are not counted."""
         keep = [k for k in range(len(self.names)) if k not in without]
-        scatters = _SCATTER * np.geomspace(1.0, 30.0, 25)
+        scatters = STRUCTURE_SCATTER * np.geomspace(1.0, 30.0, 25)
         least = np.inf
         for s in scatters:
             size = np.hypot(s * self.scale[keep], self.error[keep])
-            own = np.hypot(_SCATTER * self.scale[keep], self.error[keep])
+            own = np.hypot(STRUCTURE_SCATTER * self.scale[keep], self.error[keep])
             nats = np.sum(1.5 * np.log1p(0.5 * (self.values[keep] / size) ** 2) + np.log(size / own))
             least = min(least, float(nats))
         return least
@@ -65,9 +66,9 @@ def deviations(found: Fit) -> Deviations:
     values = values - np.array([0.0 if kind == "damping" else common for kind in kinds])
     normal = found.jacobian.T @ found.jacobian
     normal += np.diag(1e-9 * np.max(np.diag(normal)) + found.hypothesis.prior() ** 2 * 1e-6)
-    covariance = np.linalg.inv(normal) * found.cost / _INDEPENDENT
+    covariance = np.linalg.inv(normal) * found.cost / STRUCTURE_SAMPLES
     error = np.array([c.scale * np.sqrt(covariance[k, k]) for c, k in zip(coordinates, columns, strict=True)])
-    scale = np.array([_DAMPING if kind == "damping" else 1.0 for kind in kinds])
+    scale = np.array([DAMPING_SCATTER if kind == "damping" else 1.0 for kind in kinds])
     return Deviations(tuple(names), tuple(columns), values, scale, error)
 
 
@@ -82,13 +83,13 @@ def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]
     far = [
         k
         for k in range(len(d.names))
-        if abs(d.values[k]) > _LEAST * d.scale[k]
+        if abs(d.values[k]) > STRUCTURE_CHANGE * d.scale[k]
         and abs(d.values[k]) > 3 * d.error[k]
         and _cause(d.names[k]) not in taken
     ]
     far.sort(key=lambda k: -abs(d.values[k]) / d.scale[k])
     whole = d.penalty()
-    for count in range(1, _MOST + 1):
+    for count in range(1, STRUCTURE_CHANGES + 1):
         for chosen in combinations(far[:4], count):
             penalty = d.penalty(chosen)
             if penalty < whole - count * price:

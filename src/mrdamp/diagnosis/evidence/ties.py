@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp.diagnosis.constants import HIDDEN_BELOW, TIE_COSINE, TIE_PROBABLE
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.model.core import Array
 
-#: Two causes are tied where what they change is alike by this cosine, or the rival is this probable.
-_COSINE, _PROBABLE = 0.98, 0.1
-#: A cause is unseen where its signature is below so many times the error that is left, at the size it starts from.
-_SEEN = 0.1
 #: Settings whose effect is the weaker, the larger they are.
 _INVERSE = frozenset({"saturation_i_s", "mount_compliance_k", "sensor_leakage_tau"})
 
@@ -40,7 +37,7 @@ def tie_classes(
     best = max(sets.values(), default=1.0)
     for causes, p in sets.items():
         members = set(causes)
-        if p >= _PROBABLE * best and len(members) == len(named) and len(named - members) == 1:
+        if p >= TIE_PROBABLE * best and len(members) == len(named) and len(named - members) == 1:
             rivals[(named - members).pop()] |= members - named
     for found in search.ranked(free):
         members = set(found.hypothesis.causes)
@@ -51,7 +48,7 @@ def tie_classes(
         if rest is None or search.unexplained(found) > 2 * search.unexplained(chosen) + 0.05:
             continue
         alike = cosine(chosen.residual - rest.residual, found.residual - rest.residual)
-        if alike > _COSINE:
+        if alike > TIE_COSINE:
             rivals[out] |= members - named
     return tuple(tuple(sorted({cause, *others})) for cause, others in sorted(rivals.items()) if others)
 
@@ -74,8 +71,8 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
         change = rough.residuals(hypothesis, point)[0] - before
         own = change - basis @ (basis.T @ change)
         size = float(np.linalg.norm(own)) / max(float(np.sqrt(chosen.cost)), 1e-12)
-        if size < _SEEN:
-            value = could_hide(term, _SEEN / max(size, 1e-9))
+        if size < HIDDEN_BELOW:
+            value = could_hide(term, HIDDEN_BELOW / max(size, 1e-9))
             out.append({"effect": term.cause, "setting": term.coordinates[0].name, "could_hide": value})
     return tuple({str(u["effect"]): u for u in out}.values())
 

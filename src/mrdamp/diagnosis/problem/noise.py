@@ -8,13 +8,12 @@ import numpy as np
 
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import noise_level
+from mrdamp.diagnosis.constants import REPEATS
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.model.core import Array
 
-#: Two runs that differ by more than this times the noise of the high band do not repeat.
-_REPEATS = 1.75
 #: Gap of noise at which a block counts 0.7: errors of form are of this size.
 _CLEAR = 0.012
 
@@ -59,7 +58,7 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
     levels, notes = noise.levels.copy(), []
     for c, name in enumerate(rig.channels):
         white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(block)
-        if noise.varying[c] > _REPEATS * white > 0:
+        if noise.varying[c] > REPEATS * white > 0:
             ratio = noise.varying[c] / white
             notes.append(
                 f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise"
