@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from mrdamp.envs.loads import Range, check_ranges, uniform
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 
 Array = NDArray[np.float64]
 AIR = 1.25  # kg/m3
@@ -129,9 +129,8 @@ class WindLoads:
     def __post_init__(self) -> None:
         check_ranges("wind loads", {"speed": self.speed, "intensity": self.intensity})
         _check_length("wind loads", self.duration)
-        for name in ("diameter", "drag", "length_scale", "bandwidth"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"wind loads: {name} is {getattr(self, name)}; allowed: > 0")
+        sizes = ("diameter", "drag", "length_scale", "bandwidth")
+        require_positive("wind loads", **{name: getattr(self, name) for name in sizes})
         if self.decay < 0 or self.places < 1:
             raise InputError(
                 f"wind loads: decay {self.decay}, {self.places} places; allowed: >= 0, 1 or more"

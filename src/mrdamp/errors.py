@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 class MrdampError(Exception):
     """Base of every error that mrdamp raises on purpose."""
@@ -16,3 +18,10 @@ class InputError(MrdampError, ValueError):
 
 class EngineError(MrdampError, ImportError):
     """The installed MuJoCo is not the release that the plugin was built for; the line says how to get that one."""
+
+
+def require_positive(what: str, **values: float) -> None:
+    """InputError unless every value is a finite number above 0. what: whose values they are, for the message."""
+    for name, value in values.items():
+        if not 0 < value < math.inf:
+            raise InputError(f"{what}: {name} is {value}; allowed: a finite number > 0")

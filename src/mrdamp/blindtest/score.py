@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -188,8 +188,7 @@ def gaps(tests: Path, predict: Predict) -> tuple[float, float]:
     return math.sqrt(before), math.sqrt(after)
 
 
-@dataclass(frozen=True)
-class Share:
+class Share(NamedTuple):
     """So many of so many, with the 95 % interval of Wilson 1927, doi:10.1080/01621459.1927.10502953."""
 
     right: int

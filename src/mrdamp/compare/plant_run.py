@@ -15,7 +15,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
 
 Array = NDArray[np.float64]
@@ -32,9 +32,7 @@ class PlantBench:
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
 
     def __post_init__(self) -> None:
-        for name in ("period", "timestep"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+        require_positive("compare", period=self.period, timestep=self.timestep)
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.runner import Progress, run_all
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(NamedTuple):
     """One run of a bench."""
 
     spec: str

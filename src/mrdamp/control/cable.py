@@ -27,7 +27,7 @@ from mrdamp.control.lyapunov import BangBang, plant_lyapunov_matrix
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.plant import Plant
 from mrdamp.control.skyhook import SkyhookForce
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.inverse import LawInverse
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
@@ -168,8 +168,7 @@ def _motion(site: CableSite) -> dict[str, float]:
 
 def _bang_bang(site: CableSite, direction: FloatArray, noise_ratio: float, name: str) -> BangBang:
     names, deviation = _measured(site)
-    if not 0 < noise_ratio < math.inf:
-        raise InputError(f"{name}: noise_ratio is {noise_ratio}; allowed: a finite number > 0")
+    require_positive(name, noise_ratio=noise_ratio)
     rows = cable_outputs(site.cable, site.places, names)
     estimator = Estimator(cable_plant(site.cable), *rows, names, noise_ratio, site.period, deviation)
     return BangBang(direction, estimator, site.command_max, site.period, name)

@@ -27,7 +27,7 @@ from mrdamp.control.clipped_optimal import plant_force
 from mrdamp.control.force_control import Aim, ForceController, OnOff, Tracking
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.skyhook import SkyhookForce
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.inverse import LawInverse
 
 
@@ -63,8 +63,7 @@ class HookForce(_FromVelocities):
     def __init__(self, damping: float, share: float, leak: float, period: float) -> None:
         if not 0 <= share <= 1:
             raise InputError(f"hybrid: share is {share}; allowed: 0 to 1")
-        if not 0 < damping < math.inf:
-            raise InputError(f"hybrid: damping is {damping}; allowed: a finite number > 0")
+        require_positive("hybrid", damping=damping)
         super().__init__(leak, period)
         self.damping, self.share = damping, share
 
@@ -100,8 +99,7 @@ def add_switch(wheel: float, body: float, stroke: float, acceleration: float) ->
 
 def sh_add_switch(alpha: float) -> Switch:
     """alpha: rad/s, above which acceleration decides. Raises InputError."""
-    if not 0 < alpha < math.inf:
-        raise InputError(f"sh-add: alpha is {alpha}; allowed: a finite number > 0")
+    require_positive("sh-add", alpha=alpha)
 
     def switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
         rules = acceleration**2 > (alpha * body) ** 2

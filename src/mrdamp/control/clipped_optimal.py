@@ -24,7 +24,7 @@ from mrdamp.control.estimator import Estimator
 from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, clip
 from mrdamp.control.lqg import regulator_gain
 from mrdamp.control.plant import Plant, outputs, plant
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def frame_estimator(
     measurements: Sequence[str] | None = None,
 ) -> Estimator:
     """The Kalman filter of a frame's states [x; x'] (2N,); arguments as for `optimal_force`."""
-    _check(noise_ratio=noise_ratio, period=period)
+    require_positive("clipped_optimal", noise_ratio=noise_ratio, period=period)
     names = default_measurements(frame) if measurements is None else tuple(measurements)
     return Estimator(plant(frame), *outputs(frame, names), names, noise_ratio, period)
 
@@ -109,7 +109,7 @@ def plant_force(
 
     Raises InputError.
     """
-    _check(r=r, noise_ratio=noise_ratio, period=period)
+    require_positive("clipped_optimal", r=r, noise_ratio=noise_ratio, period=period)
     if not regulate or any(not 0 <= w < math.inf for w in regulate.values()) or not any(regulate.values()):
         raise InputError(
             f"clipped_optimal: regulate is {dict(regulate)}; allowed: weights >= 0, one of them > 0"
@@ -134,7 +134,7 @@ def clipped_optimal(
 
     command_max: A or V; period: s; lqg: options, see `Lqg`. Raises InputError.
     """
-    _check(command_max=command_max)
+    require_positive("clipped_optimal", command_max=command_max)
     return ForceController(optimal_force(frame, period, **lqg), OnOff(command_max), period, name)
 
 
@@ -164,9 +164,3 @@ def ideal_active(
     Its command is a force in N, for `run_frame(..., ideal_force=True)`.
     """
     return ForceController(optimal_force(frame, period, **lqg), Direct(force_max), period, "ideal-active")
-
-
-def _check(**values: float) -> None:
-    for what, value in values.items():
-        if not 0 < value < math.inf:
-            raise InputError(f"clipped_optimal: {what} is {value}; allowed: a finite number > 0")

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 
 if TYPE_CHECKING:
     from mrdamp.inverse import Inverse
@@ -72,7 +72,7 @@ class OnOff:
     command_max: float
 
     def __post_init__(self) -> None:
-        _positive("command_max", self.command_max)
+        require_positive("controller", command_max=self.command_max)
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -93,8 +93,8 @@ class Modulated:
     force_max: float
 
     def __post_init__(self) -> None:
-        _positive("command_max", self.command_max)
-        _positive("force_max", self.force_max)
+        require_positive("controller", command_max=self.command_max)
+        require_positive("controller", force_max=self.force_max)
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -128,8 +128,3 @@ class Direct:
 
     def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
         return min(max(wanted, -self.force_max), self.force_max)
-
-
-def _positive(what: str, value: float) -> None:
-    if not 0 < value < math.inf:
-        raise InputError(f"controller: {what} is {value}; allowed: a finite number > 0")

@@ -7,7 +7,6 @@ out as the force grows, before it would add to it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,7 @@ class LeastCommand:
     fade: float
 
     def __post_init__(self) -> None:
-        for name, value in (("level", self.level), ("fade", self.fade)):
-            if not 0 < value < math.inf:
-                raise InputError(f"least command: {name} is {value}; allowed: a finite number > 0")
+        require_positive("least command", level=self.level, fade=self.fade)
 
     def __call__(self, peak: ArrayLike) -> NDArray[np.float64]:
         """Commands (...) for leaky peaks of the force (...), N."""

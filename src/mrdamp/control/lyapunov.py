@@ -19,7 +19,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from mrdamp.control.clipped_optimal import Outputs, frame_estimator
 from mrdamp.control.estimator import Estimator
 from mrdamp.control.plant import Plant, outputs, plant
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
 
 
@@ -32,8 +32,7 @@ class BangBang:
     def __init__(
         self, direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str
     ):
-        if not 0 < command_max < math.inf:
-            raise InputError(f"controller {name}: command_max is {command_max}; allowed: a finite number > 0")
+        require_positive(f"controller {name}", command_max=command_max)
         self.direction, self.estimator = direction, estimator
         self.command_max, self.period, self.name = command_max, period, name
 

@@ -12,7 +12,6 @@ command >= a least one for weak motion, where the policy has one (`mrdamp.contro
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes, write_atomic
 
 Array = NDArray[np.float64]
@@ -57,9 +56,7 @@ class Policy:
         reach: float = 1.0,
         memory: Memory | None = None,
     ) -> None:
-        for what, value in (("period", period), ("command_max", command_max), ("reach", reach)):
-            if not 0 < value < math.inf:
-                raise InputError(f"policy {name}: {what} is {value}; allowed: a finite number > 0")
+        require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
         if len(observer.command_max) != 1 or len(network.layers[-1][1]) != 1:
             raise InputError(f"policy {name}: it is for several dampers; a controller gives one command")
         if levels is not None and "force" not in observer.signals:

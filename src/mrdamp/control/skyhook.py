@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mrdamp.control.force_control import Follower, ForceController, OnOff
-from mrdamp.errors import InputError
+from mrdamp.errors import require_positive
 from mrdamp.structures import ShearFrame
 
 
@@ -22,9 +22,7 @@ class SkyhookForce:
     leak: tau, s; period: s. velocity: of the last call, m/s."""
 
     def __init__(self, floor: int, sign: float, damping: float, leak: float, period: float) -> None:
-        for what, value in (("damping", damping), ("leak", leak), ("period", period)):
-            if not 0 < value < math.inf:
-                raise InputError(f"skyhook: {what} is {value}; allowed: a finite number > 0")
+        require_positive("skyhook", damping=damping, leak=leak, period=period)
         self.signal = f"acceleration_{floor}"
         self.gain = sign * damping
         self._decay = math.exp(-period / leak)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -32,8 +33,7 @@ SETS_CURRENT = ("xvi", "xiF", "viF", "xviF")  # the same under varying current
 STEPS = ("inputs", "lags", "units")
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """One network to try: channels such as "viF", lag space, units per hidden layer."""
 
     channels: str

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ _EVEN = 0.01  # of a step: clocks that wander less are uniform
 _HOLE = 5.0  # usual steps: what is longer is no jitter
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """Where a channel comes from: the file's column, and the factor (with sign) that makes its unit the channel's."""
 
     channel: str

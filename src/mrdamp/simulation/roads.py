@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes
 from mrdamp.records import csv_file
 
@@ -38,9 +38,7 @@ class Road:
 
     def __post_init__(self) -> None:
         height = np.array(self.height, dtype=np.float64)
-        for what, value in (("spacing", self.spacing), ("speed", self.speed)):
-            if not 0 < value < math.inf:
-                raise InputError(f"{self.name}: {what} is {value}; allowed: > 0")
+        require_positive(self.name, spacing=self.spacing, speed=self.speed)
         if height.ndim != 1 or len(height) < 3 or not np.isfinite(height).all():
             raise InputError(f"{self.name}: heights have shape {height.shape}; allowed: finite (n,), n >= 3")
         height = height - height[0]

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import GRAVITY, FloatArray
 from mrdamp.structures.taut_cable import TENSION, TautCable
 
@@ -47,9 +47,7 @@ class StayCable:
     sag: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("length", "tension", "mass"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"cable: {name} is {getattr(self, name)}; allowed: a finite number > 0")
+        require_positive("cable", length=self.length, tension=self.tension, mass=self.mass)
         if not 0 <= self.sag < math.inf:
             raise InputError(f"cable: sag is {self.sag}; allowed: lambda^2 >= 0")
         _ = self.taut  # checks the others

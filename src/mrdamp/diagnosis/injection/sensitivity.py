@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,8 +43,7 @@ AS_THEY_ARE = "as they are"
 Tell = Callable[[str, float], None]
 
 
-@dataclass(frozen=True)
-class Trial:
+class Trial(NamedTuple):
     """One effect in one size (see `SIZES`); `AS_THEY_ARE` with size 0 for the records without any."""
 
     effect: str
