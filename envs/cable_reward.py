@@ -39,10 +39,7 @@ class CableReward(Weights):
 
     motion: float = 1.0
     acceleration: float = 0.0
-    current: float = 0.02
-    power: float = 0.0
     energy: float = 0.0
-    exponent: float = 2.0
 
     parts: ClassVar[tuple[str, ...]] = PARTS
 

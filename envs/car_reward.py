@@ -45,9 +45,6 @@ class CarReward(Weights):
     holding: float = 1.0
     stroke: float = 0.0
     airborne: float = 0.0
-    current: float = 0.02
-    power: float = 0.0
-    exponent: float = 2.0
 
     parts: ClassVar[tuple[str, ...]] = PARTS
 
@@ -92,17 +89,9 @@ class CarScore(PartScore[CarReward]):
     """
 
     NAMES = (
-        *(f"reward_{part}" for part in PARTS),
-        "weighted_acceleration",
-        "rms_load",
-        "rms_stroke",
-        "comfort_ratio",
-        "load_ratio",
-        "stroke_ratio",
-        "peak_stroke",
-        "airborne",
-        *DAMPER,
-    )
+        *(f"reward_{part}" for part in PARTS), "weighted_acceleration", "rms_load", "rms_stroke",
+        "comfort_ratio", "load_ratio", "stroke_ratio", "peak_stroke", "airborne", *DAMPER,
+    )  # fmt: skip
     kept = 12
 
     def of(self, period: Array) -> tuple[Array, Array]:

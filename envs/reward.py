@@ -45,10 +45,7 @@ class FrameReward(Weights):
     acceleration: float = 1.0
     drift_peak: float = 0.0
     acceleration_peak: float = 0.0
-    current: float = 0.02
-    power: float = 0.0
     energy: float = 0.0
-    exponent: float = 2.0
     reference: Literal["uncontrolled", "passive-on"] = "uncontrolled"
 
     parts: ClassVar[tuple[str, ...]] = PARTS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
@@ -13,14 +13,18 @@ from numpy.typing import NDArray
 from mrdamp.errors import InputError
 
 
+@dataclass(frozen=True, kw_only=True)
 class Weights:
-    """Base of a frozen dataclass of weights, one a part and each at least 0, with an exponent above 0 to 20.
+    """Base of weights, one a part and each at least 0, with an exponent above 0 to 20.
 
     parts: the fields that are weights; each is in `info` as `reward_` and its name, and their sum is the reward.
     """
 
+    current: float = 0.02
+    power: float = 0.0
+    exponent: float = 2.0
+
     parts: ClassVar[tuple[str, ...]]
-    exponent: float
 
     def __post_init__(self) -> None:
         for part in self.parts:
@@ -42,11 +46,11 @@ class Weights:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """From names and values, as in YAML. Raises InputError for an unknown one."""
-        known = {f.name for f in fields(cls)}  # type: ignore[arg-type]
+        known = {f.name for f in fields(cls)}
         for name in data:
             if name not in known:
                 raise InputError(f"reward: {name!r} is unknown; allowed: {', '.join(sorted(known))}")
-        return replace(cls(), **data)  # type: ignore[type-var]
+        return replace(cls(), **data)
 
 
 Of = TypeVar("Of", bound=Weights)

@@ -15,16 +15,7 @@ from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.outside import (
-    PLAIN,
-    command_rivals,
-    commanded,
-    force_rivals,
-    forced,
-    grouped,
-    inside_of,
-    read,
-)
+from mrdamp.diagnosis.hypotheses import outside
 from mrdamp.diagnosis.hypotheses.terms import Sizes
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import diagnose
@@ -118,8 +109,8 @@ def test_a_rival_no_better_than_an_effect_does_not_win() -> None:
 
 
 def test_every_rival_has_words_and_starts_within_its_ranges() -> None:
-    for term in (*command_rivals(SIZES), *force_rivals(SIZES)):
-        assert term.cause in PLAIN
+    for term in (*outside.command_rivals(SIZES), *outside.force_rivals(SIZES)):
+        assert term.cause in outside.PLAIN
         for start in term.starts:
             for c, value in zip(term.coordinates, start, strict=True):
                 assert c.low <= value <= c.high
@@ -130,14 +121,14 @@ def test_a_supply_sinks_exponentially_under_a_lasting_command() -> None:
     settings = {
         "outside_sag_share": 0.3, "outside_sag_time": 0.5, "outside_sag_power": 2.0, "outside_sag_command": 2.0
     }  # fmt: skip
-    full = commanded(settings, np.full(4000, 2.0), 0.001)
+    full = outside.commanded(settings, np.full(4000, 2.0), 0.001)
     np.testing.assert_allclose(full, 2.0 * (1 - 0.3 * (1 - np.exp(-(t + 0.001) / 0.5))), rtol=1e-9)
-    half = commanded(settings, np.full(4000, 1.0), 0.001)
+    half = outside.commanded(settings, np.full(4000, 1.0), 0.001)
     assert half[-1] == pytest.approx(1 - 0.3 / 4 * (1 - np.exp(-4 / 0.5)), rel=1e-6)
 
 
 def test_a_threshold_takes_its_size_off_either_sign() -> None:
-    out = commanded({"outside_threshold": 0.2}, np.array([-1.0, -0.1, 0.0, 0.15, 0.5]), 0.001)
+    out = outside.commanded({"outside_threshold": 0.2}, np.array([-1.0, -0.1, 0.0, 0.15, 0.5]), 0.001)
     np.testing.assert_allclose(out, [-0.8, 0.0, 0.0, 0.0, 0.3])
 
 
@@ -145,44 +136,44 @@ def test_a_threshold_takes_its_size_off_either_sign() -> None:
 def test_a_stop_pushes_back_on_its_sides_only(side: float, want: tuple[float, ...]) -> None:
     x = np.array([-0.008, -0.004, 0.004, 0.008])
     settings = {"outside_stop_k": 1000.0, "outside_stop_x": 0.005, "outside_stop_side": side}
-    np.testing.assert_allclose(forced(settings, np.full(4, 7.0), x, 0 * x), 7.0 + np.array(want), atol=1e-12)
+    np.testing.assert_allclose(outside.forced(settings, np.full(4, 7.0), x, 0 * x), 7.0 + np.array(want), atol=1e-12)
 
 
 @pytest.mark.parametrize(("side", "want"), [(1.0, (-400, 100)), (-1.0, (-100, 400)), (0.0, (-100, 100))])
 def test_a_limit_holds_the_force_on_its_sides_only(side: float, want: tuple[float, float]) -> None:
     settings = {"outside_limit_force": 100.0, "outside_limit_knee": 30.0, "outside_limit_side": side}
     zero = np.zeros(2)
-    np.testing.assert_allclose(forced(settings, np.array([-400.0, 400.0]), zero, zero), want, rtol=1e-6)
+    np.testing.assert_allclose(outside.forced(settings, np.array([-400.0, 400.0]), zero, zero), want, rtol=1e-6)
     small = np.array([-30.0, 30.0])
-    np.testing.assert_allclose(forced(settings, small, zero, zero), small, rtol=1e-6)
+    np.testing.assert_allclose(outside.forced(settings, small, zero, zero), small, rtol=1e-6)
 
 
 def test_wear_and_side_load_act_where_they_are() -> None:
     x, v = np.array([0.0, 0.004]), np.array([1.0, -1.0])
     wear = {"outside_wear_loss": 0.25, "outside_wear_x": 0.004, "outside_wear_width": 0.001}
-    np.testing.assert_allclose(forced(wear, np.array([8.0, 8.0]), x, v), [8.0, 6.0], rtol=1e-5)
+    np.testing.assert_allclose(outside.forced(wear, np.array([8.0, 8.0]), x, v), [8.0, 6.0], rtol=1e-5)
     load = {"outside_side_force": 500.0, "outside_side_x": 0.001, "outside_side_v": 0.001}
-    np.testing.assert_allclose(forced(load, np.zeros(2), x, v), [0.5, -1.5])
+    np.testing.assert_allclose(outside.forced(load, np.zeros(2), x, v), [0.5, -1.5])
 
 
 def test_settled_particles_are_stirred_up_over_the_path() -> None:
     x = np.array([0.0, 0.002, -0.001, -0.001])
     settled = {"outside_settled_loss": 0.4, "outside_settled_path": 0.005}
     lost = 0.4 * np.exp(-np.array([0.0, 0.002, 0.005, 0.005]) / 0.005)
-    np.testing.assert_allclose(forced(settled, np.full(4, 10.0), x, 0 * x), 10 * (1 - lost))
+    np.testing.assert_allclose(outside.forced(settled, np.full(4, 10.0), x, 0 * x), 10 * (1 - lost))
 
 
 def test_the_command_is_heard_by_the_own_sensor_alone() -> None:
     force, command = np.array([5.0, -5.0]), np.array([0.5, 1.0])
-    np.testing.assert_allclose(read({"outside_talk": 20.0}, "force", force, command), [15.0, 15.0])
-    np.testing.assert_array_equal(read({"outside_talk": 20.0}, "reference", force, command), force)
-    np.testing.assert_array_equal(read({}, "force", force, command), force)
+    np.testing.assert_allclose(outside.read({"outside_talk": 20.0}, "force", force, command), [15.0, 15.0])
+    np.testing.assert_array_equal(outside.read({"outside_talk": 20.0}, "reference", force, command), force)
+    np.testing.assert_array_equal(outside.read({}, "force", force, command), force)
 
 
 def test_sets_with_the_same_rival_run_together_and_the_chain_sees_none_of_it() -> None:
     sets = [{"c0a": 1.0}, {"outside_threshold": 0.1, "c0a": 2.0}, {"outside_threshold": 0.1}, {"fya": 1.0}]
-    assert grouped(sets) == [({}, [0, 3]), ({"outside_threshold": 0.1}, [1, 2])]
-    assert inside_of(sets[1]) == {"c0a": 2.0}
+    assert outside.grouped(sets) == [({}, [0, 3]), ({"outside_threshold": 0.1}, [1, 2])]
+    assert outside.inside_of(sets[1]) == {"c0a": 2.0}
 
 
 def bingham(v: Array, command: Array) -> Array:
@@ -222,7 +213,7 @@ def test_an_end_stop_is_owned_to_be_none_of_the_catalogue(tmp_path: Path) -> Non
     assert found.outside is not None
     assert (found.outside["cause"], found.outside["stage"]) == ("end_stop", "mechanics")
     assert found.where.stages["mechanics"] == 1.0
-    assert PLAIN["end_stop"] in found.sentence
+    assert outside.PLAIN["end_stop"] in found.sentence
     assert found.probabilities["unknown"] > 0.8
     assert found.to_dict()["outside_catalogue"] == found.outside
     assert not any(name.startswith("outside") for e in found.corrected.effects for name in e.parameters)

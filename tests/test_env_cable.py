@@ -314,7 +314,8 @@ def test_without_force_the_motion_is_the_reference() -> None:
 
 
 def test_the_parts_are_the_reward() -> None:
-    env = CableEnv(reward=CableReward(1.0, 0.1, 0.5, 0.25, 0.2), loads=AmbientLoads(duration=3.0))
+    weights = CableReward(motion=1.0, acceleration=0.1, current=0.5, power=0.25, energy=0.2)
+    env = CableEnv(reward=weights, loads=AmbientLoads(duration=3.0))
     _, start = env.reset(seed=3)
     motion = 0.0
     info: dict[str, Any] = {}

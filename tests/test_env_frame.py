@@ -204,7 +204,10 @@ def _make() -> FrameEnv:
 
 
 def test_the_parts_are_the_reward_and_follow_the_weights() -> None:
-    weights = FrameReward(1.0, 2.0, 3.0, 4.0, 0.5, 0.25, 0.1, exponent=3.0)
+    weights = FrameReward(
+        drift=1.0, acceleration=2.0, drift_peak=3.0, acceleration_peak=4.0, current=0.5, power=0.25, energy=0.1,
+        exponent=3.0,
+    )  # fmt: skip
     env = FrameEnv(motions=SHORT, reward=weights)
     _, start = env.reset(seed=3)
     total, peaks = 0.0, np.zeros(2)

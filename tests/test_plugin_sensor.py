@@ -10,45 +10,32 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import mjcf_builders as mjcf
 from dampers import rms
 from excitation import Array
-from mjcf_builders import (
-    HEAVY,
-    Damper,
-    Sensor,
-    Values,
-    compiled,
-    document,
-    drive,
-    grid,
-    oscillator,
-    signals,
-    slider,
-    step_through,
-)
 
 C = 100.0  # N s/m: the force is C times the velocity of the rig
 DASHPOT = {"c0a": C, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
 DT = 1e-3  # s
 
 
-def read(force: Array, sensor: Values, damper: Values | None = None, dt: float = DT) -> Array:
+def read(force: Array, sensor: mjcf.Values, damper: mjcf.Values | None = None, dt: float = DT) -> Array:
     """Reading (n,) of a sensor on a damper whose force (n,) is prescribed."""
-    text = document(
-        slider(HEAVY),
-        [Damper("bingham", {**DASHPOT, **(damper or {})})],
-        [Sensor("f", "mr", sensor)],
+    text = mjcf.document(
+        mjcf.slider(mjcf.HEAVY),
+        [mjcf.Damper("bingham", {**DASHPOT, **(damper or {})})],
+        [mjcf.Sensor("f", "mr", sensor)],
         timestep=dt,
     )
     zero = np.zeros(len(force))
-    return drive(text, zero, np.asarray(force / C), zero)["f"]
+    return mjcf.drive(text, zero, np.asarray(force / C), zero)["f"]
 
 
 def close(found: Array, expected: Array, scale: float = 1.0) -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * scale)
 
 
-T = grid(0.5, DT)
+T = mjcf.grid(0.5, DT)
 RAMP = 400.0 * T  # N
 
 
@@ -66,7 +53,7 @@ def test_charge_is_that_of_the_self_sensing_paper() -> None:
     """-158.248 pC/N, Eq. (1) to (3); also behind gain and leakage."""
     close(read(RAMP, {"signal": "charge"}), -158.248 * RAMP, 1e5)
     close(read(RAMP, {"signal": "charge", "sensitivity": 40.0}), 40.0 * RAMP, 1e5)
-    behind: Values = {"sensor_gain_g": 0.8, "sensor_leakage_tau": 0.2, "sensor_lag_tau": 0.01}
+    behind: mjcf.Values = {"sensor_gain_g": 0.8, "sensor_leakage_tau": 0.2, "sensor_lag_tau": 0.01}
     close(read(RAMP, {"signal": "charge", **behind}), -158.248 * read(RAMP, behind), 1e5)
 
 
@@ -90,8 +77,8 @@ def test_lag_is_a_low_pass(tau: float) -> None:
 def test_chain_of_filters_on_a_sine(frequency: float) -> None:
     """Amplitude and phase of s tau / (1 + s tau) / (1 + s t1) / (1 + s t2), after the start has died away."""
     leakage, first, second, w = 0.15, 0.006, 0.003, 2.0 * math.pi * frequency
-    t = grid(4.0, DT)
-    chain: Values = {
+    t = mjcf.grid(4.0, DT)
+    chain: mjcf.Values = {
         "sensor_leakage_tau": leakage, "sensor_lag_tau": first, "sensor_lag_tau2": second,
         "sensor_gain_g": 1.2, "sensor_offset_f": 3.0,
     }  # fmt: skip
@@ -103,29 +90,29 @@ def test_chain_of_filters_on_a_sine(frequency: float) -> None:
 
 
 def test_an_offset_settles_from_the_start() -> None:
-    settling: Values = {"sensor_offset_f": 5.0, "sensor_offset_settle": -60.0, "sensor_offset_time": 0.1}
+    settling: mjcf.Values = {"sensor_offset_f": 5.0, "sensor_offset_settle": -60.0, "sensor_offset_time": 0.1}
     close(read(RAMP, settling), RAMP + 5.0 - 60.0 * np.exp(-T / 0.1), 100.0)
 
 
 def test_filters_do_not_depend_on_the_timestep() -> None:
-    chain: Values = {"sensor_leakage_tau": 0.05, "sensor_lag_tau": 0.004}
-    fine = grid(0.3, 2e-4)
+    chain: mjcf.Values = {"sensor_leakage_tau": 0.05, "sensor_lag_tau": 0.004}
+    fine = mjcf.grid(0.3, 2e-4)
     found = read(400.0 * fine, chain, dt=2e-4)
     np.testing.assert_allclose(found[:: round(DT / 2e-4)][:300], read(RAMP, chain)[:300], atol=0.02)
 
 
 def test_damper_carries_the_sensor_and_the_sensor_overrides() -> None:
     """`sensor_*` of the damper count for every sensor on it, unless the sensor has its own."""
-    carried: Values = {
+    carried: mjcf.Values = {
         "sensor_gain_g": 0.5,
         "sensor_offset_f": 4.0,
         "sensor_leakage_tau": 0.1,
         "sensor_lag_tau": 0.02,
     }
     close(read(RAMP, {}, carried), read(RAMP, carried), 100.0)
-    own: Values = {"sensor_gain_g": 1.0, "sensor_leakage_tau": 0.0}
+    own: mjcf.Values = {"sensor_gain_g": 1.0, "sensor_leakage_tau": 0.0}
     close(read(RAMP, own, carried), read(RAMP, {**carried, **own}), 100.0)
-    off: Values = {**own, "sensor_offset_f": 0.0, "sensor_lag_tau": 0.0}
+    off: mjcf.Values = {**own, "sensor_offset_f": 0.0, "sensor_lag_tau": 0.0}
     close(read(RAMP, off, carried), RAMP, 100.0)
     assert rms(read(RAMP, {}, carried) - RAMP) > 50.0
 
@@ -170,20 +157,21 @@ def test_seeds_give_noise_of_their_own() -> None:
 
 
 def test_two_sensors_of_one_seed_differ() -> None:
-    sensors = [Sensor(name, "mr", {"noise": 2.5, "seed": 3.0}) for name in "ab"]
+    sensors = [mjcf.Sensor(name, "mr", {"noise": 2.5, "seed": 3.0}) for name in "ab"]
     zero = np.zeros(2000)
-    found = drive(document(slider(HEAVY), [Damper("bingham", DASHPOT)], sensors), zero, zero, zero)
+    rig = mjcf.document(mjcf.slider(mjcf.HEAVY), [mjcf.Damper("bingham", DASHPOT)], sensors)
+    found = mjcf.drive(rig, zero, zero, zero)
     assert rms(found["a"]) == pytest.approx(2.5, rel=0.1)
     assert abs(float(np.corrcoef(found["a"], found["b"])[0, 1])) < 0.1
 
 
 def noisy() -> tuple[mujoco.MjModel, mujoco.MjData]:
-    text = document(
-        slider(2.0, stiffness=800.0),
-        [Damper("bingham", {**DASHPOT, "c0a": 1.0})],
-        [Sensor("f", "mr", {"noise": 2.5, "seed": 5.0, "sensor_lag_tau": 0.01, "sensor_leakage_tau": 0.5})],
+    text = mjcf.document(
+        mjcf.slider(2.0, stiffness=800.0),
+        [mjcf.Damper("bingham", {**DASHPOT, "c0a": 1.0})],
+        [mjcf.Sensor("f", "mr", {"noise": 2.5, "seed": 5.0, "sensor_lag_tau": 0.01, "sensor_leakage_tau": 0.5})],
     )
-    model, data = compiled(text)
+    model, data = mjcf.compiled(text)
     data.qpos[0] = 0.02
     return model, data
 
@@ -191,21 +179,21 @@ def noisy() -> tuple[mujoco.MjModel, mujoco.MjData]:
 def test_same_trajectory_has_the_same_noise() -> None:
     """After reset, in a copy, after a state was put back, and however often the state is looked at."""
     model, data = noisy()
-    first = step_through(model, data, 400).sensors
+    first = mjcf.step_through(model, data, 400).sensors
     mujoco.mj_resetData(model, data)
     data.qpos[0] = 0.02
-    np.testing.assert_array_equal(step_through(model, data, 150).sensors, first[:150])
+    np.testing.assert_array_equal(mjcf.step_through(model, data, 150).sensors, first[:150])
     spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
     state = np.empty(mujoco.mj_stateSize(model, spec))
     mujoco.mj_getState(model, data, state, spec)
     twin = copy.copy(data)
-    np.testing.assert_array_equal(step_through(model, twin, 250).sensors, first[150:])
-    step_through(model, data, 77)
+    np.testing.assert_array_equal(mjcf.step_through(model, twin, 250).sensors, first[150:])
+    mjcf.step_through(model, data, 77)
     mujoco.mj_setState(model, data, state, spec)
     for _ in range(5):
         mujoco.mj_forward(model, data)
     np.testing.assert_array_equal(data.sensordata, first[150])
-    np.testing.assert_array_equal(step_through(model, data, 250).sensors, first[150:])
+    np.testing.assert_array_equal(mjcf.step_through(model, data, 250).sensors, first[150:])
 
 
 # --- other signals ------------------------------------------------------------------------------------
@@ -215,11 +203,11 @@ def test_same_trajectory_has_the_same_noise() -> None:
 def test_shifted_channel_of_the_stroke(shift: float) -> None:
     """channel_shift: the displacement channel reads x(t - d); the force is that of now."""
     mass, stiffness, timestep = 2.0, 800.0, 2e-4
-    model, data = oscillator(
+    model, data = mjcf.oscillator(
         "bingham", {**DASHPOT, "c0a": 1e-6, "channel_shift_d": shift}, mass, stiffness, timestep
     )
     data.qpos[0] = 0.02
-    track = step_through(model, data, 3000)
+    track = mjcf.step_through(model, data, 3000)
     t, w = np.arange(3000) * timestep, math.sqrt(stiffness / mass)
     stroke = track.sensors[:, model.sensor("stroke").adr[0]]
     assert rms(stroke - 0.02 * np.cos(w * (t - shift))) < 3e-3 * 0.02
@@ -234,12 +222,12 @@ def test_signals_of_the_inside() -> None:
         "heating_kappa_yield": 1e-9,
         "heating_capacity": 5.0,
     }
-    text = document(slider(HEAVY), [Damper("bingham", {**DASHPOT, **more})], signals())
+    text = mjcf.document(mjcf.slider(mjcf.HEAVY), [mjcf.Damper("bingham", {**DASHPOT, **more})], mjcf.signals())
     n = 300
     v, u = np.full(n, 0.3), np.where(np.arange(n) > 0, 1.2, 0.0)
     k = np.arange(n, dtype=np.float64)
     x = 0.3 * DT * k
-    found = drive(text, x, v, u)
+    found = mjcf.drive(text, x, v, u)
     since = np.maximum(k - 1.0, 0.0) * DT
     current = 1.2 * (1.0 - np.exp(-since / 0.02))
     close(found["current"], current)
@@ -251,9 +239,9 @@ def test_signals_of_the_inside() -> None:
 
 def test_moving_mass_is_in_the_reading_and_not_in_the_damper() -> None:
     """Under a known push: reading = force of the dashpot + m a, and the body obeys m_b a = push - reading."""
-    model, data = compiled(
-        document(
-            slider(3.0), [Damper("bingham", {**DASHPOT, "moving_mass_m": 1.5})], signals(), timestep=1e-4
+    model, data = mjcf.compiled(
+        mjcf.document(
+            mjcf.slider(3.0), [mjcf.Damper("bingham", {**DASHPOT, "moving_mass_m": 1.5})], mjcf.signals(), timestep=1e-4
         )
     )
     data.qfrc_applied[0] = 45.0

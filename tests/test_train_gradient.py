@@ -302,13 +302,10 @@ def test_noise_explores_around_a_deterministic_actor(tmp_path: Path) -> None:
 
 def test_what_the_learner_does_not_know_is_refused(tmp_path: Path) -> None:
     for algorithm, wrong, said in (
-        ("ppo", "learning_rte=1", "learning_rte"),
-        ("ppo", "explore=0.1", "explore is for"),
-        ("sac", "freeze=10", "freeze is for"),
-        ("ppo", "pool=0", "privileged needs a pool"),
-        ("ppo", "action=command", "teacher is for action: force"),
-        ("ppo", "reach=0", "reach"),
-    ):
+        ("ppo", "learning_rte=1", "learning_rte"), ("ppo", "explore=0.1", "explore is for"),
+        ("sac", "freeze=10", "freeze is for"), ("ppo", "pool=0", "privileged needs a pool"),
+        ("ppo", "action=command", "teacher is for action: force"), ("ppo", "reach=0", "reach"),
+    ):  # fmt: skip
         options = Options(algorithm=algorithm, overrides=(*SMALL, wrong))
         with pytest.raises(InputError, match=said):
             train(options, tmp_path)

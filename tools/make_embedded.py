@@ -228,24 +228,17 @@ def trials() -> list[Trial]:
     # Shape, Hz, mm, A, s.
     steadies(
         "train",
-        ("sine", 1.0, 5.0, 0.25, 5.0),
-        ("sine", 1.0, 1.0, 1.00, 5.0),
-        ("sine", 2.5, 5.0, 0.00, 3.0),
-        ("sine", 2.5, 2.5, 1.00, 3.0),
-        ("sine", 5.0, 5.0, 0.50, 3.0),
-        ("sine", 5.0, 2.5, 0.00, 3.0),
+        ("sine", 1.0, 5.0, 0.25, 5.0), ("sine", 1.0, 1.0, 1.00, 5.0), ("sine", 2.5, 5.0, 0.00, 3.0),
+        ("sine", 2.5, 2.5, 1.00, 3.0), ("sine", 5.0, 5.0, 0.50, 3.0), ("sine", 5.0, 2.5, 0.00, 3.0),
         ("triangle", 1.0, 5.0, 0.50, 5.0),
-    )
+    )  # fmt: skip
     random("train", 1)
     add("train", "sine_5.0Hz_2.5mm_random_current", 15.0, sine(5.0, 2.5e-3), random_command(22, 10.0))
     steadies(
         "validation",
-        ("sine", 1.0, 10.0, 0.75, 4.0),
-        ("sine", 2.5, 1.0, 0.50, 3.0),
-        ("sine", 5.0, 5.0, 0.00, 3.0),
-        ("sine", 5.0, 5.0, 1.00, 3.0),
-        ("triangle", 2.5, 5.0, 0.50, 3.0),
-    )
+        ("sine", 1.0, 10.0, 0.75, 4.0), ("sine", 2.5, 1.0, 0.50, 3.0), ("sine", 5.0, 5.0, 0.00, 3.0),
+        ("sine", 5.0, 5.0, 1.00, 3.0), ("triangle", 2.5, 5.0, 0.50, 3.0),
+    )  # fmt: skip
     random("validation", 2)
     slow, corner = sine(1.0, 2.5e-3), triangle(2.5, 2.5e-3)
     add("validation", "sine_1.0Hz_2.5mm_random_current", 10.0, slow, random_command(24, 10.0))

@@ -14,9 +14,7 @@ from gymnasium.spaces import Box
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
-from stable_baselines3.sac.policies import Actor as SacActor
 from stable_baselines3.sac.policies import SACPolicy
-from stable_baselines3.td3.policies import Actor as Td3Actor
 from stable_baselines3.td3.policies import TD3Policy
 from torch import nn
 
@@ -107,32 +105,26 @@ class AsymmetricRecurrent(RecurrentActorCriticPolicy):
         return {**super()._get_constructor_parameters(), "front": self._front}
 
 
-class AsymmetricSac(SACPolicy):
+class _FrontActor:
+    """Mixin of policies with a separate actor: it is built on the first `front` features."""
+
+    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
+        self._front = front
+        super().__init__(*arguments, **named)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Any:
+        return super().make_actor(Front(self.observation_space, self._front))  # type: ignore[misc, attr-defined]
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "front": self._front}  # type: ignore[misc]
+
+
+class AsymmetricSac(_FrontActor, SACPolicy):
     """For SAC."""
 
-    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
-        self._front = front
-        super().__init__(*arguments, **named)
 
-    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> SacActor:
-        return super().make_actor(Front(self.observation_space, self._front))
-
-    def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "front": self._front}
-
-
-class AsymmetricTd3(TD3Policy):
+class AsymmetricTd3(_FrontActor, TD3Policy):
     """For TD3 and DDPG."""
-
-    def __init__(self, *arguments: Any, front: int, **named: Any) -> None:
-        self._front = front
-        super().__init__(*arguments, **named)
-
-    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Td3Actor:
-        return super().make_actor(Front(self.observation_space, self._front))
-
-    def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "front": self._front}
 
 
 POLICIES: dict[str, type[Any]] = {

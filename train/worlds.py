@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,12 +70,16 @@ class Stage:
     controller: Controller
 
 
+@dataclass(frozen=True)
 class World(ABC):
     """One environment id with its keyword arguments.
 
-    option: of a reset, that names the load. measures: what `info` says of an episode that is kept.
+    arguments: of the task; kind: the task's class. option: of a reset, that names the load. measures: the fields of
+    `info` that are kept of an episode.
     """
 
+    arguments: Mapping[str, Any]
+    kind: ClassVar[Callable[..., Task]]
     option: ClassVar[str]
     measures: ClassVar[tuple[str, ...]]
     #: Of the criteria's norm over time, unless the hyperparameters say otherwise.
@@ -92,21 +96,21 @@ class World(ABC):
         """(n, criteria) from what happened in a control period, (n, ...)."""
         return np.stack([period[:, c.column] ** c.power for c in self.criteria], axis=1)
 
-    @abstractmethod
-    def observing(self, observer: Observer) -> World:
+    def observing(self, observer: Observer) -> Self:
         """The same with another observer."""
+        return replace(self, arguments={**self.arguments, "observer": observer})
 
     @abstractmethod
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> Task:
         """n rows under training loads, or those of a source."""
 
-    @abstractmethod
     def judging(self, n: int) -> Task:
-        """n rows in MuJoCo, without noise, whose `info` holds the measures as reported, whatever the reward is."""
+        """n rows in MuJoCo, without noise, whose `info` has the measures as reported, whatever the reward is."""
+        return self.kind(n, **{**self.arguments, "reward": None, "noise": None})
 
-    @abstractmethod
     def searching(self, n: int) -> Task:
-        """As `judging`, on the C++ chain."""
+        """n rows on the C++ chain, whose `info` has the measures as reported."""
+        return self.kind(n, **{**self.arguments, "reward": None, "engine": "chain"})
 
     @abstractmethod
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
@@ -141,8 +145,8 @@ class FrameWorld(World):
     A constant command that saves drift costs acceleration; the weight is such that a policy gains in both over it.
     """
 
-    arguments: Mapping[str, Any]
     weight: float = 0.3
+    kind: ClassVar[Callable[..., Task]] = FrameTask
     option: ClassVar[str] = "motion"
     measures: ClassVar[tuple[str, ...]] = ("drift_ratio", "acceleration_ratio", "mean_current")
     exponent: ClassVar[float] = 8.0
@@ -152,15 +156,9 @@ class FrameWorld(World):
         whole = 1 + self.weight
         return Criterion("drift_ratio", 1 / whole, 0), Criterion("acceleration_ratio", self.weight / whole, 1)
 
-    def observing(self, observer: Observer) -> FrameWorld:
-        return replace(self, arguments={**self.arguments, "observer": observer})
-
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> FrameTask:
         own = {**self.arguments, **(self._longer if engine == "chain" else {})}
         return FrameTask(n, motions=loads or training_motions(), engine=engine, **own)
-
-    def judging(self, n: int) -> FrameTask:
-        return FrameTask(n, **{**self.arguments, "reward": None, "noise": None})
 
     def searching(self, n: int) -> FrameTask:
         return FrameTask(n, **{**self.arguments, **self._longer, "reward": None, "engine": "chain"})
@@ -202,7 +200,7 @@ class FrameWorld(World):
 class CableWorld(World):
     """`mrdamp/Cable-v0`. arguments: of `CableTask`."""
 
-    arguments: Mapping[str, Any]
+    kind: ClassVar[Callable[..., Task]] = CableTask
     option: ClassVar[str] = "load"
     measures: ClassVar[tuple[str, ...]] = ("motion_ratio", "mean_current")
     exponent: ClassVar[float] = 2.0
@@ -211,17 +209,8 @@ class CableWorld(World):
     def criteria(self) -> tuple[Criterion, ...]:
         return (Criterion("motion_ratio", 1.0, 0, 0.5),)
 
-    def observing(self, observer: Observer) -> CableWorld:
-        return replace(self, arguments={**self.arguments, "observer": observer})
-
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> CableTask:
         return CableTask(n, loads=loads or CableLoads(), engine=engine, **self.arguments)
-
-    def judging(self, n: int) -> CableTask:
-        return CableTask(n, **{**self.arguments, "reward": None, "noise": None})
-
-    def searching(self, n: int) -> CableTask:
-        return CableTask(n, **{**self.arguments, "reward": None, "engine": "chain"})
 
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         length = self.task(1).cable.length
@@ -265,8 +254,8 @@ class CarWorld(World):
     comfort; the share is such that it has that of the linear suspension.
     """
 
-    arguments: Mapping[str, Any]
     holding: float = 0.5
+    kind: ClassVar[Callable[..., Task]] = CarTask
     option: ClassVar[str] = "road"
     measures: ClassVar[tuple[str, ...]] = ("comfort_ratio", "load_ratio", "mean_current")
     exponent: ClassVar[float] = 2.0
@@ -277,17 +266,8 @@ class CarWorld(World):
         comfort = Criterion("comfort_ratio", 1.0 - self.holding, 0, 0.5)
         return comfort, Criterion("load_ratio", self.holding, 1, 0.5)
 
-    def observing(self, observer: Observer) -> CarWorld:
-        return replace(self, arguments={**self.arguments, "observer": observer})
-
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> CarTask:
         return CarTask(n, roads=loads or TrainingRoads(), engine=engine, **self.arguments)
-
-    def judging(self, n: int) -> CarTask:
-        return CarTask(n, **{**self.arguments, "reward": None, "noise": None})
-
-    def searching(self, n: int) -> CarTask:
-        return CarTask(n, **{**self.arguments, "reward": None, "engine": "chain"})
 
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
         return TrainingRoads().some(rng, count)

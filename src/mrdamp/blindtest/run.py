@@ -31,28 +31,14 @@ from mrdamp.simulation.predict import INPUTS, free_run
 Progress = Callable[[str, float], None]
 
 
-@dataclass(frozen=True)
 class Folders:
-    """Where things of a blind test lie."""
+    """Folders of a blind test. sealed: labels, seed and the tests that no case contains."""
 
-    root: Path
-
-    @property
-    def cases(self) -> Path:
-        return self.root / "cases"
-
-    @property
-    def sealed(self) -> Path:
-        """Labels, seed and the tests that no case holds."""
-        return self.root / "sealed"
-
-    @property
-    def tests(self) -> Path:
-        return self.sealed / "tests"
-
-    @property
-    def answers(self) -> Path:
-        return self.root / "answers"
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.cases, self.answers = root / "cases", root / "answers"
+        self.sealed = root / "sealed"
+        self.tests = self.sealed / "tests"
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def of_network(
     if choice:
         out["choice"] = {
             "by": choice.by,
-            "chosen": asdict(choice.candidate),
+            "chosen": choice.candidate._asdict(),
             **{step: [_trial(t) for t in getattr(choice, step)] for step in ("inputs", "lags", "units")},
         }
     if pruned:
@@ -159,7 +159,7 @@ def _errors(errors: Sequence[RecordError], pooled: float) -> dict[str, Any]:
 
 def _trial(t: Trial) -> dict[str, Any]:
     return {
-        **asdict(t.candidate),
+        **t.candidate._asdict(),
         "weights": t.weights,
         "gamma": t.gamma,
         "train": {"free_run_nrmse": t.train_free, "one_step_nrmse": t.train_one},

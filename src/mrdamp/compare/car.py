@@ -69,15 +69,11 @@ _DEFAULT = (
 
 @dataclass(frozen=True)
 class CarBench(PlantBench):
-    """A quarter car with its damper. period: of the classical controllers, s; timestep: of the engine, s, at most;
-    engine: `mujoco` or `chain`. Raises InputError."""
+    """A quarter car with its damper. Raises InputError."""
 
     car: QuarterCar = field(default_factory=QuarterCar)
-    model: Model = field(default_factory=car_damper)
-    command_unit: str = "V"
-    period: float = 5e-3
-    timestep: float = 5e-4
-    engine: str = "mujoco"
+    model: Model = field(default_factory=car_damper, kw_only=True)
+    timestep: float = field(default=5e-4, kw_only=True)
 
     environment: ClassVar[str] = "car"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS

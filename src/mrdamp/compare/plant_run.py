@@ -21,13 +21,16 @@ from mrdamp.model import Model
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True, kw_only=True)
 class PlantBench:
-    """What benches of a plant share: base of frozen dataclasses with these fields, and `options`, kind of controller ->
-    options with their defaults."""
+    """Base of benches of a plant. command_unit: A or V; period: of the classical controllers, s; timestep: of the
+    engine, s, at most; engine: `mujoco` or `chain`; options: kind of controller -> options with their defaults."""
 
     model: Model
-    period: float
+    command_unit: str = "V"
+    period: float = 5e-3
     timestep: float
+    engine: str = "mujoco"
     options: ClassVar[Mapping[str, Mapping[str, float]]]
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import math
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.model.native import ERROR_SIZE, Array, library, pointer
+from mrdamp.model.native import Array, checked, library, pointer
 
 
 @dataclass(frozen=True)
@@ -122,6 +121,4 @@ def vector(law: str, parameters: Mapping[str, float]) -> Array:
 
 def check(law: int, params: Array) -> None:
     """Checks ranges and what the law needs, as MJCF does; raises InputError."""
-    error = ctypes.create_string_buffer(ERROR_SIZE)
-    if library().mrdamp_check(law, pointer(params), error, ERROR_SIZE):
-        raise InputError(error.value.decode())
+    checked(library().mrdamp_check, law, pointer(params))

@@ -22,7 +22,7 @@ from mrdamp.model.attributes import (
     laws,
     vector,
 )
-from mrdamp.model.native import ERROR_SIZE, Array, Frame, Options, library, pointer
+from mrdamp.model.native import ERROR_SIZE, Array, Frame, Options, checked, library, pointer
 
 __all__ = [
     "COLUMNS",
@@ -115,8 +115,8 @@ def run_many(
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
     out = np.empty((len(matrix), len(columns), len(x)))
     options = Options(int(hold), threads, substep or 0.0)
-    error = ctypes.create_string_buffer(ERROR_SIZE)
-    failed = library().mrdamp_run(
+    checked(
+        library().mrdamp_run,
         law_number(law),
         narx.handle if narx else None,
         len(matrix),
@@ -128,11 +128,7 @@ def run_many(
         len(columns),
         numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
         pointer(out),
-        error,
-        ERROR_SIZE,
     )
-    if failed:
-        raise InputError(error.value.decode())
     return out
 
 
@@ -247,8 +243,8 @@ def run_frame_many(
     sizes = [(2 * row.storeys + 7) * n for row in rows]
     out = np.empty(sum(sizes))
     options = Options(int(hold), threads, substep or 0.0)
-    error = ctypes.create_string_buffer(ERROR_SIZE)
-    failed = library().mrdamp_run_frame(
+    checked(
+        library().mrdamp_run_frame,
         law_number(law),
         narx.handle if narx else None,
         len(matrix),
@@ -260,11 +256,7 @@ def run_frame_many(
         pointer(command),
         ctypes.byref(options),
         pointer(out),
-        error,
-        ERROR_SIZE,
     )
-    if failed:
-        raise InputError(error.value.decode())
     parts = np.split(out, np.cumsum(sizes)[:-1])
     return [
         dict(zip(frame_columns(row.storeys), part.reshape(-1, n), strict=True))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mrdamp.errors import InputError
 from mrdamp.library import library_path, load_plugin
 
 Array = npt.NDArray[np.float64]
@@ -24,28 +26,18 @@ class Options(ctypes.Structure):
 class Frame(ctypes.Structure):
     _fields_ = (
         ("storeys", ctypes.c_int),
-        ("mass", double_p),
-        ("stiffness", double_p),
-        ("damping", double_p),
-        ("friction", double_p),
+        *((name, double_p) for name in ("mass", "stiffness", "damping", "friction")),
         ("damper_from", ctypes.c_int),
         ("damper_to", ctypes.c_int),
-        ("acc_gain", double_p),
-        ("acc_offset", double_p),
-        ("acc_leakage", double_p),
-        ("acc_lag", double_p),
-        ("acc_lag2", double_p),
-        ("friction_width", double_p),
-        ("friction_presliding", double_p),
-        ("one_sided", double_p),
-        ("cubic", double_p),
-        ("damping2", double_p),
-        ("acc_leakage_share", double_p),
-        ("acc_leakage2", double_p),
-        ("acc_ratio", double_p),
-        ("acc_settle", double_p),
-        ("acc_settle_time", double_p),
-    )
+        *(
+            (name, double_p)
+            for name in (
+                "acc_gain", "acc_offset", "acc_leakage", "acc_lag", "acc_lag2", "friction_width", "friction_presliding",
+                "one_sided", "cubic", "damping2", "acc_leakage_share", "acc_leakage2", "acc_ratio", "acc_settle",
+                "acc_settle_time",
+            )
+        ),
+    )  # fmt: skip
 
 
 class Dampers(ctypes.Structure):
@@ -154,3 +146,10 @@ def library() -> ctypes.CDLL:
 def pointer(array: Array) -> object:
     """Pointer to the doubles of a contiguous array."""
     return array.ctypes.data_as(double_p)
+
+
+def checked(function: Any, *arguments: Any) -> None:
+    """Calls a function of the library that returns 0, or else writes one line; raises InputError with that line."""
+    error = ctypes.create_string_buffer(ERROR_SIZE)
+    if function(*arguments, error, ERROR_SIZE):
+        raise InputError(error.value.decode())

@@ -18,6 +18,7 @@ from mrdamp.pictures.style import (
     MUTED,
     SIMULATED,
     axes_grid,
+    controllers_of,
     elide,
     figure,
     interval_legend,
@@ -48,9 +49,7 @@ def shares(panels: Mapping[str, Sequence[Share]]) -> Figure:
 
     panels: title -> the same controllers in the same order. Shares below -1 are drawn at -1.
     """
-    if not panels or not all(panels.values()):
-        raise InputError("picture: shares has nothing to show; give at least one controller")
-    names = [s.name for s in next(iter(panels.values()))]
+    names = controllers_of("shares", panels)
     fig = figure(0.9 + 0.22 * len(names))
     axes = axes_grid(fig, 1, len(panels), sharey=True)[0]
     for ax, (title, rows) in zip(axes, panels.items(), strict=True):

@@ -14,23 +14,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike, NDArray
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.style import (
-    COLOURS,
-    DASHES,
-    INK,
-    MARKERS,
-    MUTED,
-    REFERENCE,
-    SIMULATED,
-    axes_grid,
-    elide,
-    figure,
-    interval_legend,
-    legend,
-    short,
-    styled,
-    ticks,
-)  # fmt: skip
+from mrdamp.pictures import style
 
 Array = NDArray[np.float64]
 
@@ -47,18 +31,16 @@ class Bar:
     marked: bool = False
 
 
-@styled
+@style.styled
 def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
     """Means by controller, one panel a measure: dot with interval, and a tick at the worst case.
 
     panels: title -> the same controllers in the same order; a NaN mean leaves its row empty.
     """
-    if not panels or not all(panels.values()):
-        raise InputError("picture: ranking has nothing to show; give at least one controller")
-    names = [bar.name for bar in next(iter(panels.values()))]
+    names = style.controllers_of("ranking", panels)
     rows = -(-len(panels) // 2)
-    fig = figure(0.55 + rows * (0.55 + 0.2 * len(names)))
-    axes = [ax for row in axes_grid(fig, rows, 2, sharey=True) for ax in row]
+    fig = style.figure(0.55 + rows * (0.55 + 0.2 * len(names)))
+    axes = [ax for row in style.axes_grid(fig, rows, 2, sharey=True) for ax in row]
     place = np.arange(len(names), dtype=np.float64)
     for ax, (title, bars) in zip(axes, panels.items(), strict=False):
         largest = (
@@ -67,7 +49,7 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
         for y, bar in zip(place, bars, strict=True):
             if not np.isfinite(bar.mean):
                 continue
-            colour = SIMULATED if bar.marked else COLOURS[0]
+            colour = style.SIMULATED if bar.marked else style.COLOURS[0]
             if np.isfinite(bar.low):
                 ax.plot(
                     [bar.low, bar.high],
@@ -77,23 +59,23 @@ def ranking(panels: Mapping[str, Sequence[Bar]]) -> Figure:
                     alpha=0.35,
                     solid_capstyle="butt",
                 )
-            ax.plot([bar.worst], [y], marker="|", markersize=7, color=MUTED, linestyle="none")
+            ax.plot([bar.worst], [y], marker="|", markersize=7, color=style.MUTED, linestyle="none")
             ax.plot([bar.mean], [y], marker="o", markersize=4.5, color=colour, linestyle="none")
-            ax.text(1.06 * largest, y, short(bar.mean), va="center", fontsize=9, color=INK)
+            ax.text(1.06 * largest, y, style.short(bar.mean), va="center", fontsize=9, color=style.INK)
         ax.set_xlim(0, 1.36 * largest)
         ax.set_title(title)
         ax.grid(False, axis="y")
         ax.tick_params(axis="y", length=0)
-        ticks(ax, 4)
+        style.ticks(ax, 4)
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
-    axes[0].set_yticks(place, [elide(name, 128, 9) for name in names])
+    axes[0].set_yticks(place, [style.elide(name, 128, 9) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)
-    interval_legend(fig, "mean", "95 % of the mean", "worst")
+    style.interval_legend(fig, "mean", "95 % of the mean", "worst")
     return fig
 
 
-@styled
+@style.styled
 def trade_off(
     drift: Mapping[str, float], acceleration: Mapping[str, float], marked: Sequence[str] = ()
 ) -> Figure:
@@ -104,26 +86,26 @@ def trade_off(
     names = list(drift)
     if not names:
         raise InputError("picture: trade_off has nothing to show; give at least one controller")
-    fig = figure(max(3.4, 0.6 + 0.19 * len(names)))
-    [[ax, key]] = axes_grid(fig, 1, 2, width_ratios=[1.5, 1.0])
+    fig = style.figure(max(3.4, 0.6 + 0.19 * len(names)))
+    [[ax, key]] = style.axes_grid(fig, 1, 2, width_ratios=[1.5, 1.0])
     points = np.array([[drift[name], acceleration[name]] for name in names])
     span = np.maximum(np.ptp(points, axis=0), 1e-9)
     for k, (name, place) in enumerate(zip(names, _label_places(points / span * _AXES), strict=True), start=1):
-        colour = SIMULATED if name in marked else COLOURS[0]
+        colour = style.SIMULATED if name in marked else style.COLOURS[0]
         ax.plot([drift[name]], [acceleration[name]], marker="o", markersize=4, color=colour, linestyle="none")
         ax.annotate(
             str(k), points[k - 1], xytext=tuple(place), textcoords="offset points", fontsize=9, color=colour,
             ha="center", va="center", arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 4},
         )  # fmt: skip
         key.text(
-            0.0, 1 - (k - 0.5) / len(names), f"{k}  {elide(name, 124, 9)}", transform=key.transAxes, fontsize=9,
-            va="center", color=SIMULATED if name in marked else INK,
+            0.0, 1 - (k - 0.5) / len(names), f"{k}  {style.elide(name, 124, 9)}", transform=key.transAxes, fontsize=9,
+            va="center", color=style.SIMULATED if name in marked else style.INK,
         )  # fmt: skip
     key.set_axis_off()
     ax.set_xlabel("J1, peak drift over uncontrolled")
     ax.set_ylabel("J2, peak acceleration over uncontrolled")
     ax.margins(0.14)
-    ticks(ax, 5, 6)
+    style.ticks(ax, 5, 6)
     return fig
 
 
@@ -147,7 +129,7 @@ def _label_places(points: Array) -> list[Array]:
     return places
 
 
-@styled
+@style.styled
 def by_amplitude(
     amplitudes: ArrayLike, panels: Mapping[str, Mapping[str, ArrayLike]], marked: Sequence[str] = ()
 ) -> Figure:
@@ -157,14 +139,14 @@ def by_amplitude(
     """
     x = np.asarray(amplitudes, dtype=np.float64)
     names = list(next(iter(panels.values()), {}))
-    if not names or len(names) > len(DASHES):
-        raise InputError(f"picture: by_amplitude has {len(names)} controllers; allowed: 1 to {len(DASHES)}")
-    fig = figure(2.75)
-    axes = axes_grid(fig, 1, len(panels), sharex=True)[0]
-    others = iter((REFERENCE, *COLOURS[:1], *COLOURS[2:]))
-    colour = {name: SIMULATED if name in marked else next(others) for name in names}
+    if not names or len(names) > len(style.DASHES):
+        raise InputError(f"picture: by_amplitude has {len(names)} controllers; allowed: 1 to {len(style.DASHES)}")
+    fig = style.figure(2.75)
+    axes = style.axes_grid(fig, 1, len(panels), sharex=True)[0]
+    others = iter((style.REFERENCE, *style.COLOURS[:1], *style.COLOURS[2:]))
+    colour = {name: style.SIMULATED if name in marked else next(others) for name in names}
     looks: dict[str, dict[str, Any]] = {
-        name: {"color": colour[name], "linestyle": DASHES[k], "marker": MARKERS[k], "markersize": 4.5}
+        name: {"color": colour[name], "linestyle": style.DASHES[k], "marker": style.MARKERS[k], "markersize": 4.5}
         for k, name in enumerate(names)
     }
     for ax, (title, lines) in zip(axes, panels.items(), strict=True):
@@ -172,27 +154,27 @@ def by_amplitude(
             ax.plot(x, np.asarray(values, dtype=np.float64), **looks[name])
         ax.set_title(title)
         ax.set_xlabel("amplitude")
-        ticks(ax, 5, 5)
-    legend(fig, [Line2D([], [], **looks[name]) for name in names], names)
+        style.ticks(ax, 5, 5)
+    style.legend(fig, [Line2D([], [], **looks[name]) for name in names], names)
     return fig
 
 
-@styled
+@style.styled
 def deviations(rows: Mapping[str, Sequence[float]], columns: Sequence[str]) -> Figure:
     """Deviations in percent, one group of bars a row. rows: name -> up to len(columns) values."""
     if not rows:
         raise InputError("picture: deviations has nothing to show")
-    fig = figure(2.4)
-    [[ax]] = axes_grid(fig, 1, 1)
+    fig = style.figure(2.4)
+    [[ax]] = style.axes_grid(fig, 1, 1)
     width = 0.8 / len(rows)
     handles: list[Artist] = []
     for k, values in enumerate(rows.values()):
         place = np.arange(len(values)) + (k - (len(rows) - 1) / 2) * width
-        ax.bar(place, values, 0.9 * width, color=COLOURS[k % len(COLOURS)])
-        handles.append(Rectangle((0, 0), 1, 1, color=COLOURS[k % len(COLOURS)]))
-    ax.axhline(0.0, color=MUTED, linewidth=0.7)
+        ax.bar(place, values, 0.9 * width, color=style.COLOURS[k % len(style.COLOURS)])
+        handles.append(Rectangle((0, 0), 1, 1, color=style.COLOURS[k % len(style.COLOURS)]))
+    ax.axhline(0.0, color=style.MUTED, linewidth=0.7)
     ax.set_xticks(np.arange(len(columns)), columns)
     ax.set_ylabel("deviation, %")
     ax.grid(False, axis="x")
-    legend(fig, handles, list(rows))
+    style.legend(fig, handles, list(rows))
     return fig

@@ -20,6 +20,8 @@ from matplotlib.lines import Line2D
 from matplotlib.textpath import TextToPath
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
+from mrdamp.errors import InputError
+
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType, RcKeyType
 
@@ -133,6 +135,13 @@ def legend(fig: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> Non
         handles, short, loc="outside upper center", ncols=columns,
         handlelength=1.8, handletextpad=0.5, columnspacing=1.4, borderpad=0.35, labelspacing=0.3,
     )  # fmt: skip
+
+
+def controllers_of(what: str, panels: Mapping[str, Sequence[Any]]) -> list[str]:
+    """Names of the rows of the first panel; what: the picture's name. Raises InputError where a panel is empty."""
+    if not panels or not all(panels.values()):
+        raise InputError(f"picture: {what} has nothing to show; give at least one controller")
+    return [row.name for row in next(iter(panels.values()))]
 
 
 def interval_legend(fig: Figure, mean: str, interval: str, single: str) -> None:

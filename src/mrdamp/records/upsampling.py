@@ -60,15 +60,9 @@ def _repaired_tail(x: Array) -> Array:
 
 
 def upsampled(
-    x: Array,
-    u: Array,
-    sample_time: float,
-    factor: int,
-    v: Array | None = None,
-    a: Array | None = None,
-    *,
+    x: Array, u: Array, sample_time: float, factor: int, v: Array | None = None, a: Array | None = None, *,
     filtered: bool = False,
-) -> FineInputs:
+) -> FineInputs:  # fmt: skip
     """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration run straight."""
     n = len(x)
     t, fine = np.arange(n), np.arange((n - 1) * factor + 1) / factor

@@ -14,7 +14,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.attributes import law_number, vector
 from mrdamp.model.core import FrameInput, Narx, fill_frame
-from mrdamp.model.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, library, pointer
+from mrdamp.model.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, checked, library, pointer
 from mrdamp.simulation.comfort import wk_sections
 from mrdamp.structures.cars import QuarterCar
 
@@ -199,9 +199,7 @@ class ChainRows:
         values = np.ascontiguousarray(deviation, dtype=np.float64)
         if values.shape != self.measured.shape[1:]:
             raise InputError(f"noise has shape {values.shape}; expected {self.measured.shape[1:]}")
-        error = ctypes.create_string_buffer(ERROR_SIZE)
-        if self._lib.mrdamp_rows_noise(self._handle, pointer(values), error, ERROR_SIZE):
-            raise InputError(error.value.decode())
+        checked(self._lib.mrdamp_rows_noise, self._handle, pointer(values))
 
     def start(self, row: int, load: Array, sample_time: float, steps: int, seed: int = 0) -> None:
         """Row at rest under a load (samples, loads) every sample_time (s), straight between samples.

@@ -7,6 +7,9 @@ build-up of friction), so that a cause is judged by what it does and not by one 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.current_effects import current_terms
@@ -256,6 +259,15 @@ def nominal_coordinates(
             size = _size(name, parameters, command)
             out.append(Coordinate(name, value, value - 2 * size, value + 2 * size, 0.1 * size, prior=3.0))
     return tuple(out)
+
+
+def widened(
+    law: tuple[Coordinate, ...], factor: float, which: Callable[[str], bool]
+) -> tuple[Coordinate, ...]:
+    """Coordinates whose ranges are wider by a factor to either side where they are logarithmic and `which` says so."""
+    return tuple(
+        replace(c, low=c.low / factor, high=c.high * factor) if c.log and which(c.name) else c for c in law
+    )
 
 
 def _size(name: str, parameters: Settings, command: float) -> float:

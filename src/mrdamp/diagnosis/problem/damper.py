@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
-from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
 from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
 from mrdamp.diagnosis.hypotheses.outside import (
     command_rivals,
@@ -150,10 +150,7 @@ class DamperRig:
         law = nominal_coordinates(
             self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
         )
-        law = tuple(
-            replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name in self.wider else c
-            for c in law
-        )
+        law = widened(law, _WIDER, self.wider.__contains__)
         return (*law, *effect_coordinates(self.nominal_model.effects, self._catalogue))
 
     @cached_property

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
 from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
@@ -154,10 +154,7 @@ class FrameRig:
             self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
         )
         # At small drifts a frame asks little of some numbers and all of others, which may then be far off.
-        law = tuple(
-            replace(c, low=c.low / _WIDER, high=c.high * _WIDER) if c.log and c.name != "n" else c
-            for c in law
-        )
+        law = widened(law, _WIDER, lambda name: name != "n")
         own = effect_coordinates(self.nominal_model.effects, self._catalogue)
         return (*law, *own, *(structure_coordinates(self.structure) if self.free_structure else ()))
 

@@ -43,12 +43,8 @@ class Agreement:
         return abs(self.mujoco - self.offline) <= AGREEMENT
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "record": self.record,
-            "offline_gap": self.offline,
-            "mujoco_gap": self.mujoco,
-            "difference": self.difference,
-        }
+        gaps = {"offline_gap": self.offline, "mujoco_gap": self.mujoco, "difference": self.difference}
+        return {"record": self.record, **gaps}
 
     def line(self) -> str:
         """What is told where they do not."""

@@ -104,16 +104,8 @@ class Gap:
     left_out: float | None = None  # corrected, each record left out of the fit in turn
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "nominal": self.nominal,
-            "recalibrated": self.recalibrated,
-            "corrected": self.corrected,
-            "noise_floor": self.noise_floor,
-            "ceiling": self.ceiling,
-            "left_out": self.left_out,
-            "baseline": self.baseline,
-            "interval": list(self.interval),
-        }
+        names = ("nominal", "recalibrated", "corrected", "noise_floor", "ceiling", "left_out", "baseline")
+        return {**{name: getattr(self, name) for name in names}, "interval": list(self.interval)}
 
 
 @dataclass(frozen=True)
