@@ -22,8 +22,11 @@ from mrdamp.diagnosis.attribution.frame_blocks import (
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
+from mrdamp.diagnosis.channels.comparison import Compared
+from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
+from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, scored
+from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -91,8 +94,10 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
+    parts = [Part(b.kind, b.place, b.noise, not b.clean) for b in found if b.place is not None]
+    channels = compared_parts(rig.structure, case.records, rig.catalogue, parts)
     search, floor = _search(rig, noise, base, limits, jobs, store, part(0.05, 0.45))
-    _, decision = judge(search, rig, untouched)
+    _, decision = judge(search, rig, untouched, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
     outside = any(search.solved(f) for f in search.rivals)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
@@ -102,24 +107,30 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
 
     def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
         evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
+        # Beside a wrong law the damper's block is always at fault.
+        law_apart = search.inexact and any(c.unexplained for c in channels)
+        told = [b for b in found if b.kind != "damper"] if law_apart else found
         where = replace(
             answer.where,
-            stages=shares_by_stage(search, chosen, answer.verdict, found, evidence),
-            intervals=intervals_by_stage(search, chosen, answer.verdict, found, evidence),
+            stages=shares_by_stage(search, chosen, answer.verdict, told, evidence),
+            intervals=intervals_by_stage(search, chosen, answer.verdict, told, evidence),
             places=place_shares(found),
             place_intervals=place_intervals(found),
         )
-        return replace(answer, where=where)
+        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
 
     def judged() -> Judged:
-        return judge(search, rig, untouched)
+        return judge(search, rig, untouched, channels)
 
     return Searched(small, rig, search, noise, floor, base, notes, judged, complete)
 
 
-def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> Judged:
+def judge(
+    search: Search, rig: FrameRig, baseline: Problem | None = None, channels: Sequence[Compared] = ()
+) -> Judged:
     """All fits, those with the structure's numbers told as effects among them, and the decision over them. baseline:
-    records of the rig as it was."""
+    records of the rig as it was; channels: what its storeys and accelerometers say without a law, which goes before
+    where the law is not the rig's."""
     penalties: dict[int, float] = {}
     if rig.free_structure:
         free = search.ranked(True)
@@ -132,8 +143,14 @@ def judge(search: Search, rig: FrameRig, baseline: Problem | None = None) -> Jud
                         search.fits[key] = named
                         penalties[id(named)] = penalty
     fits = [*search.ranked(False), *search.ranked(True)]
+    if search.inexact:
+        search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
+        for f in fits:
+            penalties[id(f)] = penalties.get(id(f), 0.0) + of_parts(f, rig.clean)
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
     decision = decided(search, fits, penalties, baseline, moves=False)
+    if search.inexact and any(c.unexplained for c in channels) and not search.direct:
+        return fits, replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:

@@ -16,6 +16,7 @@ import numpy as np
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import DrawnCosts, cause_shares, stage_shares
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.balances import BAND, Balances
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.constants import BLOCK_FAULT
 from mrdamp.diagnosis.evidence.resample import SECONDS, Interval, draws, group_sums, interval
@@ -25,13 +26,9 @@ from mrdamp.diagnosis.hypotheses.terms import STAGES
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
-from mrdamp.records.sampling import derivative, lowpass, second_derivative
+from mrdamp.records.sampling import derivative, lowpass
 from mrdamp.structures import ShearFrame
 
-#: Hz, the band that blocks are compared in: what a frame does, and little of a displacement's noise.
-_BAND = 20.0
-#: s at both ends of a record that do not count (filters, start states).
-_ENDS = 0.2
 _STAGE = {"accelerometer": "sensor", "storey": "structure"}
 
 
@@ -189,47 +186,23 @@ def _of_blocks(
 
 def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tuple[Array, Array]]:
     """(kind, place) -> error of the block, and what it answers with, (n,) each in one unit."""
-    dt, ground = r.sample_time, r.channel("ground_acceleration_m_s2")
-    keep = slice(round(_ENDS / dt), r.n - round(_ENDS / dt))
-    floors = range(1, s.storeys + 1)
     out: dict[tuple[str, int], tuple[Array, Array]] = {}
-    x = {0: np.zeros(r.n)}
-    for j in floors:
-        name = f"floor{j}_displacement_m"
-        if name in r.channels:
-            x[j] = lowpass(r.channel(name), dt, _BAND)
-    moved = {j: lowpass(ground, dt, _BAND) + second_derivative(x[j], dt) for j in x if j > 0}
-    read = {
-        j: lowpass(r.channel(f"floor{j}_acceleration_m_s2"), dt, _BAND)
-        for j in floors
-        if f"floor{j}_acceleration_m_s2" in r.channels
-    }
-    for j in floors:
-        if j in moved and j in read:
-            out["accelerometer", j] = (read[j] - moved[j])[keep], moved[j][keep]
-    force = lowpass(r.channel("force_N"), dt, _BAND) if "force_N" in r.channels else None
+    found = Balances.of(s, r)
+    dt, keep = r.sample_time, found.kept
+    for j in found.accelerometers():
+        out["accelerometer", j] = (found.read[j] - found.moved[j])[keep], found.moved[j][keep]
+    for j in found.shear:
+        out["storey", j] = found.storey_error(j)[keep], found.shear[j][keep]
     low, high = sorted(s.damper_between)
-    sign = 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
-    for j in floors:
-        above = range(j, s.storeys + 1)
-        if j not in x or j - 1 not in x or not all(k in moved or k in read for k in above):
-            continue
-        inside = low < j <= high
-        if inside and force is None:
-            continue
-        # The displacements are the better accelerometers where both are there: a faulty reading stays out of it.
-        shear = -sum((s.mass[k - 1] * moved.get(k, read.get(k, ground)) for k in above), np.zeros(r.n))
-        drift = x[j] - x[j - 1]
-        own = s.stiffness[j - 1] * drift + s.damping[j - 1] * derivative(drift, dt)
-        if inside and force is not None:
-            own = own + sign * force
-        out["storey", j] = (own - shear)[keep], shear[keep]
-    if force is not None and low in x and high in x:
+    measured = [0, *(j for j in range(1, s.storeys + 1) if f"floor{j}_displacement_m" in r.channels)]
+    if "force_N" in r.channels and low in measured and high in measured:
+        sign = 1.0 if s.damper_between[1] > s.damper_between[0] else -1.0
         along, velocity = stroke(r, low, high)
         answer = core.run(
             model.law, model.attributes, dt, sign * along, sign * velocity, u=r.command, narx=model.narx
         )["force"]
-        out["damper", 0] = (lowpass(answer, dt, _BAND) - force)[keep], force[keep]
+        force = lowpass(r.channel("force_N"), dt, BAND)
+        out["damper", 0] = (lowpass(answer, dt, BAND) - force)[keep], force[keep]
     return out
 
 

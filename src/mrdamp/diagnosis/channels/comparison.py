@@ -29,7 +29,7 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 
 #: A law without any force of its own, and a spring of 1 N/m: what goes in as a displacement comes out as the force.
-_PASSES = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.1, "gas_spring_k": 1.0}
+PASSES = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.1, "gas_spring_k": 1.0}
 #: Samples that a comparison looks at, of all records together; s at a record's start that do not count.
 _SAMPLES, _SKIP = 40_000, 0.2
 
@@ -54,6 +54,11 @@ class Compared:
     term: Term | None = None
     settings: Settings | None = None
     nats: float = 0.0
+
+    @property
+    def unexplained(self) -> bool:
+        """True where the two differ beyond their noise and no effect of the catalogue explains it."""
+        return self.cause is None and self.before**2 > 2 * self.noise**2
 
     def to_dict(self) -> dict[str, Any]:
         """For `diagnosis.json`."""
@@ -106,7 +111,7 @@ def _same_unit(records: Sequence[Record]) -> bool:
 def _through_sensor(own: Settings) -> Simulate:
     def simulate(record: Record, settings: Settings) -> Array:
         reading = np.asarray(record.channel("reference_force_N"))
-        vector = core.vector("bingham", _PASSES | own | settings)
+        vector = core.vector("bingham", PASSES | own | settings)
         still = np.zeros(record.n)
         run = core.run_many("bingham", vector, record.sample_time, reading, still, v=still, a=still)
         return np.asarray(run[0, 0])
@@ -116,7 +121,7 @@ def _through_sensor(own: Settings) -> Simulate:
 
 def _through_driver(own: Settings) -> Simulate:
     def simulate(record: Record, settings: Settings) -> Array:
-        vector = core.vector("bingham", _PASSES | own | settings)
+        vector = core.vector("bingham", PASSES | own | settings)
         still = np.zeros(record.n)
         command = np.asarray(record.channel("command"))
         run = core.run_many(
@@ -142,8 +147,27 @@ def _best(
         parts = [simulate(r, settings)[s] - m for r, s, m in zip(records, kept, measured, strict=True)]
         return np.nan_to_num(np.concatenate(parts) / size, nan=1e3, posinf=1e3, neginf=-1e3)
 
-    before = float(np.mean(residual({}) ** 2))
-    floor = (DIRECT_RESOLUTION * noise) ** 2 + DIRECT_RESOLUTION**2 * 1e-4
+    return best_cause(channels, terms, residual, noise, noise, 1e-2 * DIRECT_RESOLUTION)
+
+
+def best_cause(
+    channels: tuple[str, str],
+    terms: Sequence[Term],
+    residual: Callable[[Settings], Array],
+    noise: float,
+    level: float = 1.0,
+    resolution: float = 0.0,
+    left: float = DIRECT_LEFT,
+) -> Compared:
+    """The cause that makes one channel the other but for noise, if one does.
+
+    residual: difference (samples,) under settings, in any unit; level: of its noise in that unit; noise: over the RMS
+    of the second channel; resolution: share of that channel below which nothing is told; left: of the
+    difference's square beyond the noise, the share that a cause may leave.
+    """
+    unit = noise / level if level > 0 else 1.0  # shares of the second channel
+    before = float(np.mean(residual({}) ** 2)) * unit**2
+    floor = (DIRECT_RESOLUTION * noise) ** 2 + resolution**2
     best = Compared(channels, float(np.sqrt(before)), float(np.sqrt(before)), noise)
     if before <= 2 * noise**2 + floor:
         return best  # the two agree
@@ -151,11 +175,11 @@ def _best(
         if best.after**2 <= noise**2 + floor:
             break  # nothing is left for another effect
         for start in term.starts:
-            settings, after = _fitted(term, start, residual)
+            settings, mean_square = _fitted(term, start, residual)
+            after = mean_square * unit**2
             nats = 0.5 * INDEPENDENT * float(np.log((before + floor) / (after + floor)))
             nats -= NUMBER_PRICE * len(term.coordinates)
-            left = max(after - noise**2, 0.0) / (before - noise**2)
-            if left < DIRECT_LEFT and nats > best.nats:
+            if max(after - noise**2, 0.0) < left * (before - noise**2) and nats > best.nats:
                 best = Compared(
                     channels, best.before, float(np.sqrt(after)), noise, term.cause, term, settings, nats
                 )

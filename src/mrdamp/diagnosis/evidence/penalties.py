@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from mrdamp.diagnosis.constants import LOGIT_LAW, LOOPS, NOT_ITSELF, REDUCIBLE, SENSOR_AGREES
 from mrdamp.diagnosis.evidence.verdict import idle_price
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -34,6 +36,14 @@ def of_damper(
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * free.cost:
         penalty += idle_price(found.move)
     return penalty
+
+
+def of_parts(found: Fit, clean: Collection[str]) -> float:
+    """Against a fit of a frame's records with a cause in a storey or an accelerometer that is in balance. clean: names
+    of the parts that are."""
+    placed = (t for t in found.hypothesis.terms if t.place is not None)
+    parts = {f"{'accelerometer' if t.stage == 'sensor' else 'storey'} {t.place}" for t in placed}
+    return SENSOR_AGREES * len(parts & set(clean))
 
 
 def gone(found: Fit) -> bool:

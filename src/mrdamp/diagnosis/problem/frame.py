@@ -155,11 +155,11 @@ class FrameRig:
         )
         # At small drifts a frame asks little of some numbers and all of others, which may then be far off.
         law = widened(law, _WIDER, lambda name: name != "n")
-        own = effect_coordinates(self.nominal_model.effects, self._catalogue)
+        own = effect_coordinates(self.nominal_model.effects, self.catalogue)
         return (*law, *own, *(structure_coordinates(self.structure) if self.free_structure else ()))
 
     @cached_property
-    def _catalogue(self) -> tuple[Term, ...]:
+    def catalogue(self) -> tuple[Term, ...]:
         dampers = with_waves(damper_terms(self.sizes), self.raw)
         return (*frame_terms(self.structure, self.records, self.sizes), *dampers)
 
@@ -171,7 +171,7 @@ class FrameRig:
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
         out = []
-        for term in beside_own(self._catalogue, self.nominal_model.effects):
+        for term in beside_own(self.catalogue, self.nominal_model.effects):
             if term.place is not None:
                 block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
                 at_fault = block not in self.clean or (self.quiet and term.stage == "structure")

@@ -1,0 +1,162 @@
+"""A frame's storeys and accelerometers compared with their own balances: no law of the damper is needed for that.
+
+Beside a damper's law that is wrong nearly everything changes a free run as much as a cause does. A storey's balance
+has the damper's measured force in it, and an accelerometer's none, so that what is at fault there shows over noise
+alone, and is told apart by what leaves noise of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamp.diagnosis.channels.balances import BAND, Balances, has_damper
+from mrdamp.diagnosis.channels.comparison import PASSES, Compared, best_cause
+from mrdamp.diagnosis.constants import PARTS_LEFT
+from mrdamp.diagnosis.hypotheses.terms import Settings, Term
+from mrdamp.model import core
+from mrdamp.model.core import Array
+from mrdamp.records import Record
+from mrdamp.records.sampling import lowpass
+from mrdamp.structures import ShearFrame
+
+#: Samples a period of the band's end that a comparison looks at.
+_RATE = 5.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A storey or an accelerometer (`kind`), its place, its noise over the size of what it answers with, and whether it
+    is at fault."""
+
+    kind: str
+    place: int
+    noise: float
+    at_fault: bool
+
+
+def compared_parts(
+    s: ShearFrame, records: Sequence[Record], terms: Sequence[Term], parts: Sequence[Part]
+) -> tuple[Compared, ...]:
+    """The storeys together and each accelerometer that is at fault, with the cause that leaves noise of the fault where
+    one does. terms: the frame's whole catalogue. Where all accelerometers are at fault it is the displacements or the
+    ground: only a common shift is asked. Nothing where noise is unknown."""
+    storeys = [p for p in parts if p.kind == "storey"]
+    meters = [p for p in parts if p.kind == "accelerometer"]
+    if not any(p.at_fault for p in parts) or not all(p.noise > 0 for p in (*storeys, *meters)):
+        return ()
+    found = [Balances.of(s, r) for r in records]
+    if len(meters) > 1 and all(p.at_fault for p in meters):
+        return (_of_displacements(found, meters, [t for t in terms if t.effect == "channel_shift"]),)
+    out = []
+    if any(p.at_fault for p in storeys):
+        inside = any(p.at_fault and has_damper(s, p.place) for p in storeys)
+        own = [t for t in terms if t.stage == "structure"]
+        if inside and sum(has_damper(s, p.place) for p in storeys) == 1:
+            own += [t for t in terms if t.place is None and t.effect.startswith("sensor_")]
+        out.append(_of_storeys(found, storeys, own))
+    for p in meters:
+        if p.at_fault:
+            out.append(_of_accelerometer(found, p, [t for t in terms if t.stage == "sensor" and t.place == p.place]))
+    return tuple(out)
+
+
+def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
+    """All storeys at once, over their noise: a mass is in the balance of every storey below it."""
+
+    def residual(settings: Settings) -> Array:
+        out = []
+        for b in found:
+            for p in parts:
+                shear = b.shear[p.place][b.kept]
+                error = _storey(b, p.place, settings)[b.kept]
+                out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(shear**2))))
+        return np.concatenate(out)
+
+    noise = float(np.mean([p.noise for p in parts]))
+    return best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
+
+
+def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Term]) -> Compared:
+    j = part.place
+
+    def residual(settings: Settings) -> Array:
+        out = []
+        for b in found:
+            size = np.sqrt(np.mean(b.moved[j][b.kept] ** 2))
+            error = (_through_sensor(b.moved[j], b.sample_time, settings) - b.read[j])[b.kept]
+            out.append(_thinned(b, error) / (part.noise * size))
+        return np.concatenate(out)
+
+    names = f"floor{j}_displacement_m", f"floor{j}_acceleration_m_s2"
+    return best_cause(names, terms, residual, part.noise, left=PARTS_LEFT)
+
+
+def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
+    """All accelerometers at once, over their noise, with the displacements later than they."""
+
+    def residual(settings: Settings) -> Array:
+        out = []
+        for b in found:
+            t = b.sample_time * np.arange(len(b.ground))
+            later = t + settings.get("channel_shift_d", 0.0)
+            for p in parts:
+                moved = b.moved[p.place]
+                along = b.ground + np.interp(later, t, moved - b.ground)
+                error = (along - b.read[p.place])[b.kept]
+                out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(moved[b.kept] ** 2))))
+        return np.concatenate(out)
+
+    noise = float(np.mean([p.noise for p in parts]))
+    return best_cause(("floors' displacements", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
+
+
+def _storey(b: Balances, storey: int, settings: Settings) -> Array:
+    """(n,) N, the error of a storey's balance under settings of one cause, in the band."""
+    own = {k.partition("@")[0]: v for k, v in settings.items() if k.endswith(f"@{storey}")}
+    masses = {int(k.partition("@")[2]): v for k, v in settings.items() if k.startswith("floor_mass_dm@")}
+    error = b.structural(storey) - b.shear[storey]
+    if has_damper(b.structure, storey):
+        assert b.force is not None
+        sensor = {k: v for k, v in settings.items() if k.startswith("sensor_")}
+        # What the sensor reads of the force that the storey's balance asks for.
+        error = b.force + error if not sensor else b.force - _through_sensor(-error, b.sample_time, sensor)
+    error = error + sum(dm * b.moved[k] for k, dm in masses.items() if k >= storey)
+    if not own or "floor_mass_dm" in own:
+        return np.asarray(error)
+    v = b.velocity(storey)
+    k, c = b.structure.stiffness[storey - 1], b.structure.damping[storey - 1]
+    more = own.get("storey_stiffness_e", 0.0) * k * b.drift[storey] + own.get("storey_damping_e", 0.0) * c * v
+    more += own.get("storey_damping_quadratic", 0.0) * np.abs(v) * v
+    if "joint_friction_width" in own:
+        more += own["joint_friction_coulomb"] * np.tanh(v / own["joint_friction_width"])
+    elif "joint_friction_presliding" in own:
+        more += _bristle(b.drift[storey], v, b.sample_time, own)
+    return np.asarray(error + lowpass(more, b.sample_time, BAND))
+
+
+def _bristle(x: Array, v: Array, dt: float, own: Settings) -> Array:
+    """(n,) N of dry friction that builds up over a presliding distance: the chain's seal, without a damper."""
+    seal = {
+        "seal_friction_coulomb": own["joint_friction_coulomb"],
+        "seal_friction_breakaway": 1.0,
+        "seal_friction_presliding": own["joint_friction_presliding"],
+    }
+    return core.run("bingham", {**PASSES, "gas_spring_k": 0.0, **seal}, dt, x, v)["force"]
+
+
+def _through_sensor(reading: Array, dt: float, settings: Settings) -> Array:
+    """(n,) what the chain's sensor stage makes of a reading; settings with or without a place."""
+    if not settings:
+        return reading
+    plain = {k.partition("@")[0]: v for k, v in settings.items()}
+    still = np.zeros(len(reading))
+    return core.run("bingham", {**PASSES, **plain}, dt, reading, still, still)["force"]
+
+
+def _thinned(b: Balances, values: Array) -> Array:
+    """Every so many of the samples: the band holds no more."""
+    return values[:: max(1, round(1 / (_RATE * BAND * b.sample_time)))]
+
