@@ -25,8 +25,8 @@ writes FOLDER/embedded/{train,validation}/*.csv.gz and FOLDER/motions/*.csv (def
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -261,4 +261,7 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "src" / "mrdamp" / "data")
+    parser = argparse.ArgumentParser(description="Make the records that come with the package.")
+    data = Path(__file__).parents[1] / "src" / "mrdamp" / "data"
+    parser.add_argument("folder", type=Path, nargs="?", default=data, help="(default: %(default)s)")
+    main(parser.parse_args().folder)

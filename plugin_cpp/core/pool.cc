@@ -1,9 +1,9 @@
 #include "core/pool.h"
 
+#include <pthread.h>
 #include <unistd.h>
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <mutex>
 #include <system_error>
@@ -47,6 +47,26 @@ Word Number(Word w) { return w >> kNumberAt; }
 int Workers(Word w) { return static_cast<int>((w & (kOpen - 1)) >> kWorkersAt); }
 bool IsFor(Word w, int worker, Word joined) { return (w & kOpen) && worker < Workers(w) && Number(w) != joined; }
 
+// A condition variable of POSIX. The symbol of std::condition_variable::wait is that of GCC 12 (GLIBCXX_3.4.30), and
+// a wheel with it would not load with the C++ library of GCC 11.
+class Condition {
+ public:
+  Condition() = default;
+  ~Condition() { pthread_cond_destroy(&condition_); }
+  Condition(const Condition&) = delete;
+  Condition& operator=(const Condition&) = delete;
+
+  template <class Reached>
+  void Wait(std::unique_lock<std::mutex>& lock, Reached&& reached) {
+    while (!reached()) pthread_cond_wait(&condition_, lock.mutex()->native_handle());
+  }
+  void NotifyOne() { pthread_cond_signal(&condition_); }
+  void NotifyAll() { pthread_cond_broadcast(&condition_); }
+
+ private:
+  pthread_cond_t condition_ = PTHREAD_COND_INITIALIZER;
+};
+
 }  // namespace
 
 struct Pool::Team {
@@ -54,7 +74,7 @@ struct Pool::Team {
   alignas(64) std::atomic<int> sleeping{0};
   std::atomic<bool> stopped{false};
   std::mutex mutex;
-  std::condition_variable wake, done;
+  Condition wake, done;
   // Of the open round; written by the caller while none is.
   const std::function<void(int, int, int)>* task = nullptr;
   int piece = 1;
@@ -75,7 +95,7 @@ struct Pool::Team {
       if (!SpinUntil(called)) {
         std::unique_lock<std::mutex> lock(mutex);
         sleeping.fetch_add(1);
-        wake.wait(lock, called);
+        wake.Wait(lock, called);
         sleeping.fetch_sub(1);
       }
       if (stopped.load()) return;
@@ -88,7 +108,7 @@ struct Pool::Team {
       const Word before = round.fetch_sub(1);
       if (!(before & kOpen) && (before & kInside) == 1) {
         const std::lock_guard<std::mutex> lock(mutex);
-        done.notify_one();
+        done.NotifyOne();
       }
     }
   }
@@ -107,7 +127,7 @@ Pool::~Pool() {
     const std::lock_guard<std::mutex> lock(team_->mutex);
     team_->stopped.store(true);
   }
-  team_->wake.notify_all();
+  team_->wake.NotifyAll();
   for (std::thread& t : team_->threads) t.join();
 }
 
@@ -139,14 +159,14 @@ void Pool::Run(int n, int workers, int piece, const std::function<void(int, int,
   t.round.store(number << kNumberAt | kOpen | static_cast<Word>(workers) << kWorkersAt);
   if (t.sleeping.load() > 0) {
     { const std::lock_guard<std::mutex> lock(t.mutex); }
-    t.wake.notify_all();
+    t.wake.NotifyAll();
   }
   t.Work(0, workers);
   t.round.fetch_and(~kOpen);
   const auto over = [&] { return (t.round.load() & kInside) == 0; };
   if (SpinUntil(over)) return;
   std::unique_lock<std::mutex> lock(t.mutex);
-  t.done.wait(lock, over);
+  t.done.Wait(lock, over);
 }
 
 }  // namespace mrdamp
