@@ -16,10 +16,10 @@ import pytest
 import mrdamp
 from mrdamp.blindtest import (
     bench,
+    case_sampling,
     causes,
     damper_case,
     dampers,
-    deck,
     excitation,
     frame_case,
     frame_causes,
@@ -147,8 +147,8 @@ def test_every_cause_grows_from_nothing() -> None:
         Truth({"law": 0.0}).having(large)
 
 
-def test_deck() -> None:
-    tasks = deck.draw(np.random.SeedSequence(4), 200)
+def test_sampling_of_cases() -> None:
+    tasks = case_sampling.draw(np.random.SeedSequence(4), 200)
     assert len({task.name for task in tasks}) == len(tasks) == 200
     assert Counter(task.rig for task in tasks) == {"damper": 150, "frame": 50}
     labels = Counter(part for task in tasks if task.rig == "damper" for part in task.parts)
@@ -165,12 +165,12 @@ def test_deck() -> None:
         assert first + second == len(drawn)
         assert abs(first - second) <= 1
     assert any(task.weak for task in tasks)
-    assert deck.draw(np.random.SeedSequence(4), 200) == tasks
-    assert deck.draw(np.random.SeedSequence(5), 200) != tasks
+    assert case_sampling.draw(np.random.SeedSequence(4), 200) == tasks
+    assert case_sampling.draw(np.random.SeedSequence(5), 200) != tasks
 
 
 def test_pairs_are_of_different_stages() -> None:
-    tasks = deck.draw(np.random.SeedSequence(1), 600, "damper")
+    tasks = case_sampling.draw(np.random.SeedSequence(1), 600, "damper")
     for task in tasks:
         if len(task.parts) == 2:
             first, second = (causes.EFFECTS[part][0] for part in task.parts)
@@ -254,8 +254,8 @@ def test_run_differs_by_its_seed_alone() -> None:
     assert len({test.seed for test in tests}) == len(tests)
     assert tests[0].rng.random() == tests[0].rng.random()
     assert excitation.again(tests[0]).rng.random() != tests[0].rng.random()
-    held_back = excitation.held_back_damper_tests(np.random.default_rng(1), machine, long=True)
-    assert [test.duration for test in held_back.values()] == [10, 8, 8, 24]
+    held_out = excitation.held_out_damper_tests(np.random.default_rng(1), machine, long=True)
+    assert [test.duration for test in held_out.values()] == [10, 8, 8, 24]
 
 
 def test_noise_is_as_stated() -> None:
@@ -275,7 +275,7 @@ def fresh(code: str) -> str:
 def test_rig_shares_no_code_with_the_plugin() -> None:
     names = sorted(path.stem for path in (PACKAGE / "blindtest").glob("*_forms.py"))
     assert len(names) == 4
-    names += "rig bench causes unknown frame_causes damper_case frame_case dampers deck recorder make".split()
+    names += "rig bench causes unknown frame_causes damper_case frame_case dampers case_sampling recorder make".split()
     imports = "; ".join(f"import mrdamp.blindtest.{name}" for name in names)
     loaded = fresh(
         f"import sys; {imports}; print(*(m for m in sys.modules if m.startswith('mrdamp.')))"

@@ -136,8 +136,8 @@ def test_gas_in_series_is_pressed_before_the_fluid_flows() -> None:
     numbers = {**YIELD, "gas_form": 3.0, "gas_sign": 1.0, "gas_stroke": 0.004, "gas_force": 20.0}
     pressed, step = 0.0, 1e-7
     for _ in range(round(0.003 / step)):
-        held_back = 20 * ((1 - pressed / 0.004) ** -1.3 - 1)
-        pressed += step * (1 - held_back / 100)
+        held_out = 20 * ((1 - pressed / 0.004) ** -1.3 - 1)
+        pressed += step * (1 - held_out / 100)
     expected = 20 * ((1 - pressed / 0.004) ** -1.3 - 1)
     assert 0.4 < expected / 100 < 0.95
     assert on_the_way(numbers, 0.003) == pytest.approx((expected, -100.0), rel=0.02)

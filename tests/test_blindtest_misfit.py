@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from mrdamp.blindtest import (
+    case_sampling,
     causes,
     commissioning,
-    deck,
     misfit_case,
     misfit_score,
     report,
@@ -252,7 +252,7 @@ def test_figures_by_base_misfit(tmp_path: Path) -> None:
         text = (tmp_path / name).read_text()
         assert "controls without an invented cause" in text
         assert "base misfit 3 to 6 %" in text
-    assert "no cause invented 0.50" in (tmp_path / "results.md").read_text()
+    assert "no false cause 0.50" in (tmp_path / "results.md").read_text()
     plain = [replace(row, misfit=math.nan) for row in rows]
     assert misfit_score.is_misfit(rows)
     assert not misfit_score.is_misfit(plain)
@@ -297,9 +297,9 @@ def test_sums_of_gaps_are_the_shared_scorers() -> None:
     assert total([0.3, 0.4]) == pytest.approx(0.5)
 
 
-# --- the deck and the run ----------------------------------------------------------------------------
-def test_deck_has_controls_singles_and_unknown_causes() -> None:
-    tasks = deck.draw(np.random.SeedSequence(4), 200, misfit=True)
+# --- sampling of cases and the run ----------------------------------------------------------------------------
+def test_sampling_has_controls_singles_and_unknown_causes() -> None:
+    tasks = case_sampling.draw(np.random.SeedSequence(4), 200, misfit=True)
     kinds = Counter(
         "own" if t.label == OWN else "unknown" if t.outside else "weak" if t.weak else "single" for t in tasks
     )

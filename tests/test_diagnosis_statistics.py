@@ -31,7 +31,7 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import memory
 from mrdamp.records.upsampling import repaired_ends as mended_ends
-from mrdamp.records.upsampling import upsampled as between
+from mrdamp.records.upsampling import upsampled
 from toy_rig import DT, ToyRig, parts, toy
 
 RNG = np.random.default_rng(5)
@@ -201,7 +201,7 @@ def test_smoothing_takes_noise_from_a_sine_and_leaves_a_corner() -> None:
 def test_motion_between_samples_is_a_sines() -> None:
     dt, w = 0.002, 2 * np.pi * 12.0
     t = dt * np.arange(1000)
-    fine = between(0.01 * np.sin(w * t), np.asarray(t), dt, 4)
+    fine = upsampled(0.01 * np.sin(w * t), np.asarray(t), dt, 4)
     at = fine.sample_time * np.arange(len(fine.x))
     inner = slice(40, -40)
     assert np.abs(fine.v - 0.01 * w * np.cos(w * at))[inner].max() < 1e-4 * 0.01 * w

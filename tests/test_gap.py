@@ -180,12 +180,9 @@ def test_a_page_of_what_is_learned_has_the_ways_that_there_are(tmp_path: Path) -
 
 @pytest.mark.parametrize(
     ("spec", "match"),
-    [
-        ("learned:steps=3", "option 'steps'"),
-        ("learned:timesteps=1e6", "timesteps is '1e6'"),
-        ("learned:timesteps=0", "> 0"),
-    ],
-)
+    [("learned:steps=3", "option 'steps'"), ("learned:timesteps=1e6", "timesteps is '1e6'"),
+     ("learned:timesteps=0", "> 0")],
+)  # fmt: skip
 def test_wrong_options_of_a_training_are_told(spec: str, match: str) -> None:
     with pytest.raises(InputError, match=match):
         Options(controller=spec)

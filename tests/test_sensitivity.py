@@ -104,7 +104,7 @@ def test_what_is_found_from_which_size_on(
     printed = capsys.readouterr().out
     assert "Named on these records: sensor_gain from 30 %, sensor_offset from 30 % of the force." in printed
     html = (out / "index.html").read_text()
-    assert "What these records can never show" in html
+    assert "Effects that these records cannot show" in html
     assert html.count("<svg") == 2
 
 

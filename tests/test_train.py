@@ -255,7 +255,7 @@ def test_candidates_at_once_act_as_their_networks() -> None:
 def test_a_network_begins_at_given_weights(hidden: list[int]) -> None:
     shape, rng = Shape(5, hidden), np.random.default_rng(1)
     weights, seen = 0.1 * rng.standard_normal(5), rng.standard_normal((20, 5))
-    numbers = shape.following(shape.start(rng), weights)
+    numbers = shape.linear(shape.start(rng), weights)
     assert numbers.shape == (shape.size,)
     assert shape.network(numbers)(seen)[:, 0] == pytest.approx(np.clip(seen @ weights, -1, 1), abs=1e-3)
 

@@ -102,7 +102,7 @@ _EMBEDDED = Page(
     (
         Table(
             "Whole records",
-            "Fitted to the nine records of `train/`, judged on the eight of `validation/`, which have "
+            "Fitted to the nine records of `train/`, evaluated on the eight of `validation/`, which have "
             "other amplitudes, frequencies, currents and waveforms.",
             (
                 *_laws(_NONE),
@@ -141,8 +141,8 @@ _EMBEDDED = Page(
             "such weights, and its error is the smallest.",
             Row("network 4-3-1", "constant_0_small", ("--law", "narx", "--lags", "1", "--hidden", "3")),
         ),
-        _constant(0.5, "Fitted to a sine and a triangle, judged on another frequency of each."),
-        _constant(1.0, "Fitted to 1 and 2.5 Hz sines, judged on another frequency and amplitude."),
+        _constant(0.5, "Fitted to a sine and a triangle, evaluated on another frequency of each."),
+        _constant(1.0, "Fitted to 1 and 2.5 Hz sines, evaluated on another frequency and amplitude."),
     ),
     ("cut_narx", "cut_chosen"),
     (
@@ -161,9 +161,9 @@ _UTFSM = Page(
         Table(
             "Laws and network",
             "All laws miss their marks on these held-out records. The marks come from a quick independent "
-            "fit, quadratic in the current, that was judged on other tests of the rig, which are not "
-            "available. The nearest protocol here leaves one motion out (next table). The gap to the marks"
-            " comes from the state of the damper on the day and not from the form of a law. The sweep of "
+            "fit, quadratic in the current, evaluated on other tests of the rig, which are not "
+            "available. The nearest protocol here leaves one motion out (next table). The difference to the marks"
+            " comes from the state of the damper on that day, not from the form of a law. The sweep of "
             "another day is stronger at .5 A than the laws of the training day by 1.16 to 1.21, in each of"
             " its eight inner tenths, at any speed. Its force is as large in one direction as in the other"
             " (990 N); the training day's tests differ by 96 to 122 N. The slow sines, at half the least "
@@ -208,8 +208,8 @@ _UTFPR = Page(
     (
         Table(
             "As recorded",
-            "The errors stand here with and without the tests at 0 V named 50Hz. Their displacement "
-            "carries 50 to 100 um of noise, ten times that of the others, as a clock with jitter gives it."
+            "The table gives the errors with and without the tests at 0 V named 50Hz. Their displacement "
+            "carries 50 to 100 um of noise, ten times that of the others, as clock jitter would cause."
             " A law turns this noise into force through its damping and stiffness, the hyperbolic tangent "
             "most. The plain Bouc-Wen law's error is the limit of the law: its loop is rounded over a "
             "displacement, this damper's over a velocity. One fit per voltage has .157 without 50Hz. At "
@@ -275,7 +275,7 @@ _NEES = Page(
             "Offset, stiffness of the accumulator and lag of the command are fitted with the law; in one "
             "row the delay of the displacement against the force as well. The network runs at 300 Hz and "
             "reads velocities that are low-passed for that rate. At 3 kHz the velocities hold all the "
-            "noise of the measured displacement, mains lines among it. So all models are judged at 300 Hz "
+            "noise of the measured displacement, mains lines among it. All models are therefore evaluated at 300 Hz "
             "too, on the same low-passed channels. Mark of the network: an independent quick one at 300 "
             "Hz.",
             (

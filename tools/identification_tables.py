@@ -153,8 +153,8 @@ def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
         found[law] = [round(value, 3) for value in values]
         store.write_text(json.dumps(found))
     text = (
-        "Fitted to the records of the other motions, of both halves, and judged on those of one; from one start and"
-        " quadratic in the command, as the marks were."
+        "Fitted to the records of the other motions, of both halves, and evaluated on those of one. One start,"
+        " quadratic in the current, as for the marks."
     )
     head = ["law", *page.left_out, f"all but {page.left_out[-1]}", "all", "mark"]
     lines = ["## One motion left out", "", text, "", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
@@ -213,7 +213,7 @@ def write(name: str, data: Path | None) -> None:
         lines += [f"Record {record}{said}:", "", loops(path, measured, models, names), ""]
     for file in page.shown:
         row = next(row for t in page.tables for row in t.rows if row.file == file)
-        lines += [f"## {row.name}: what the command says", "", "```"]
+        lines += [f"## {row.name}: output of the command", "", "```"]
         lines += [(WORK / name / f"{file}.txt").read_text(encoding="utf-8").rstrip(), "```", ""]
         for picture in sorted((WORK / name).glob(f"{file}*.png")):
             shrink(picture, PAGES / f"{name}-{picture.name}")

@@ -111,7 +111,7 @@ class Shape:
         rows = [np.concatenate([w, np.zeros((len(w), 1))], axis=1).ravel() for w in parts]
         return np.concatenate([*rows, np.zeros(self._sizes[-1][1] + 1)])
 
-    def following(self, numbers: Array, weights: Array) -> Array:
+    def linear(self, numbers: Array, weights: Array) -> Array:
         """(size,) with an output of weights (inputs,) times the inputs, nearly so through a hidden unit a layer."""
         layers = [(w.copy(), b.copy()) for w, b in self.layers(numbers)]
         small = _LINEAR if len(layers) > 1 else 1.0

@@ -60,7 +60,7 @@ class EvolutionRun(Run):
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
         if chosen.teacher:
-            start = self.shape.following(start, self.taught())
+            start = self.shape.linear(start, self.taught())
         if self.least_given():
             start = np.concatenate([start, np.zeros(2)])
         self.cma = Cma(start, self._sigma, self.population, rng)

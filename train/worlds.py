@@ -25,6 +25,7 @@ from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.plant import FramePlant, RowPlant
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
+from mrdamp.model import Model
 from mrdamp.train.loads import (
     CableLoads,
     TrainingRoads,
@@ -227,8 +228,7 @@ class CableWorld(World):
 
     def levels(self, task: Task) -> ForceLevels:
         assert isinstance(task, CableTask)
-        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
-        return ForceLevels.of(task.model, float(task.command_max[0]), scales["stroke"], task.cable.first)
+        return _levels(task, task.model, task.cable.first)
 
     def stage(self, task: Task, spec: str) -> Stage:
         assert isinstance(task, CableTask)
@@ -280,8 +280,7 @@ class CarWorld(World):
 
     def levels(self, task: Task) -> ForceLevels:
         assert isinstance(task, CarTask)
-        scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
-        return ForceLevels.of(task.model, float(task.command_max[0]), scales["stroke"], task.car.bounce)
+        return _levels(task, task.model, task.car.bounce)
 
     def stage(self, task: Task, spec: str) -> Stage:
         assert isinstance(task, CarTask)
@@ -316,3 +315,9 @@ def world(environment: str, arguments: Mapping[str, Any], model: Path | None = N
     except TypeError as error:
         raise InputError(f"{environment}: env_kwargs: {error}") from None
     return chosen
+
+
+def _levels(task: Task, model: Model, frequency: float) -> ForceLevels:
+    """Levels at the stroke that the observer is scaled by; frequency: rad/s."""
+    scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
+    return ForceLevels.of(model, float(task.command_max[0]), scales["stroke"], frequency)

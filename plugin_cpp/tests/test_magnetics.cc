@@ -3,7 +3,6 @@
 #include "tests/record_run.h"
 
 using check::kDt;
-using check::Record;
 using check::Run;
 using check::Sample;
 using mrdamp::Params;
@@ -45,7 +44,7 @@ TEST(RemanenceFollowsItsEquation) {
 
 TEST(RemanenceRaisesTheFieldOnTheWayDown) {
   const auto still = [](double) { return 0.0; };
-  const Record r = Sample(kDt, 1001, still, still, [](double t) { return 1 - std::cos(2 * M_PI * t); });
+  const check::Record r = Sample(kDt, 1001, still, still, [](double t) { return 1 - std::cos(2 * M_PI * t); });
   const auto field = Run("bingham", {{"c0a", 1}, {"remanence_b", 0.2}, {"remanence_d", 0.1}}, r, MRDAMP_FIELD);
   NEAR(field[250], 1 - 0.2 * (1 - std::exp(-1 / 0.1)), 1e-9);
   NEAR(field[750], 1 + 0.2 * (1 - 2 * std::exp(-1 / 0.1)), 1e-8);
@@ -114,7 +113,7 @@ TEST(LoopsOfRemanenceCloseAtTheirKnee) {
 
 TEST(RemanenceBeginsAsAfterARiseFromZero) {
   const auto still = [](double) { return 0.0; };
-  const Record r = Sample(kDt, 3, still, still, [](double) { return 0.3; });
+  const check::Record r = Sample(kDt, 3, still, still, [](double) { return 0.3; });
   const auto first = [&](double rise, double start) {
     return Run("bingham", {{"c0a", 1}, {"remanence_b", 0.2}, {"remanence_d", 0.1}, {"remanence_rise", rise}, {"remanence_start", start}},
                r, MRDAMP_FIELD)[0];

@@ -100,12 +100,8 @@ def build_parser() -> argparse.ArgumentParser:
     training.add_to(commands)
     blindtest.add_to(commands)
 
-    predict = add(
-        "predict",
-        _predict,
-        "a model's free run over a record's inputs",
-        "mrdamp predict model.json record.csv -o pred.csv",
-    )
+    about = "a model's free run over a record's inputs"
+    predict = add("predict", _predict, about, "mrdamp predict model.json record.csv -o pred.csv")
     predict.add_argument("model", type=Path, help="case.json, corrected.json or a model file")
     predict.add_argument("record", type=Path)
     predict.add_argument("-o", "--out", type=Path, required=True, help="CSV to write")

@@ -42,7 +42,7 @@ class Commissioned:
     size: float
     misfit: float
     records: Mapping[str, Mapping[str, Array]]
-    held_back: Mapping[str, Mapping[str, Array]]
+    held_out: Mapping[str, Mapping[str, Array]]
 
 
 def commission(
@@ -51,12 +51,12 @@ def commission(
     plain: Truth,
     machine: Machine,
     noise: Mapping[str, Noise],
-    held_back: Callable[[Truth], Mapping[str, Mapping[str, Array]]],
+    held_out: Callable[[Truth], Mapping[str, Mapping[str, Array]]],
     left: Callable[[Model, Mapping[str, Mapping[str, Array]]], float],
 ) -> Commissioned:
     """A rig whose identified simulator leaves a misfit drawn from 3 to 6 or from 6 to 15 %.
 
-    plain: the damper without the recipe. held_back: channels of tests that no fit sees, of a rig. left: what a
+    plain: the damper without the recipe. held_out: channels of tests that no fit sees, of a rig. left: what a
     simulator leaves on them. Raises Faint where the misfit is out of reach.
     """
     low, high = (MISFIT[0], PARTED) if rng.random() < 0.5 else (PARTED, MISFIT[1])
@@ -70,7 +70,7 @@ def commission(
         truth = plain.having(recipe.numbers(size))
         records = _records(truth, tests, noise, noises)
         model = identified(recipe, records, start, seed, 1 if attempt else _STARTS)
-        tested = held_back(truth)
+        tested = held_out(truth)
         misfit = left(model, tested)
         found = Commissioned(truth, model, size, misfit, records, tested)
         if best is None or abs(np.log(misfit / wanted)) < abs(np.log(best.misfit / wanted)):

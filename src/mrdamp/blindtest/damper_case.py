@@ -30,7 +30,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     device = dampers.draw(rng, mounted=task.mounted)
     heats = "heating" in task.parts
     inputs = excitation.damper_tests(rng, device.machine, long=heats or bool(rng.random() < 0.6))
-    held_back = excitation.held_back_damper_tests(rng, device.machine, long=heats)
+    held_out = excitation.held_out_damper_tests(rng, device.machine, long=heats)
     plain = Truth(device.numbers, filtered=bool(rng.random() < 0.5))
     scale = measure(device, inputs)
     noise = recorder.damper_noise(rng, scale.force, scale.command)
@@ -38,7 +38,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     level = noise["force_N"].deviation / scale.force
     found = [_cause(rng, task, part, scale) for part in task.parts]
     parts = {c.label: c.sized(sized_to(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
-    for tests_of_it in (few, list(held_back.values())):
+    for tests_of_it in (few, list(held_out.values())):
         must_show(shown(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
@@ -46,7 +46,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     believed = {**plain.numbers, **parameters}
     records = recorded(rng, truth, inputs, noise, chosen_channels(rng, task))
     recorder.write_case(folder, "damper", {"law": device.law, "parameters": parameters}, records)
-    clean = {name: _clean(truth, believed, test) for name, test in held_back.items()}
+    clean = {name: _clean(truth, believed, test) for name, test in held_out.items()}
     recorder.write_tests(tests, clean)
     return {
         "label": task.label,

@@ -71,7 +71,7 @@ def damper_tests(rng: np.random.Generator, machine: Machine, *, long: bool) -> l
     return [_seeded(rng, _damper_test(rng, machine, kind)) for kind in (*kinds, *(["long"] if long else []))]
 
 
-def held_back_damper_tests(
+def held_out_damper_tests(
     rng: np.random.Generator, machine: Machine, *, long: bool
 ) -> dict[str, Excitation]:
     """Tests that no case holds; long: a long one too, where the cause takes its time."""
@@ -85,7 +85,7 @@ def frame_tests(rng: np.random.Generator, command: float) -> list[Excitation]:
     return [_seeded(rng, _frame_test(rng, command, kind)) for kind in kinds]
 
 
-def held_back_frame_tests(rng: np.random.Generator, command: float) -> dict[str, Excitation]:
+def held_out_frame_tests(rng: np.random.Generator, command: float) -> dict[str, Excitation]:
     """Ground motions that no case holds."""
     return {
         "h1_random": _seeded(rng, _frame_test(rng, command, "quake_random")),

@@ -31,16 +31,16 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     """Writes the case folder and the file of its tests; returns its label with what lies behind it."""
     rng = np.random.default_rng(seed)
     device = dampers.draw(rng, frame=True, mounted=task.mounted)
-    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), drawn_storeys(rng), drawn_between(rng))
+    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), drawn_storeys(rng), drawn_damper_floors(rng))
     inputs = excitation.frame_tests(rng, device.machine.command)
-    held_back = excitation.held_back_frame_tests(rng, device.machine.command)
+    held_out = excitation.held_out_frame_tests(rng, device.machine.command)
     few = telling(inputs)
     scale = measure(device, plain, few)
     noise = recorder.frame_noise(rng)
     level = noise[_MEASURED[0]].deviation / float(np.mean(scale.acceleration))
     found = [frame_causes.draw(rng, part, scale, outside=task.outside) for part in task.parts]
     parts = {c.label: c.sized(sized_to(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
-    for tests_of_it in (few, list(held_back.values())):
+    for tests_of_it in (few, list(held_out.values())):
         must_show(shown(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
@@ -48,7 +48,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     believed = replace(plain, numbers={**plain.numbers, **parameters})
     nominal = {"law": device.law, "parameters": parameters, **structure_of(plain)}
     recorder.write_case(folder, "frame", nominal, recorded(rng, truth, inputs, noise))
-    clean = {name: _clean(truth, believed, test) for name, test in held_back.items()}
+    clean = {name: _clean(truth, believed, test) for name, test in held_out.items()}
     recorder.write_tests(tests, clean)
     return {
         "label": task.label,
@@ -110,7 +110,7 @@ def drawn_storeys(rng: np.random.Generator) -> tuple[dict[str, float], ...]:
     return tuple({"mass": drawn(m), "stiffness": drawn(k), "damping": drawn(c)} for m, k, c in rows)
 
 
-def drawn_between(rng: np.random.Generator) -> tuple[int, int]:
+def drawn_damper_floors(rng: np.random.Generator) -> tuple[int, int]:
     return (0, 1) if rng.random() < 0.8 else (1, 2)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from mrdamp.blindtest import damper_case, deck
+from mrdamp.blindtest import case_sampling, damper_case
 from mrdamp.blindtest.rig import BlownUp
 from mrdamp.blindtest.sizing import Faint, Task
 from mrdamp.errors import InputError
@@ -70,7 +70,7 @@ def make(
     if only:
         tasks = [Task(f"case_{k + 1:03d}", rig, only[k % len(only)], misfit=misfit) for k in range(count)]
     else:
-        tasks = deck.draw(deal, count, rig, misfit=misfit)
+        tasks = case_sampling.draw(deal, count, rig, misfit=misfit)
     seeds = draws.spawn(len(tasks))
     work = joblib.Parallel(n_jobs=jobs, return_as="generator")
     done = work(

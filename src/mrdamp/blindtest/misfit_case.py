@@ -54,12 +54,12 @@ Run = Callable[[Truth, Excitation], dict[str, Array]]
 class Bench:
     """A rig that cases are made on: its tests, its simulator, and how causes are drawn and measured on it.
 
-    held_back: tests that no case holds. level: noise of the RMS. outputs: channel -> the simulated one in a test file.
+    held_out: tests that no case holds. level: noise of the RMS. outputs: channel -> the simulated one in a test file.
     """
 
     made: Commissioned
     model: Model
-    held_back: Mapping[str, Excitation]
+    held_out: Mapping[str, Excitation]
     level: float
     outputs: Mapping[str, str]
     run: Run
@@ -81,7 +81,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     before = _baseline(task, bench, next(iter(records.values()))) if baseline else {}
     recorder.write_case(folder, task.rig, bench.nominal, records, before)
     own, clean = (
-        [_clean(bench, channels) for channels in of.values()] for of in (bench.made.held_back, tested)
+        [_clean(bench, channels) for channels in of.values()] for of in (bench.made.held_out, tested)
     )
     recorder.write_tests(tests, dict(zip(tested, clean, strict=True)))
     stages = {name: of for name, (of, _) in causes.EFFECTS.items()}
@@ -109,7 +109,7 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
     device = misfit.device(rng, frame=False, mounted=task.mounted)
     heats = "heating" in task.parts
     inputs = excitation.damper_tests(rng, device.machine, long=heats or bool(rng.random() < 0.6))
-    held_back = excitation.held_back_damper_tests(rng, device.machine, long=heats)
+    held_out = excitation.held_out_damper_tests(rng, device.machine, long=heats)
     scale = damper_case.measure(device, inputs)
     noise = recorder.damper_noise(rng, scale.force, scale.command)
     recipe = misfit.draw(rng, task, device, scale)
@@ -122,7 +122,7 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
         return pooled([relative(predicted(model, c)["force_N"], c["force_N"]) for c in tested.values()])
 
     made = commissioning.commission(
-        rng, recipe, plain, device.machine, noise, lambda truth: _runs(run, truth, held_back), left
+        rng, recipe, plain, device.machine, noise, lambda truth: _runs(run, truth, held_out), left
     )
     few = [t for t in inputs if t.kind in ("random", "sine_random", *(["long"] if heats else []))]
     channels = damper_case.chosen_channels(rng, task)
@@ -134,7 +134,7 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
     return Bench(
         made,
         made.model,
-        held_back,
+        held_out,
         noise["force_N"].deviation / scale.force,
         {"force_N": "nominal_N"},
         run,
@@ -149,10 +149,10 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
 
 def _frame(rng: np.random.Generator, task: Task) -> Bench:
     device = misfit.device(rng, frame=True, mounted=task.mounted)
-    between = frame_case.drawn_between(rng)
+    between = frame_case.drawn_damper_floors(rng)
     plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), frame_case.drawn_storeys(rng), between)
     inputs = excitation.frame_tests(rng, device.machine.command)
-    held_back = excitation.held_back_frame_tests(rng, device.machine.command)
+    held_out = excitation.held_out_frame_tests(rng, device.machine.command)
     few = frame_case.telling(inputs)
     scale = frame_case.measure(device, plain, few)
     recipe = misfit.draw(rng, task, device, scale.damper)
@@ -170,7 +170,7 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
         return pooled([relative(p[name], c[name]) for p, c in said for name in _FLOORS])
 
     made = commissioning.commission(
-        rng, recipe, plain, machine, on_bench, lambda truth: _runs(run, truth, held_back), left
+        rng, recipe, plain, machine, on_bench, lambda truth: _runs(run, truth, held_out), left
     )
     noise = recorder.frame_noise(rng)
 
@@ -180,7 +180,7 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
     return Bench(
         made,
         commissioning.in_frame(made.model, structure),
-        held_back,
+        held_out,
         noise[_FLOORS[0]].deviation / float(np.mean(scale.acceleration)),
         {name: name.replace("floor", "nominal_floor").removesuffix("_m_s2") for name in _FLOORS},
         run,
@@ -203,14 +203,14 @@ def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dic
     Raises Faint where no form of it shows.
     """
     if task.label == OWN:
-        return "", {}, bench.made.held_back
+        return "", {}, bench.made.held_out
     base, least = bench.made.misfit, _NOISE * bench.level
     low, high = (_NEAR[0] * base, _NEAR[1] * base) if task.weak else (max(_LEAST, _CLEAR * base), _MOST)
     for _ in range(_FORMS):
         wanted = max(float(np.exp(rng.uniform(np.log(low), np.log(high)))), least)
         cause = bench.cause()
         numbers = dict(cause.sized(bench.size(cause, wanted)))
-        tested = _runs(bench.run, bench.made.truth.having(numbers), bench.held_back)
+        tested = _runs(bench.run, bench.made.truth.having(numbers), bench.held_out)
         if _opened(bench, cause.label, numbers, tested) >= max(_SHOWN * low, 0.5 * least):
             return cause.stage, numbers, tested
     raise Faint(f"{task.label}: no form of it opens a gap of {low:.3f}")
@@ -219,8 +219,8 @@ def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dic
 def _opened(bench: Bench, label: str, numbers: Numbers, tested: Tested) -> float:
     """The gap that a cause opens by itself on the tests that no case holds, of the RMS."""
     if any(name.startswith(("reading.", "ground.")) for name in numbers):  # the simulator's inputs change too
-        return bench.shown({label: numbers}, list(bench.held_back.values()))[label]
-    plain = bench.made.held_back
+        return bench.shown({label: numbers}, list(bench.held_out.values()))[label]
+    plain = bench.made.held_out
     return pooled([relative(plain[test][k], c[k]) for test, c in tested.items() for k in bench.outputs])
 
 

@@ -65,11 +65,11 @@ def write(out: Path, rows: Sequence[Row], seal: str, baselines: Mapping[str, Seq
     shrunk = [r for r in rows if r.want == "effect" and math.isfinite(r.shrink)]
     if shrunk:
         page.figure(
-            "How far the gap shrinks",
+            "Reduction of the gap",
             pictures.shrinking(
                 [r.before for r in shrunk], [r.after for r in shrunk], [r.right for r in shrunk]
             ),
-            "On tests that no case holds, free of noise.",
+            "On held-out tests, without noise.",
             "Gaps of the nominal and of the corrected model by case, on a logarithmic scale.",
         )
     page.table("By cause", ["cause", "right", "of", "answers in place of it"], by_cause(rows))
@@ -142,7 +142,7 @@ def by_cause(rows: Sequence[Row]) -> list[list[Cell]]:
     table: list[list[Cell]] = []
     for cause in causes:
         own = [r for r in rows if cause in _parts(r)]
-        others = Counter(said(r) for r in own if not r.right)
+        others = Counter(answer_text(r) for r in own if not r.right)
         text = ", ".join(f"{what} ({n})" if n > 1 else what for what, n in others.most_common())
         table.append([cause, str(sum(r.right for r in own)), str(len(own)), text])
     return table
@@ -152,13 +152,13 @@ def _summary(rows: Sequence[Row], figures: Mapping[str, Share], n: Numbers) -> s
     told = {
         "single effects": "single effects named",
         "pairs": "pairs named",
-        "unknown causes owned up to": "unknown said",
+        "unknown causes recognised": "unknown said",
         "no false alarm": "no false alarm (none, parameters)",
-        "no cause invented": "controls without an invented cause",
+        "no false cause": "controls without an invented cause",
     }
     parts = [f"{words} {figures[name].value:.2f}" for words, name in told.items() if figures[name].of]
     return (
-        f"{figures['all'].right} of {len(rows)} cases answered rightly; {', '.join(parts)}; on unseen tests the gap "
+        f"{figures['all'].right} of {len(rows)} cases answered correctly; {', '.join(parts)}; on unseen tests the gap "
         f"shrinks by {n.shrink_median:.2f} (median)."
     )
 
@@ -197,7 +197,7 @@ def _misses(rows: Sequence[Row]) -> list[list[Cell]]:
         [
             r.case,
             r.label + (" (weak)" if r.weak else ""),
-            said(r),
+            answer_text(r),
             _gap(r.before),
             _gap(r.after),
             f"{r.seconds:.0f}",
@@ -228,7 +228,7 @@ def _answered(r: Row) -> str:
     return _SEVERAL if names else r.verdict
 
 
-def said(r: Row) -> str:
+def answer_text(r: Row) -> str:
     """What was answered: the effects with their places, or the verdict."""
     if not r.named:
         return r.verdict
@@ -258,6 +258,6 @@ def _csv(rows: Sequence[Row]) -> str:
     )
     for r in rows:
         numbers = [f"{v:.6g}" for v in (r.probability, r.before, r.after, r.seconds)]
-        head = [r.case, r.rig, r.label, int(r.weak), said(r), int(r.right), int(r.right_or_tied)]
+        head = [r.case, r.rig, r.label, int(r.weak), answer_text(r), int(r.right), int(r.right_or_tied)]
         writer.writerow([*head, r.stage or "", int(r.stage_right), *numbers, r.error])
     return out.getvalue()

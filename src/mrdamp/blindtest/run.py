@@ -17,7 +17,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from mrdamp.blindtest import deck, score, seal
+from mrdamp.blindtest import case_sampling, score, seal
 from mrdamp.blindtest.make import make_one
 from mrdamp.blindtest.rig import Array
 from mrdamp.blindtest.score import Row
@@ -74,7 +74,7 @@ def make_cases(out: Folders, plan: Plan, seed: int, progress: Progress) -> str:
             "name another folder"
         )
     deal, draws = np.random.SeedSequence(drawn["entropy"]).spawn(2)
-    tasks = deck.draw(deal, plan.count, plan.rig, misfit=plan.misfit)
+    tasks = case_sampling.draw(deal, plan.count, plan.rig, misfit=plan.misfit)
     left = [
         (task, own)
         for task, own in zip(tasks, draws.spawn(len(tasks)), strict=True)

@@ -76,7 +76,7 @@ def run_blindtest(a: argparse.Namespace) -> int:
             others = baselines.run_all(out, plan.jobs, progress)
     report.write(a.out, rows, digest, others)
     for r in rows:
-        print(f"{'ok ' if r.right else 'NO '} {r.case}  {r.label:34s} -> {report.said(r)}")
+        print(f"{'ok ' if r.right else 'NO '} {r.case}  {r.label:34s} -> {report.answer_text(r)}")
     for name, share in score.shares(rows).items():
         if share.of:
             print(f"{name}: {share.right}/{share.of} = {share.value:.3f}")

@@ -10,16 +10,14 @@ from typing import Any
 from mrdamp.commands import add_command
 from mrdamp.errors import InputError
 
+_HELP = "what to cite for a force law or a published parameter set"
+_EXAMPLE = "mrdamp citation modified_bouc_wen --bibtex"
+
+
 
 def add_to(commands: Any) -> None:
     """Adds citation to the subparsers of an argparse parser."""
-    p = add_command(
-        commands,
-        "citation",
-        run_citation,
-        "what to cite for a force law or a published parameter set",
-        "mrdamp citation modified_bouc_wen --bibtex",
-    )
+    p = add_command(commands, "citation", run_citation, _HELP, _EXAMPLE)
     p.add_argument("name", nargs="?", help="law or parameter set (default: every law)")
     p.add_argument("--bibtex", action="store_true", help="the law's sources as BibTeX")
     p.add_argument("--json", action="store_true", help="the same as JSON")

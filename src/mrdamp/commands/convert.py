@@ -12,17 +12,17 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.records.conversion import Converted
 
+_HELP = "tables of a rig, with its own column names and units, as records"
+_EXAMPLE = (
+    'mrdamp convert rig/*.csv --columns "time_s=t [ms]:ms" displacement_m=LVDT:mm command=I:mA force_N=-Load:kN'
+    " -o records"
+)
+
+
 
 def add_to(commands: Any) -> None:
     """Adds convert to the subparsers of an argparse parser."""
-    p = add_command(
-        commands,
-        "convert",
-        run_convert,
-        "tables of a rig, with its own column names and units, as records",
-        'mrdamp convert rig/*.csv --columns "time_s=t [ms]:ms" displacement_m=LVDT:mm command=I:mA force_N=-Load:kN'
-        " -o records",
-    )
+    p = add_command(commands, "convert", run_convert, _HELP, _EXAMPLE)
     p.add_argument(
         "files", nargs="+", type=Path, help="one test each; lines above the header are passed over"
     )

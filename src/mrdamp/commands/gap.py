@@ -18,7 +18,7 @@ def add_to(commands: Any) -> None:
         commands,
         "gap",
         run_gap,
-        "what a controller loses on a frame that differs from its simulator, and what a diagnosis gives back",
+        "loss of a controller on a frame that differs from its simulator, and how much of it a diagnosis recovers",
         "mrdamp gap --effects driver_lag storey_stiffness@1 -o out/gap",
     )
     p.add_argument(
@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
         help="a kind, which is tuned in each simulator; one with options, or policy:FILE; or a policy that is learned "
         "in each: learned, learned:algorithm=ppo,timesteps=200000 (default: %(default)s)",
     )
-    p.add_argument("--effects", nargs="+", help="what the real frames have (default: all that the rig knows)")
+    p.add_argument("--effects", nargs="+", help="effects of the real frames (default: all that the rig has)")
     p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
     p.add_argument(
         "--draws", type=int, default=3, help="simulators of a randomised tuning (default: %(default)s)"

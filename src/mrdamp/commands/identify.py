@@ -37,13 +37,9 @@ def add_to(commands: Any) -> None:
 
 def add_identify(commands: Any) -> None:
     """Adds `identify`."""
-    p = add_command(
-        commands,
-        "identify",
-        run_identify,
-        "fit a law, or a network, to records, judged in free run on records held out",
-        "mrdamp identify records/ --law bouc_wen --intervals -o model.json",
-    )
+    about = "fit a law, or a network, to records; evaluated in free run on held-out records"
+    example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
+    p = add_command(commands, "identify", run_identify, about, example)
     _add_records(p)
     p.add_argument(
         "--law",

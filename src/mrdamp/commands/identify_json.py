@@ -84,7 +84,7 @@ def of_by_command(found: ByCommand) -> dict[str, Any]:
             {"command": u, "attributes": dict(fit.model.attributes), **_errors(fit.train, fit.train_nrmse)}
             for u, fit in found.fits
         ],
-        "lines": [asdict(line) for line in found.lines],
+        "lines": [line._asdict() for line in found.lines],
         "held_out": _errors(found.held_out, found.held_out_nrmse),
     }
 

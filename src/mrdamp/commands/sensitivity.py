@@ -18,7 +18,7 @@ def add_to(commands: Any) -> None:
         commands,
         "sensitivity",
         run_sensitivity,
-        "what a diagnosis would find on your rig: effects put into its own records in several sizes, each diagnosed",
+        "detection limits of a diagnosis on your rig, from effects of several sizes injected into its records",
         "mrdamp sensitivity case/ -o out/sensitivity --jobs 2",
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records (rig damper)")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +27,11 @@ class Measure:
     key: str
     title: str
     ratio: bool = False
+
+
+def digest(of: Sequence[Any]) -> str:
+    """16 hexadecimal digits of the SHA-256 of what JSON can hold."""
+    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:16]
 
 
 #: What ratios are over on a structure with a damper more or less.

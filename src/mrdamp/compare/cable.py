@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Measure
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Measure, digest
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
 from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
@@ -121,7 +121,7 @@ class CableBench(PlantBench):
         loads = [load.name for load in self.tuning_loads()]
         steps = self.period, self.timestep
         own = [asdict(self.cable), self.model.to_dict()["model"], *steps, loads, self.tuning_amplitudes]
-        return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
+        return digest(own)
 
     def about(self) -> str:
         c = self.cable

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, digest
 from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.plant_run import PlantBench, run_plant
 from mrdamp.control import car as controllers
@@ -185,8 +185,7 @@ class CarBench(PlantBench):
 
     def identity(self) -> str:
         loads = [load.name for load in self.tuning_loads()]
-        own = [asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep, loads]
-        return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
+        return digest([asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep, loads])
 
     def about(self) -> str:
         c = self.car

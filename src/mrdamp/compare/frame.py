@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Coil, Measure
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Coil, Measure, digest
 from mrdamp.compare.motions import TUNING_AMPLITUDES, UNSEEN_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.compare.on_chain import run_chain
 from mrdamp.control import registry
@@ -194,7 +194,7 @@ class FrameBench:
     def identity(self) -> str:
         loads = [load.name for load in self.tuning_loads()]
         own = [self.model.to_dict()["model"], self.compression, self.period, loads, self.tuning_amplitudes]
-        return hashlib.sha256(json.dumps(own, sort_keys=True).encode()).hexdigest()[:16]
+        return digest(own)
 
     def about(self) -> str:
         frame = self.site.frame

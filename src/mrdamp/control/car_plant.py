@@ -19,8 +19,10 @@ MEASURED = {"acceleration_1": 0.5, "acceleration_2": 0.05, "stroke": 2e-4}
 
 @dataclass(frozen=True)
 class CarSite:
-    """What a controller is made for: the car, the damper's model, the largest command (A or V), the force then (N) and
-    the control period, s."""
+    """What a controller is made for.
+
+    command_max: the largest command, A or V; force_max: the force at that command, N; period: of control, s.
+    """
 
     car: QuarterCar
     damper: Model

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +48,7 @@ SWITCHING = 46.0
 Progress = Callable[[str, float], None]
 
 
-@dataclass(frozen=True)
-class DemoResult:
+class DemoResult(NamedTuple):
     """What the main job found: the fit, the frame's runs and criteria by controller, and where the page lies."""
 
     records: RecordSet
@@ -166,8 +166,8 @@ def _fit(out: Path, records: RecordSet, law: str, seed: int, progress: Progress)
     kept = {
         "key": key,
         "fit": fit.model.to_dict(),
-        "train": [vars(e) for e in fit.train],
-        "held_out": [vars(e) for e in fit.held_out],
+        "train": [e._asdict() for e in fit.train],
+        "held_out": [e._asdict() for e in fit.held_out],
         "starts": fit.starts,
         "evaluations": fit.evaluations,
     }

@@ -16,7 +16,7 @@ _SCORES = (
     ("real", "tuned on the nominal simulator"),
     ("blind", "tuned on a blindly randomised one"),
     ("retuned", "tuned on the corrected one"),
-    ("randomised", "tuned on draws from its ranges"),
+    ("randomised", "tuned on draws from its intervals"),
     ("direct", "tuned on the real frame itself"),
 )
 COLUMNS = ("real frame", "diagnosis", "nominal error", "corrected error", "closed", "95 % interval")
@@ -57,17 +57,18 @@ def page(study: Study) -> Page:
     closed = [r.closed for r in study.rows]
     named = sum(r.named == (r.cause,) for r in study.rows)
     out = Page(
-        f"The gap of {study.controller}",
-        f"Each real frame is the simulator but for one effect. The diagnosis named it on {named} of {len(study.rows)}, "
-        f"and the corrected simulator closed {100 * float(np.median(closed)):.0f} % of the gap in the controller's "
-        "figures (median).",
+        f"Sim-to-real gap of {study.controller}",
+        f"Each real frame differs from the simulator by one effect. The diagnosis named it on {named} of "
+        f"{len(study.rows)}. "
+        f"The corrected simulator closed {100 * float(np.median(closed)):.0f} % of the gap in the controller's "
+        "criteria (median).",
         f"mrdamp {__version__}, `mrdamp gap`",
     )
     out.figure(
-        "What the simulator promises",
+        "Error of the simulator",
         errors(study),
-        "Mean relative error of the simulator in peak and RMS drift and acceleration, on motions in no record. The rig "
-        f"without an effect and the nominal simulator differ by {100 * study.alike:.1f} %.",
+        "Mean relative error of the simulator in peak and RMS drift and acceleration, on held-out motions. Without an "
+        f"effect, rig and nominal simulator differ by {100 * study.alike:.1f} %.",
         "Bars: "
         + ", ".join(f"{r.cause} {100 * r.nominal:.0f} % to {100 * r.corrected:.0f} %" for r in study.rows),
     )
@@ -78,11 +79,11 @@ def page(study: Study) -> Page:
     table = score_rows(study)
     if table:
         out.table(
-            "What the controller does",
+            "Score of the controller",
             ("real frame", *(text for _, text in ways(study))),
             table,
             "Score on the real frame, smaller is better: mean of peak drift and peak acceleration over those of the "
-            f"frame without a damper in the nominal simulator, where {study.controller} promised {study.promised:.3f}.",
+            f"frame without a damper in the nominal simulator. There {study.controller} has {study.promised:.3f}.",
         )
         out.figure("", scores(study), "Score on the real frame by the simulator that it was tuned on.",
                    "Bars of the table above.")  # fmt: skip
@@ -102,7 +103,7 @@ def errors(study: Study) -> Figure:
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     ax.axvline(100 * study.alike, color="black", linestyle=":", linewidth=1)
-    ax.set_xlabel("error in the controller's figures, %")
+    ax.set_xlabel("error in the controller's criteria, %")
     marks = [
         Patch(color=REFERENCE),
         Patch(color=COLOURS[0]),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,7 @@ Progress = Callable[[str, float], None]
 _SAME = 0.02
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """p = zero + slope u through the fitted values of one parameter; scatter: RMS distance from it."""
 
     parameter: str

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
@@ -32,8 +33,7 @@ _CLOSE = 1.15
 _FIT_SUBSTEP = 1e-3
 
 
-@dataclass(frozen=True)
-class RecordError:
+class RecordError(NamedTuple):
     """Free-run error of a model on one record: RMS error (N), and over the standard deviation of the force."""
 
     record: str

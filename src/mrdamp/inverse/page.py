@@ -13,8 +13,8 @@ from mrdamp.pictures.tracking import force_tracking
 from mrdamp.report import Page
 
 _KINDS: Mapping[str, str] = {
-    "between": "Wanted: a force between those of the least and the largest command",
-    "unrelated": "Wanted: a random force that knows nothing of the motion, cut off at the damper's reach",
+    "between": "Wanted force between those of the least and the largest command",
+    "unrelated": "Random wanted force, independent of the motion, clipped to the damper's range",
 }
 
 
@@ -27,14 +27,14 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
     summary = (
         f"Force tracking in MuJoCo over {result.tracks['between'][0].time[-1]:.0f} s of random motion: the least RMS "
         f"error is {best['between'].relative_error:.1%} of the wanted force ({best['between'].name}), "
-        f"on/off switching has {_switching(result):.1%}."
+        f"that of on/off switching {_switching(result):.1%}."
     )
-    page = Page(f"mrdamp: inverses of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
+    page = Page(f"Inverse models of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
     for kind, heading in _KINDS.items():
         page.figure(
             heading,
             draw(result, kind, command_unit),
-            "The part with the largest wanted force. " + _noise(result),
+            "Section with the largest wanted force. " + _noise(result),
             "Wanted and true force over time, and the command, for each inverse.",
         )
         page.table("", result.columns, result.rows(kind))
@@ -56,10 +56,10 @@ def draw(result: Trial, kind: str, command_unit: str) -> Figure:
 
 def _models(page: Page, result: Trial) -> None:
     effects = ", ".join(effect.name for effect in result.plant.effects) or "none"
-    said = [f"Steered: {result.plant.name}, law {result.plant.law}, effects: {effects}."]
+    said = [f"Controlled damper: {result.plant.name}, law {result.plant.law}, effects: {effects}."]
     if result.fit:
         said.append(
-            f"Law inverse: {result.model.law} identified from records, free-run error on those held out "
+            f"Law inverse: {result.model.law} identified from records, held-out free-run error "
             f"{result.fit.held_out_nrmse:.3f} of the force's standard deviation."
         )
     else:
@@ -67,7 +67,7 @@ def _models(page: Page, result: Trial) -> None:
         said.append(f"Law inverse: {result.model.name}, law {result.model.law}, effects: {own}.")
     if result.network:
         said.append(f"Network inverse: {result.network.about}.")
-    page.text("What was steered and by what", said)
+    page.text("Models", said)
 
 
 def _switching(result: Trial) -> float:

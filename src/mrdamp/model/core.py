@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -89,6 +90,11 @@ class Narx:
         return float(self._lib.mrdamp_narx_forward(self.handle, pointer(values)))
 
 
+def _sets(law: str, narx: Narx | None, params: Array) -> tuple[Any, ...]:
+    """What the library takes of parameter sets (sets, attributes) of a law."""
+    return law_number(law), narx.handle if narx else None, len(params), pointer(params)
+
+
 def run_many(
     law: str,
     params: Array,
@@ -117,10 +123,7 @@ def run_many(
     options = Options(int(hold), threads, substep or 0.0)
     checked(
         library().mrdamp_run,
-        law_number(law),
-        narx.handle if narx else None,
-        len(matrix),
-        pointer(matrix),
+        *_sets(law, narx, matrix),
         dt,
         len(x),
         *(None if array is None else pointer(array) for array in arrays),
@@ -245,10 +248,7 @@ def run_frame_many(
     options = Options(int(hold), threads, substep or 0.0)
     checked(
         library().mrdamp_run_frame,
-        law_number(law),
-        narx.handle if narx else None,
-        len(matrix),
-        pointer(matrix),
+        *_sets(law, narx, matrix),
         rows,
         dt,
         n,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import GRAVITY, FloatArray, ShearFrame
 
 
@@ -35,10 +35,11 @@ class QuarterCar:
     tyre_damping: float = 120.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value, least = getattr(self, field.name), field.name.endswith("damping")
-            if not (0 <= value < math.inf if least else 0 < value < math.inf):
-                raise InputError(f"car: {field.name} is {value}; allowed: {'>= 0' if least else '> 0'}")
+        sizes = ("body", "wheel", "stiffness", "tyre_stiffness")
+        require_positive("car", **{name: getattr(self, name) for name in sizes})
+        for name, value in (("damping", self.damping), ("tyre_damping", self.tyre_damping)):
+            if not 0 <= value < math.inf:
+                raise InputError(f"car: {name} is {value}; allowed: >= 0")
 
     @property
     def frame(self) -> ShearFrame:

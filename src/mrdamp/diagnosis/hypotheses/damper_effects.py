@@ -33,7 +33,6 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
         positive("seal_friction_breakaway", 1.2, 1.0, 4.0, 0.3),
         positive("seal_friction_v_s", 0.1 * s.velocity, 1e-3 * s.velocity, 2 * s.velocity),
     )
-    mass = linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia)
     mount = positive("mount_compliance_k", 30 * k, 0.5 * k, 3000 * k)
     return (
         *current_terms(s),
@@ -73,48 +72,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             ((0.08 * s.force, 1.2, 0.1 * s.velocity, 0.02 * s.velocity),),
             form="slipping at once",
         ),
-        Term(
-            "moving_mass",
-            "mechanics",
-            (mass,),
-            ((0.1 * inertia,),),
-            fixed={"moving_mass_beyond": 1.0},  # as a fixture is; matters behind a mount alone
-        ),
-        Term(
-            "moving_mass",
-            "mechanics",
-            (
-                mass,
-                positive("moving_mass_hz", min(80.0, 0.4 / dt), 10.0, 0.45 / dt, 0.2),
-                positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
-                linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
-            ),
-            tuple(
-                (0.1 * inertia, hz, ratio, 0.9)  # a low resonance is found from a wide one alone
-                for hz, ratio in ((30.0, 0.3), (70.0, 0.1), (100.0, 0.05), (140.0, 0.05), (190.0, 0.05))
-                if hz < 0.4 / dt
-            ),
-            form="on a spring",
-            fixed={"moving_mass_beyond": 1.0},
-        ),
-        Term(
-            "moving_mass",
-            "mechanics",
-            (
-                mass,
-                positive("moving_mass_hz", 35.0, 8.0, 0.3 / dt, 0.2),
-                positive("moving_mass_hz2", 80.0, 10.0, 0.45 / dt, 0.2),
-                positive("moving_mass_ratio", 0.05, 2e-3, 0.9),
-                linear("moving_mass_share2", 0.1, 0.02, 0.98, 0.5),
-            ),
-            tuple(
-                (0.1 * inertia, low, high, ratio, 0.5)
-                for low, high, ratio in ((30.0, 70.0, 0.2), (35.0, 85.0, 0.07), (40.0, 110.0, 0.05))
-                if high < 0.4 / dt
-            ),
-            form="in two clamps",
-            fixed={"moving_mass_beyond": 1.0},
-        ),
+        *_mass_terms(inertia, dt),
         Term(
             "mount_compliance",
             "mount",
@@ -259,6 +217,41 @@ def nominal_coordinates(
             size = _size(name, parameters, command)
             out.append(Coordinate(name, value, value - 2 * size, value + 2 * size, 0.1 * size, prior=3.0))
     return tuple(out)
+
+
+def _mass_terms(inertia: float, dt: float) -> tuple[Term, ...]:
+    mass = linear("moving_mass_m", 0.03 * inertia, 0.0, 3 * inertia)
+    ratio = positive("moving_mass_ratio", 0.05, 2e-3, 0.9)
+
+    def term(
+        coordinates: tuple[Coordinate, ...], starts: tuple[tuple[float, ...], ...], form: str = ""
+    ) -> Term:
+        # Beyond the mount, as a fixture is; that matters behind a mount alone.
+        fixed = {"moving_mass_beyond": 1.0}
+        return Term("moving_mass", "mechanics", coordinates, starts, form=form, fixed=fixed)
+
+    one = (
+        mass,
+        positive("moving_mass_hz", min(80.0, 0.4 / dt), 10.0, 0.45 / dt, 0.2),
+        ratio,
+        linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
+    )
+    # A low resonance is found from a wide one alone.
+    resonances = ((30.0, 0.3), (70.0, 0.1), (100.0, 0.05), (140.0, 0.05), (190.0, 0.05))
+    two = (
+        mass,
+        positive("moving_mass_hz", 35.0, 8.0, 0.3 / dt, 0.2),
+        positive("moving_mass_hz2", 80.0, 10.0, 0.45 / dt, 0.2),
+        ratio,
+        linear("moving_mass_share2", 0.1, 0.02, 0.98, 0.5),
+    )
+    pairs = ((30.0, 70.0, 0.2), (35.0, 85.0, 0.07), (40.0, 110.0, 0.05))
+    highest = 0.4 / dt
+    return (
+        term((mass,), ((0.1 * inertia,),)),
+        term(one, tuple((0.1 * inertia, f, wide, 0.9) for f, wide in resonances if f < highest), "on a spring"),
+        term(two, tuple((0.1 * inertia, *pair, 0.5) for pair in pairs if pair[1] < highest), "in two clamps"),
+    )
 
 
 def widened(

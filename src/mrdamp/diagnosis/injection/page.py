@@ -12,21 +12,21 @@ from mrdamp.report import Cell, Page
 
 
 def page(study: Study, answers: Sequence[Answer]) -> Page:
-    """Detection by effect and size, confusions, what cannot be shown, and every trial."""
+    """Detection by effect and size, confusions, effects that cannot be shown, and every trial."""
     state = (
         ""
         if len(answers) == len(study.trials)
         else f"{len(answers)} of {len(study.trials)} trials done so far."
     )
-    out = Page(f"What a diagnosis finds on {study.case.name}", sentence(study, answers), state)
+    out = Page(f"Detection limits on {study.case.name}", sentence(study, answers), state)
     found = findings(answers)
     if found:
         sizes = sorted({s for f in found for s in f.outcomes})
         out.figure(
-            "Found, by effect and size",
+            "Detection by effect and size",
             detection([f.effect for f in found], sizes, [f.outcomes for f in found]),
-            "Each effect put exactly into the case's own records, and diagnosed. An empty cell: no strength of the"
-            " effect changes the residual by so much.",
+            "Each effect is injected into the case's own records, which are then diagnosed. Empty cell: no"
+            " strength of the effect changes the residual by so much.",
             "A table of outcomes: effects in rows, sizes as shares of the RMS force in columns.",
         )
         rows: list[list[Cell]] = [
@@ -39,20 +39,20 @@ def page(study: Study, answers: Sequence[Answer]) -> Page:
             for f in found
         ]
         out.table(
-            "From which size on",
-            ["effect", "named from", "which is", "else taken for"],
+            "Detection limit",
+            ["effect", "named from", "parameters", "mistaken for"],
             rows,
-            "Named from: the least size tried from which on every larger one is named. Parameters as put in, SI units.",
+            "Named from: the least size from which on every larger one is named. Parameters as injected, SI units.",
         )
         names, columns, counts = confusion(answers)
         out.figure(
-            "What is taken for what",
+            "Confusion",
             confusion_picture(counts, names, columns),
-            "Answers over all sizes. Blue: the effect that was put in.",
-            "A table of counts of answers by the effect that was put in, on its diagonal where answers are right.",
+            "Answers over all sizes. Blue: the injected effect.",
+            "A table of counts of answers by the injected effect, on its diagonal where answers are right.",
         )
     for heading, reasons in (
-        ("What these records can never show", study.never),
+        ("Effects that these records cannot show", study.never),
         ("Not tried", study.untried),
     ):
         if reasons:
@@ -60,7 +60,7 @@ def page(study: Study, answers: Sequence[Answer]) -> Page:
     own = own_effects(answers)
     if own is not None:
         (as_is,) = (a for a in answers if a.effect == AS_THEY_ARE)
-        out.text("The records as they are", as_is.sentence or f"verdict {as_is.verdict}")
+        out.text("Unchanged records", as_is.sentence or f"verdict {as_is.verdict}")
     out.table(
         "Every trial",
         ["effect", "size", "answer", "named", "gap before", "after", "s"],

@@ -133,7 +133,7 @@ def sentence(study: Study, answers: Sequence[Answer]) -> str:
     if missed:
         text += f" Not reliably: {', '.join(missed)}."
     if study.never:
-        text += f" These records can never show {', '.join(study.never)}."
+        text += f" These records cannot show {', '.join(study.never)}."
     if study.untried:
         text += f" Not tried: {', '.join(study.untried)}."
     return text

@@ -32,7 +32,7 @@ from mrdamp.records.log_filter import FILTERED, LOGGER, logged, rings_before_jum
 from mrdamp.records.sampling import derivative
 from mrdamp.records.upsampling import FineInputs as Fine
 from mrdamp.records.upsampling import repaired_ends as mended_ends
-from mrdamp.records.upsampling import upsampled as between
+from mrdamp.records.upsampling import upsampled
 
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
@@ -229,7 +229,7 @@ class DamperRig:
             x, a = x + moved, None
             v = None if v is None else v + derivative(moved, r.sample_time)
         factor = max(1, round(r.sample_time / _COARSE))
-        inputs = between(x, command, r.sample_time, factor, v, a, filtered=self.filtered)
+        inputs = upsampled(x, command, r.sample_time, factor, v, a, filtered=self.filtered)
         columns = ("force", "reference")
         out = self._run([settings], inputs, columns)[0]
         return dict(zip(columns, out, strict=True))
@@ -240,7 +240,7 @@ class DamperRig:
         if (record, factor) not in self._inputs:
             r = self.records[record]
             x, v, a = self.motions[record]
-            fine = between(x, r.command, r.sample_time, factor, v, a, filtered=self.filtered)
+            fine = upsampled(x, r.command, r.sample_time, factor, v, a, filtered=self.filtered)
             self._inputs[record, factor] = fine
         return self._inputs[record, factor]
 
@@ -288,7 +288,7 @@ class DamperRig:
         skip = round(SKIP / r.sample_time)
         inputs = self._fine(record, _COARSE)
         _, v, a = self.motions[record]
-        disturbed = between(again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered)
+        disturbed = upsampled(again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered)
         change = self._run([settings], disturbed) - self._run([settings], inputs)
         return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
 
@@ -304,7 +304,7 @@ class DamperRig:
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a test that has not been made."""
         factor = max(1, round(self.sizes.sample_time / _ROUGH))
-        inputs = between(signal.motion, signal.command, self.sizes.sample_time, factor)
+        inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor)
         return self._run(settings, inputs)
 
     def noise_share(self, record: int) -> float:

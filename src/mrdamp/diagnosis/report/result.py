@@ -124,13 +124,8 @@ class Remainder:
     regimes: tuple[Regime, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "gap": self.gap,
-            "share": self.share,
-            "of": self.of,
-            "stage": self.stage,
-            "regimes": [r.to_dict() for r in self.regimes],
-        }
+        own = {"gap": self.gap, "share": self.share, "of": self.of, "stage": self.stage}
+        return {**own, "regimes": [r.to_dict() for r in self.regimes]}
 
 
 @dataclass(frozen=True)

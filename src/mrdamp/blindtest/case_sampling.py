@@ -51,20 +51,20 @@ def _rig(rng: np.random.Generator, rig: str, count: int, misfit: bool) -> list[T
         "own": [OWN],
     }
     tasks = []
-    for kind, number in _shared(count, _MISFIT_SHARES if misfit else _SHARES).items():
-        labels = _outside(rng, groups, number) if kind == "unknown" else _dealt(rng, pools[kind], number)
+    for kind, number in _apportioned(count, _MISFIT_SHARES if misfit else _SHARES).items():
+        labels = _outside(rng, groups, number) if kind == "unknown" else _without_repetition(rng, pools[kind], number)
         tasks += [Task("", rig, label, kind == "weak", misfit) for label in labels]
     return tasks
 
 
 def _outside(rng: np.random.Generator, groups: Sequence[Sequence[str]], number: int) -> list[str]:
     """From both groups of causes outside the catalogue in turn, whichever comes first."""
-    orders = [_dealt(rng, group, number) for group in groups]
+    orders = [_without_repetition(rng, group, number) for group in groups]
     first = int(rng.integers(2))
     return [f"~{orders[(first + k) % 2][k // 2]}" for k in range(number)]
 
 
-def _shared(count: int, shares: Mapping[str, float]) -> dict[str, int]:
+def _apportioned(count: int, shares: Mapping[str, float]) -> dict[str, int]:
     """Whole numbers by largest remainder."""
     exact = {kind: share * count for kind, share in shares.items()}
     whole = {kind: int(value) for kind, value in exact.items()}
@@ -74,7 +74,7 @@ def _shared(count: int, shares: Mapping[str, float]) -> dict[str, int]:
     return whole
 
 
-def _dealt(rng: np.random.Generator, pool: Sequence[str], number: int) -> list[str]:
+def _without_repetition(rng: np.random.Generator, pool: Sequence[str], number: int) -> list[str]:
     """Every label of the pool before any comes again."""
     out: list[str] = []
     while len(out) < number:
