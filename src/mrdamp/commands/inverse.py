@@ -21,13 +21,13 @@ def add_to(commands: Any) -> None:
         commands,
         "inverse",
         run_inverse,
-        "wanted force -> command: train and judge inverses of a damper by their force tracking in MuJoCo",
+        "wanted force -> command: train inverse models of a damper and evaluate their force tracking in MuJoCo",
         "mrdamp inverse model.json --records records/ -o out/inverse",
     )
     p.add_argument(
-        "model", help="what is believed of the damper: a model file, or the name of a parameter set"
+        "model", help="the model of the damper: a model file, or the name of a parameter set"
     )
-    p.add_argument("--plant", help="the damper that is steered (default: MODEL with the effects of a rig)")
+    p.add_argument("--plant", help="the controlled damper (default: MODEL with the effects of a rig)")
     p.add_argument(
         "--records",
         nargs="+",
@@ -47,7 +47,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)s)")
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--workers", type=int, default=1, help="processes for the network; the answer is the same")
-    p.add_argument("--command-unit", default="A", choices=("A", "V"))
+    p.add_argument("--command-unit", choices=("A", "V"), help="(default: that of a parameter set, else A)")
     p.add_argument("--picture", type=Path, help="tracks of a force between the extremes (.svg, .png or .pdf)")
     p.add_argument("--json", action="store_true", help="print the table as JSON")
     p.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
@@ -55,7 +55,7 @@ def add_to(commands: Any) -> None:
 
 def run_inverse(a: argparse.Namespace) -> int:
     """Trains, tracks, prints the table and writes page, picture and network."""
-    from mrdamp.commands.models import named_model
+    from mrdamp.commands.models import named_model, named_unit
     from mrdamp.commands.output import check_picture, progress_bar, save_picture
     from mrdamp.inverse.network import NetworkInverse
     from mrdamp.inverse.page import draw, write_page
@@ -81,10 +81,11 @@ def run_inverse(a: argparse.Namespace) -> int:
             network=network, exact=a.exact, commands=tuple(a.commands) if a.commands else None, motion=motion,
             seconds=a.seconds, seed=a.seed, workers=a.workers, progress=progress,
         )  # fmt: skip
-    page = write_page(result, a.out, a.command_unit)
+    unit = a.command_unit or named_unit(a.model)
+    page = write_page(result, a.out, unit)
     print(_json(result) if a.json else _text(result, page))
     if a.picture:
-        save_picture(draw(result, "between", a.command_unit), a.picture)
+        save_picture(draw(result, "between", unit), a.picture)
     return 0
 
 

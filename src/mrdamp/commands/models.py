@@ -18,3 +18,10 @@ def named_model(text: str) -> Model:
         found = sets.load(text)
         return Model(found.law, dict(found.parameters), effects_from(found.attributes()), name=text)
     return Model.read(text)
+
+
+def named_unit(text: str) -> str:
+    """Unit of the command: A, or V for a parameter set whose source is in volts."""
+    from mrdamp import sets
+
+    return sets.load(text).command.unit if not Path(text).exists() and text in sets.names() else "A"

@@ -26,8 +26,8 @@ def write_page(result: Trial, out: Path, command_unit: str) -> Path:
     }  # fmt: skip
     summary = (
         f"Force tracking in MuJoCo over {result.tracks['between'][0].time[-1]:.0f} s of random motion: the least RMS "
-        f"error is {best['between'].relative_error:.1%} of the wanted force ({best['between'].name}), "
-        f"that of on/off switching {_switching(result):.1%}."
+        f"error is {100 * best['between'].relative_error:.1f} % of the wanted force ({best['between'].name}), "
+        f"that of on/off switching {100 * _switching(result):.1f} %."
     )
     page = Page(f"Inverse models of {result.plant.name}", summary, footer="Made by `mrdamp inverse`.")
     for kind, heading in _KINDS.items():

@@ -48,8 +48,7 @@ class Trial:
     def columns(self) -> tuple[str, ...]:
         """Heads of `rows`."""
         return (
-            "inverse", "RMS error (N)", "over the wanted force (%)", "way of the command (full ranges per s)",
-            "mean command",
+            "inverse", "RMS error (N)", "of wanted (%)", "command path (ranges/s)", "mean command",
         )  # fmt: skip
 
     def rows(self, kind: str) -> list[tuple[str, float, float, float, float]]:

@@ -38,19 +38,23 @@ def page(study: Study, answers: Sequence[Answer]) -> Page:
             ]
             for f in found
         ]
+        heads = ["effect", "named from", "parameters", "mistaken for"]
+        if all(row[-1] is None for row in rows):
+            heads, rows = heads[:-1], [row[:-1] for row in rows]
         out.table(
             "Detection limit",
-            ["effect", "named from", "parameters", "mistaken for"],
+            heads,
             rows,
             "Named from: the least size from which on every larger one is named. Parameters as injected, SI units.",
         )
         names, columns, counts = confusion(answers)
-        out.figure(
-            "Confusion",
-            confusion_picture(counts, names, columns),
-            "Answers over all sizes. Blue: the injected effect.",
-            "A table of counts of answers by the injected effect, on its diagonal where answers are right.",
-        )
+        if len(columns) > 1:
+            out.figure(
+                "Confusion",
+                confusion_picture(counts, names, columns),
+                "Answers over all sizes. Blue: the injected effect.",
+                "A table of counts of answers by the injected effect, on its diagonal where answers are right.",
+            )
     for heading, reasons in (
         ("Effects that these records cannot show", study.never),
         ("Not tried", study.untried),
