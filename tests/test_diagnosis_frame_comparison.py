@@ -81,6 +81,15 @@ def test_an_accelerometer_and_the_displacements_are_told_apart(measured: dict[st
     assert one.settings["channel_shift_d"] == pytest.approx(expected, rel=0.1)
 
 
+def test_numbers_of_the_structure_are_no_unknown_cause(measured: dict[str, Record]) -> None:
+    """Two stiffnesses and a mass that are off: no single effect, and nothing outside the catalogue."""
+    believes = believed(True, stiffness=(4.5e5, 8.0e5, 6.84e5), mass=(98.3, 98.3, 110.0))
+    (one,) = compared(believes, measured)
+    assert one.cause is None
+    assert one.after < 2 * one.noise < one.before
+    assert not one.unexplained
+
+
 def test_what_no_effect_explains_has_no_cause(measured: dict[str, Record]) -> None:
     """A clipped reading is none of the catalogue's."""
     name = "floor3_acceleration_m_s2"

@@ -99,7 +99,8 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     search, floor = _search(rig, noise, base, limits, jobs, store, part(0.05, 0.45))
     _, decision = judge(search, rig, untouched, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
-    outside = any(search.solved(f) for f in search.rivals)
+    unexplained = any(c.unexplained for c in channels)
+    outside = any(search.solved(f) for f in search.rivals) or (search.inexact and unexplained)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
         # What was kept is of other nominal numbers, but where those are held.
@@ -108,8 +109,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
         evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
         # Beside a wrong law the damper's block is always at fault.
-        law_apart = search.inexact and any(c.unexplained for c in channels)
-        told = [b for b in found if b.kind != "damper"] if law_apart else found
+        told = [b for b in found if b.kind != "damper"] if search.inexact and unexplained else found
         where = replace(
             answer.where,
             stages=shares_by_stage(search, chosen, answer.verdict, told, evidence),

@@ -21,6 +21,7 @@ from mrdamp.diagnosis.constants import (
     DIRECT_RESOLUTION,
     INDEPENDENT,
     NUMBER_PRICE,
+    PARTS_LEFT,
     SAME_UNIT,
 )
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
@@ -57,8 +58,9 @@ class Compared:
 
     @property
     def unexplained(self) -> bool:
-        """True where the two differ beyond their noise and no effect of the catalogue explains it."""
-        return self.cause is None and self.before**2 > 2 * self.noise**2
+        """True where the two differ beyond their noise and neither an effect nor other numbers explain it."""
+        before, after = (max(x**2 - self.noise**2, 0.0) for x in (self.before, self.after))
+        return self.cause is None and before > self.noise**2 and after > PARTS_LEFT * before
 
     def to_dict(self) -> dict[str, Any]:
         """For `diagnosis.json`."""

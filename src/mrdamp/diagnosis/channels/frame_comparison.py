@@ -8,7 +8,7 @@ alone, and is told apart by what leaves noise of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,7 +41,8 @@ def compared_parts(
     s: ShearFrame, records: Sequence[Record], terms: Sequence[Term], parts: Sequence[Part]
 ) -> tuple[Compared, ...]:
     """The storeys together and each accelerometer that is at fault, with the cause that leaves noise of the fault where
-    one does. terms: the frame's whole catalogue. Where all accelerometers are at fault it is the displacements or the
+    one does. A storeys' fault that none explains may be the structure's own numbers, as far as those leave little of it
+    (`after`). terms: the frame's whole catalogue. Where all accelerometers are at fault it is the displacements or the
     ground: only a common shift is asked. Nothing where noise is unknown."""
     storeys = [p for p in parts if p.kind == "storey"]
     meters = [p for p in parts if p.kind == "accelerometer"]
@@ -76,7 +77,30 @@ def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequenc
         return np.concatenate(out)
 
     noise = float(np.mean([p.noise for p in parts]))
-    return best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
+    best = best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
+    if best.cause is None:
+        best = replace(best, after=noise * _left_by_numbers(found, parts))
+    return best
+
+
+def _left_by_numbers(found: Sequence[Balances], parts: Sequence[Part]) -> float:
+    """RMS error of the storeys' balances over their noise with all masses, stiffnesses and damping at their best."""
+    floors = range(1, found[0].structure.storeys + 1)
+    errors, columns = [], []
+    for b in found:
+        for p in parts:
+            j = p.place
+            scale = p.noise * np.sqrt(np.mean(b.shear[j][b.kept] ** 2))
+            own = [b.drift[j], b.velocity(j)]
+            table = [x if k == j else np.zeros(len(x)) for k in floors for x in own]
+            table += [b.moved[k] if k >= j and k in b.moved else np.zeros(len(b.ground)) for k in floors]
+            errors.append(_thinned(b, b.storey_error(j)[b.kept]) / scale)
+            columns.append(np.array([_thinned(b, x[b.kept]) for x in table]).T / scale)
+    a, y = np.vstack(columns), np.concatenate(errors)
+    size = np.linalg.norm(a, axis=0)
+    a = a[:, size > 0] / size[size > 0]
+    left = y - a @ np.linalg.lstsq(a, y, rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))
 
 
 def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Term]) -> Compared:
