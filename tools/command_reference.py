@@ -50,8 +50,8 @@ def lines() -> Iterator[str]:
     """The page, line by line."""
     yield "# Commands"
     yield ""
-    yield "Bad input gives one line on standard error and exit code 2; an interrupt gives 130, and the same command"
-    yield "again goes on where it can. Written by `tools/command_reference.py`."
+    yield "Bad input gives one line on standard error and exit code 2, an interrupt 130. The same command continues an"
+    yield "interrupted run. Written by `tools/command_reference.py`."
     for name, (sub, text) in subcommands(build_parser()).items():
         yield from ("", f"## mrdamp {name}", "", f"{text[:1].upper()}{text[1:]}.", "")
         if sub.epilog:

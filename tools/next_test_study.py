@@ -4,7 +4,7 @@ Makes cases on the reference rig (`mrdamp.blindtest`, which shares no code with 
 at constant command, and diagnoses them. Where the cause is left open, that rig runs the proposed test, and beside it
 tests drawn at random from the same family, of the same length and within the same limits. After each of them the
 causes that were left open are fitted again, to the old records and the new one. Finished cases are kept in OUT and
-the same command goes on there.
+the same command continues there.
 """
 
 from __future__ import annotations

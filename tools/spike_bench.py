@@ -34,7 +34,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LAWS = ("bouc_wen", "modified_bouc_wen", "hyperbolic_tangent")
 #: Gap with the effect over the gap without it, between which sizes are drawn.
 LEAST, MOST = 1.2, 3.0
-#: Factor by which the tests' gap must grow, so that a simulator without the effect is told from one with it.
+#: Factor by which the tests' gap must grow, to distinguish a simulator without the effect from one with it.
 SHOWN = 1.1
 #: Samples at the start of a test that do not count (as in the scorer of the cases).
 SKIP = 50

@@ -1,4 +1,4 @@
-"""What a learner is paid and what its critic is told, from a base controller's run under the same load.
+"""Reward of a learner and observations of its critic, from a base controller's run under the same load.
 
     r_t = scale sum_k share_k R_k / p (b_kt^p - c_kt^p) / sum_t b_kt^p
 
@@ -37,7 +37,7 @@ class Lessons(VecEnvWrapper):
     """Observations (n, k) become (n, k + f), the f last for the critic alone; rewards become those above.
 
     runs: of the pool that the rows' loads come from, whose names are places in it. price: of the mean current over its
-    largest, in the score's unit; scale: of the rewards. told: whether the critic is told more than the actor.
+    largest, in the score's unit; scale: of the rewards. told: whether the critic observes more than the actor.
     """
 
     def __init__(

@@ -37,7 +37,7 @@ def add_to(commands: Any) -> None:
         "--jobs", type=int, default=2, help="processes; the answer is the same (default: %(default)s)"
     )
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder to write; the same command goes on there"
+        "-o", "--out", type=Path, required=True, help="folder to write; the same command continues an interrupted run"
     )
 
 

@@ -97,7 +97,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
     from mrdamp.narx.train import HORIZONS
 
     splits = _splits(a, records)
-    # What is finished lies beside the model until the model is written: the same command goes on from there.
+    # What is finished lies beside the model until the model is written: the same command continues from there.
     cache = Path(f"{a.out}.unfinished")
     channels, lags, hidden = a.inputs or splits.channels, a.lags, _hidden(a.hidden) or splits.units
     lags = splits.lags if lags is None else lags

@@ -59,7 +59,7 @@ def add_to(commands: Any) -> None:
         help="of --jobs: processes here, or a Ray cluster (extra `cluster`; RAY_ADDRESS names one that runs)",
     )  # fmt: skip
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder; the same command goes on where it stopped"
+        "-o", "--out", type=Path, required=True, help="folder; the same command continues where it stopped"
     )
 
 

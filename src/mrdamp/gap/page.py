@@ -73,16 +73,16 @@ def page(study: Study) -> Page:
         + ", ".join(f"{r.cause} {100 * r.nominal:.0f} % to {100 * r.corrected:.0f} %" for r in study.rows),
     )
     out.table("", COLUMNS, gap_rows(study))
-    names = [n.replace("_", " ") for n in CRITERIA]
+    names = [n.replace("_", " ").replace("rms", "RMS") for n in CRITERIA]
     rows = [(r.cause, *(_pair(r, name) for name in CRITERIA)) for r in study.rows]
     out.table("", ("real frame", *names), rows, "Relative error, nominal and corrected, %.")
     table = score_rows(study)
     if table:
         out.table(
             "Score of the controller",
-            ("real frame", *(text for _, text in ways(study))),
+            ("real frame", *(_short(text) for _, text in ways(study))),
             table,
-            "Score on the real frame, smaller is better: mean of peak drift and peak acceleration over those of the "
+            "Columns: what the controller was tuned on. Score on the real frame, smaller is better: mean of peak drift and peak acceleration over those of the "
             f"frame without a damper in the nominal simulator. There {study.controller} has {study.promised:.3f}.",
         )
         out.figure("", scores(study), "Score on the real frame by the simulator that it was tuned on.",
@@ -138,6 +138,10 @@ def scores(study: Study) -> Figure:
     ax.set_xlabel("score on the real frame")
     legend(fig, [Patch(color=c) for c in colours], [text for _, text in shown])
     return fig
+
+
+def _short(text: str) -> str:
+    return text.removeprefix("tuned on ").removeprefix("the ").removeprefix("a ")
 
 
 def _pair(row: Row, name: str) -> str:

@@ -22,7 +22,7 @@ from mrdamp.records import RecordSet
 Progress = Callable[[str, float], None]
 
 #: Kinds of wanted force: between what the least and the largest command would bring, or another random force cut off
-#: at these two, as an optimal controller wants it that knows nothing of the damper's motion.
+#: at these two, as wanted by an optimal controller, independent of the damper's motion.
 WANTED = ("between", "unrelated")
 NETWORK_PERIOD = 2e-3  # s
 _LEVEL_HZ = 2.0  # highest frequency of a wanted force

@@ -153,7 +153,7 @@ def minimise(
             converged = True  # no step of any length makes it smaller
             break
         expected = float(-2.0 * step @ gradient - step @ (a @ step) - ratio * step @ step)
-        # Nielsen's update of the damping: follows how well the quadratic model foretold the gain.
+        # Nielsen's update of the damping: by how well the quadratic model predicted the gain.
         mu, grow = mu * max(1.0 / 3.0, 1.0 - (2.0 * gain / expected - 1.0) ** 3), 2.0
         mu = max(mu, 1e-14 * float(np.trace(a)) / m)
         theta = trial

@@ -135,7 +135,7 @@ def by_amplitude(
 ) -> Figure:
     """A measure's mean over the amplitude, one panel a measure.
 
-    panels: title -> controller -> (n,) for amplitudes (n,). At most six controllers are told apart.
+    panels: title -> controller -> (n,) for amplitudes (n,). At most six controllers.
     """
     x = np.asarray(amplitudes, dtype=np.float64)
     names = list(next(iter(panels.values()), {}))
