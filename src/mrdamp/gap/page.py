@@ -82,7 +82,8 @@ def page(study: Study) -> Page:
             "Score of the controller",
             ("real frame", *(_short(text) for _, text in ways(study))),
             table,
-            "Columns: what the controller was tuned on. Score on the real frame, smaller is better: mean of peak drift and peak acceleration over those of the "
+            "Columns: what the controller was tuned on. Score on the real frame, smaller is better: mean of peak drift "
+            "and peak acceleration over those of the "
             f"frame without a damper in the nominal simulator. There {study.controller} has {study.promised:.3f}.",
         )
         out.figure("", scores(study), "Score on the real frame by the simulator that it was tuned on.",
