@@ -174,7 +174,7 @@ def test_a_page_of_what_is_learned_has_the_ways_that_there_are(tmp_path: Path) -
     assert score_rows(found) == [("driver_lag", 0.6, 0.52)]
     page(found).write(tmp_path / "index.html")
     text = (tmp_path / "index.html").read_text()
-    assert "tuned on the corrected one" in text
+    assert ">corrected one<" in text
     assert "blindly" not in text
 
 
