@@ -79,7 +79,22 @@ def test_a_shift_that_is_the_same_everywhere_is_certain() -> None:
     assert s.high == pytest.approx(-0.05)
     assert summarise(seeds).high - summarise(seeds).low > 0.1
     with pytest.raises(InputError, match="cannot be paired"):
-        difference(seeds[:3], seeds)
+        difference(seeds[:, :5], seeds)
+
+
+def test_seeds_of_two_trainings_are_drawn_apart_and_motions_together() -> None:
+    rng = np.random.default_rng(1)
+    motions = rng.uniform(0.2, 1.0, (1, 400, 1))
+    mine, others = rng.normal(0.0, 0.1, (40, 1, 1)), rng.normal(0.0, 0.05, (50, 1, 1))
+    s = difference(motions + mine, motions + others)
+    half = 1.96 * np.sqrt(mine.var() / 40 + others.var() / 50)  # motions are common and cancel out
+    assert (s.high - s.low) / 2 == pytest.approx(half, rel=0.08)
+    assert s.mean == pytest.approx(mine.mean() - others.mean())
+    assert s.worst == pytest.approx(mine.max() - others.min())
+    # As many seeds of either: their order has no meaning.
+    s = difference(motions + mine, motions + mine)
+    assert s.mean == pytest.approx(0.0, abs=1e-12)
+    assert (s.high - s.low) / 2 == pytest.approx(1.96 * mine.std() * np.sqrt(2 / 40), rel=0.1)
 
 
 class Squares:

@@ -85,8 +85,22 @@ def _percentiles(means: Array) -> tuple[float, float]:
 
 
 def difference(values: Array, other: Array, seed: int = 0) -> Summary:
-    """Of values less other, run by run; a single seed of the one is compared with every seed of the other."""
-    paired = len(values) == len(other) or 1 in (len(values), len(other))
-    if values.shape[1:] != other.shape[1:] or not paired:
+    """Of values less other, (seeds, motions, amplitudes) each, paired by motion and amplitude.
+
+    Seeds of two trainings have nothing in common: they are drawn apart, and every one is set against every one of the
+    other. Raises InputError where motions or amplitudes differ.
+    """
+    if values.shape[1:] != other.shape[1:]:
         raise InputError(f"compare: shapes {values.shape} and {other.shape} cannot be paired")
-    return summarise(values - other, seed)
+    if 1 in (len(values), len(other)):
+        return summarise(values - other, seed)
+    every = values[:, None] - other[None]
+    mean, worst = float(every.mean()), float(every.max())
+    cells, less = values.mean(axis=2), other.mean(axis=2)
+    if not (np.isfinite(cells).all() and np.isfinite(less).all()):
+        return Summary(mean, worst, float("nan"), float("nan"))
+    rows, columns = _draws(cells, seed)
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))  # apart from that of `_draws`
+    others = rng.integers(len(less), size=(RESAMPLES, len(less)))[:, :, None]
+    drawn = cells[rows, columns].mean(axis=(1, 2)) - less[others, columns].mean(axis=(1, 2))
+    return Summary(mean, worst, *_percentiles(drawn))
