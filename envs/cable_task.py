@@ -80,7 +80,7 @@ class CableTask(Task):
         given = TaskOptions(**options)
         self.cable = cable or StayCable()
         self.model = model_of(model, cable_damper)
-        if given.full_state:  # as many places as the sines can be told apart at, between the anchorages
+        if given.full_state:  # as many places as the sines can be distinguished at, between the anchorages
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
         self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, n=n)

@@ -24,7 +24,7 @@ _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 @dataclass(frozen=True)
 class Moment:
-    """Everything that the future of one row hangs on: engine state, load (samples, loads) and the step it is at."""
+    """Everything that the future of one row depends on: engine state, load (samples, loads) and the step it is at."""
 
     state: Array
     load: Array

@@ -64,7 +64,7 @@ class RowScore(Protocol):
 
 @dataclass(frozen=True)
 class Episode:
-    """Everything that the future of a row hangs on, but for the generator that noise and the next load come from."""
+    """Everything that the future of a row depends on, but for the generator that noise and the next load come from."""
 
     rows: Any
     score: Array

@@ -1,4 +1,4 @@
-"""An actor that sees the sensors beside a critic that sees more, for every learner of stable-baselines3.
+"""An actor that observes the sensors and a critic that observes more, for every learner of stable-baselines3.
 
 The first k numbers of an observation are the sensors'; what follows (`mrdamp.train.lessons`) no sensor shows, and it is
 there while the critic is trained only: the actor, which alone is exported, is built on the first k.

@@ -1,4 +1,4 @@
-"""Evolution strategy: a small network's weights searched by the very figures that a policy is judged by.
+"""Evolution strategy: a small network's weights searched by the criteria that a policy is evaluated by.
 
 Covariance matrix adaptation, after Hansen, The CMA Evolution Strategy: A Tutorial (2016), arXiv:1604.00772, with the
 default parameters of its table 1, active update and step-size bound left out. It stands beside the learners of
@@ -82,7 +82,7 @@ class Cma:
         self.sigma *= math.exp(self._c_sigma / self._damping * (length / self._length - 1))
 
     def save(self, path: Path) -> None:
-        """Everything that the next generation hangs on, as .npz."""
+        """Everything that the next generation depends on, as .npz."""
         state = np.array(repr(self._rng.bit_generator.state))
         np.savez(path, state=state, **{name: getattr(self, name) for name in self._KEPT})
 

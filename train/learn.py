@@ -15,7 +15,7 @@ from mrdamp.train.settings import Options, Settings, settings
 
 
 def train(options: Options, out: Path | str, progress: Progress | None = None) -> Result:
-    """Trains into the folder `out`; goes on from its checkpoint, and does nothing where it is done already.
+    """Trains into the folder `out`; continues from its checkpoint, and does nothing where it is done already.
 
     Raises InputError where `out` holds a training with other options.
     """

@@ -135,7 +135,7 @@ class Run(ABC):
 
     @abstractmethod
     def save(self) -> None:
-        """A checkpoint, to go on from."""
+        """A checkpoint, to continue from."""
 
     def seconds(self) -> float:
         """Of process time so far, those before a resume included."""

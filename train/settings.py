@@ -61,7 +61,7 @@ class Settings:
     """What the YAML holds.
 
     n_envs: rows of the vector environment. engine: that they train on, `chain` (the C++ chain) or `mujoco`; a policy is
-    judged in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the
+    evaluated in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the
     wanted force, which the damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical
     controller, as `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. normalize: whiten the
     observations. teacher: a classical controller whose wanted force, as a linear function of the observations, is what

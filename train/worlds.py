@@ -1,4 +1,4 @@
-"""The environments that a policy can be trained in: their tasks, loads, and what a policy is judged by."""
+"""The environments that a policy can be trained in: their tasks, loads, and what a policy is evaluated by."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class World(ABC):
 
     @abstractmethod
     def validation(self) -> Sequence[Any]:
-        """Loads that a policy is judged by while it is trained."""
+        """Loads that a policy is evaluated by while it is trained."""
 
     @abstractmethod
     def levels(self, task: Task) -> ForceLevels:

@@ -1,4 +1,4 @@
-"""Errors a user can mend: each is one line that says what, where, and what is allowed."""
+"""Errors a user can correct: each is one line that says what, where, and what is allowed."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
 
 
 def run_datasets(a: argparse.Namespace) -> int:
-    """Lists, tells or fetches."""
+    """Lists, describes or fetches."""
     from mrdamp.commands.output import progress_bar
     from mrdamp.datasets import CATALOGUE, data_folder, fetch, found
     from mrdamp.datasets.catalogue import dataset

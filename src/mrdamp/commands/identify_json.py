@@ -29,7 +29,7 @@ def words(as_json: bool) -> AbstractContextManager[Any]:
 
 
 def to_text(report: Mapping[str, Any]) -> str:
-    """JSON without NaN or Infinity, which no standard knows."""
+    """JSON without NaN or Infinity, which the standard excludes."""
     return json.dumps(_finite(report), indent=1, allow_nan=False)
 
 

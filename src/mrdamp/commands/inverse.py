@@ -1,4 +1,4 @@
-"""The command `mrdamp inverse`: from wanted force to command, trained and judged in MuJoCo."""
+"""The command `mrdamp inverse`: from wanted force to command, trained and evaluated in MuJoCo."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def add_protocol_options(p: argparse.ArgumentParser) -> None:
 
 
 def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
-    """The records that a law is fitted to and judged by under the protocol that was asked for."""
+    """The records that a law is fitted to and evaluated by under the protocol that was asked for."""
     from mrdamp.narx.data import PROTOCOL_TIME
     from mrdamp.narx.splits import at_constant_command, cut_varying
 

@@ -102,8 +102,8 @@ class Bench(Protocol):
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
     controllers of the default table. tuning_amplitudes: of the loads that they are tuned on; unseen_amplitudes: of
-    those that they are judged on. reference: what ratios are over, in words. bounds: name -> measures' keys with their
-    weights, of what a clairvoyant command makes small; empty where there is no such search.
+    those of the evaluation. reference: denominator of the ratios, in words. bounds: name -> weights by key of measure,
+    which a clairvoyant command minimises; empty without such a search.
     """
 
     @property
@@ -147,7 +147,7 @@ class Bench(Protocol):
         """Raises InputError where there is no such controller."""
 
     def key(self, spec: str, load: Any, amplitude: float) -> str:
-        """What a run hangs on, as a hash."""
+        """Hash of all inputs of a run."""
 
     def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a run, for JSON; spec: UNCONTROLLED or a controller's."""
@@ -172,7 +172,7 @@ class Bench(Protocol):
         """Loads that controllers are tuned on."""
 
     def unseen_loads(self) -> Sequence[Any]:
-        """Other loads, to judge by."""
+        """Other loads, for the evaluation."""
 
     def identity(self) -> str:
         """What tuned settings belong to, as a hash."""

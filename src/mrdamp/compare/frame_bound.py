@@ -1,4 +1,4 @@
-"""Clairvoyant commands of a frame's damper: searched for on the chain, judged in the bench's own engine."""
+"""Clairvoyant commands of a frame's damper: searched for on the chain, evaluated in the bench's own engine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground motions that controllers are tuned on, and those that they are judged on; no motion is in both."""
+"""Ground motions for tuning and for evaluation of controllers; no motion is in both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a comparison leaves in its folder: a page, tables and the runs."""
+"""Files of a comparison: a page, tables and the runs."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class Rollouts:
     def slopes(self, y: Array, states: Array, commands: Array, at: Whole) -> Slopes:
         """At the periods `at` (p,), all before the last one, of one run, by forward differences of the chain itself.
 
-        y, states, commands: of that run. States that do not change in it, or that nothing hangs on, are left out.
+        y, states, commands: of that run. States that do not change in it, or that nothing depends on, are left out.
         """
         moving = np.flatnonzero(np.ptp(states, axis=0) > 0)
         moving = moving[moving >= _HEADER]

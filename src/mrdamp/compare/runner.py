@@ -1,4 +1,4 @@
-"""Many independent runs on several processes, kept in a file so that a comparison that was stopped goes on."""
+"""Many independent runs on several processes, kept in a file so that an interrupted comparison continues."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Work(Protocol[Task]):  # type: ignore[misc]
     """What is run: pure, so that any number of processes gives the same."""
 
     def key(self, task: Task) -> str:
-        """What the result hangs on, as a hash."""
+        """Hash of all inputs of the result."""
 
     def run(self, task: Task) -> dict[str, Any]:
         """The result, for JSON."""

@@ -1,4 +1,4 @@
-"""Controllers tuned on loads of their own: a grid over the options of each kind, judged by the bench's score."""
+"""Controllers tuned on loads of their own: a grid over the options of each kind, evaluated by the bench's score."""
 
 from __future__ import annotations
 

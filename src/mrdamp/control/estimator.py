@@ -1,4 +1,4 @@
-"""A Kalman filter that knows the damper's force, stepped once per control period.
+"""A Kalman filter whose input is the measured damper force, stepped once per control period.
 
     s_hat' = a s_hat + b f + l (y - c s_hat - d f)
 

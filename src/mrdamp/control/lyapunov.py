@@ -1,7 +1,7 @@
 """Bang-bang control from a Lyapunov function: the field is on where the damper's force takes it down.
 
 Jansen and Dyke, J. Eng. Mech. 126 (2000) 795-803, doi 10.1061/(ASCE)0733-9399(2000)126:8(795). With V = s^T P s
-and the frame's s' = a s + b f + e xg'', the part of V' that the damper has a say in is 2 s^T P b f, hence
+and the frame's s' = a s + b f + e xg'', the part of V' that depends on the damper is 2 s^T P b f, hence
 
     v = v_max H(-(s_hat^T P b) f)
 

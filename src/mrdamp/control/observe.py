@@ -1,4 +1,4 @@
-"""What a learned controller sees: measurements scaled, cut off, and stacked over the last control periods."""
+"""Observations of a learned controller: measurements scaled, cut off, and stacked over the last control periods."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LinearFilter:
         return len(self.step)
 
     def __call__(self, states: Array, before: Array, now: Array) -> Array:
-        """(..., k) from states (..., k) and signals (..., s), one by one: a row's sum hangs on no other row."""
+        """(..., k) from states (..., k) and signals (..., s), one by one: a row's sum depends on no other row."""
         parts = zip(self.matrices, (states, before, now), strict=True)
         return np.asarray(sum((matrix * values[..., None, :]).sum(axis=-1) for matrix, values in parts))
 

@@ -23,8 +23,8 @@ HASHES = "hashes.json"
 def fetch(known: Dataset, folder: Path, progress: Progress | None = None) -> Path:
     """Fetches a set into folder/NAME: the source's files into `source/`, and records where they can be made.
 
-    Files that are there and have the right hash are not fetched again, so a broken fetch goes on. Hashes are the
-    catalogue's, the archive's own for a DOI, or those of the first fetch, which are kept in `hashes.json`. Raises
+    Files with the right hash are not fetched again, so an interrupted fetch continues. Hashes are the catalogue's, the
+    archive's own for a DOI, or those of the first fetch, which are kept in `hashes.json`. Raises
     InputError: no public source, pooch missing, no connection, a wrong hash.
     """
     if known.source is None:

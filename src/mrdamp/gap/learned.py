@@ -50,7 +50,7 @@ class Learning:
     def train(
         self, models: Sequence[Model], site: registry.Site, progress: Progress | None = None
     ) -> Controller:
-        """The policy of a training in a simulator, or over several, which goes on where it was stopped.
+        """The policy of a training in a simulator, or over several, which continues where it was stopped.
 
         What a linear frame can hold of a model's effects goes into its structure. Raises InputError.
         """

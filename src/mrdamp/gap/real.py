@@ -44,7 +44,7 @@ _SAMPLE = 1e-3
 
 @dataclass(frozen=True)
 class RealFrame:
-    """A frame with its damper, as it really is: what the owner believes (`nominal`, without effects), and a cause."""
+    """The real frame with its damper: the nominal model (`nominal`, without effects) and a cause."""
 
     nominal: Model
     cause: str

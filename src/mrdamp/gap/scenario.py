@@ -29,7 +29,7 @@ _BLIND = 0.15  # half width of the ranges of who has no diagnosis
 
 
 def nominal_frame() -> Model:
-    """The simulator as its owner believes it: the frame and the damper of Dyke et al. (1996), no effect."""
+    """The nominal simulator: the frame and the damper of Dyke et al. (1996), no effect."""
     found = sets.load("dyke1996_3kN")
     return Model(found.law, dict(found.parameters), rig="frame", structure=dyke1996(), name="frame")
 
@@ -115,7 +115,7 @@ class Scenario:
         return registry.make(specs[int(np.argmin(found.mean(axis=1)))], site)
 
     def blind(self) -> list[Model]:
-        """The nominal simulator with masses, stiffnesses and the damper's size drawn about the believed ones."""
+        """The nominal simulator with masses, stiffnesses and size of the damper drawn about the nominal values."""
         rng = np.random.default_rng([self.seed, 1])
         return [self._scaled(rng) for _ in range(self.draws)]
 

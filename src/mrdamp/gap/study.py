@@ -26,7 +26,7 @@ from mrdamp.simulation.criteria import Criteria
 
 Progress = Callable[[str, float], None]
 
-#: What a controller is judged by: the largest over storeys or floors.
+#: What a controller is evaluated by: the largest over storeys or floors.
 CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 _VERSION = 4
 
@@ -109,7 +109,7 @@ class Study:
 def study(
     options: Options, out: Path, *, jobs: int = 1, progress: Progress = lambda what, share: None
 ) -> Study:
-    """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options go on there."""
+    """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options continue there."""
     out.mkdir(parents=True, exist_ok=True)
     scenario = Scenario(
         nominal_frame(),

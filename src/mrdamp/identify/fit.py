@@ -162,7 +162,7 @@ def identify(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fits a parametric law to the train records and judges it on the others, in free run.
+    """Fits a parametric law to the train records and evaluates it on the others, in free run.
 
     extras: effects fitted along (see `mrdamp.identify.laws.EXTRAS`). dependence: how coefficients follow the command
     (see `mrdamp.identify.laws.DEPENDENCES`); None is a straight line where the command varies. start: attributes to
@@ -246,7 +246,7 @@ def compare_dependences(
 ) -> dict[str, Fit]:
     """One fit of a law for each dependence on the command that the records can show, by name.
 
-    Which one is right is judged by `held_out_nrmse`, on records that nothing was fitted to. Raises InputError.
+    The criterion is `held_out_nrmse`, on records outside the fit. Raises InputError.
     """
     fits: dict[str, Fit] = {}
     levels = Scales.of(train).levels

@@ -1,4 +1,4 @@
-"""How well records fix the parameters of a fit: bootstrap intervals, and what cannot be told from them.
+"""How well records fix the parameters of a fit: bootstrap intervals, and what they do not determine.
 
 The bootstrap resamples whole records (or blocks in time where there are few) with their residuals, as residuals of
 a damper model are correlated over whole periods (Kuensch 1989, doi:10.1214/aos/1176347265). Each resample is fitted

@@ -1,4 +1,4 @@
-"""What an inverse is compared with: on/off switching, and commands that know nothing of the wanted force."""
+"""What an inverse is compared with: on/off switching, and commands independent of the wanted force."""
 
 from __future__ import annotations
 

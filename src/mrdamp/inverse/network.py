@@ -173,7 +173,7 @@ def train_inverse(
     train, validation: stretches at the control period. leads: samples ahead to try. lags: sets of them to try, as in
     `LAGS`. hidden: tanh units per layer. commands: range; None: from 0 to the largest of the training. judge: smaller
     is better; None: the error of the command on the validation stretches, which does not see what a command does to
-    the next one: a force tracking in simulation is the better judge. most: samples that are trained on, evenly
+    the next one: a force tracking in simulation is the better criterion. most: samples that are trained on, evenly
     spread. workers: processes; the same network for any number. Raises InputError.
     """
     if not train or not validation:

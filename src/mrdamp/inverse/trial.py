@@ -1,4 +1,4 @@
-"""Inverses judged against each other: the same motion and wanted force, a damper with the effects of a real rig."""
+"""Inverses compared with each other: the same motion and wanted force, a damper with the effects of a real rig."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _UNRELATED = 0.4  # its RMS over that of the force under the largest command
 class Trial:
     """Tracks by kind of wanted force, and what was tried.
 
-    Attributes: tracks: kind -> one per inverse. plant: what was steered. model: of the law inverse, as believed.
+    Attributes: tracks: kind -> one per inverse. plant: the controlled damper. model: of the law inverse, as assumed.
     network: the trained one. fit: where the model was identified for the trial. sizes: of the plant under the motion.
     """
 
@@ -77,10 +77,10 @@ def trial(
 ) -> Trial:
     """Tracks random forces with every kind of inverse.
 
-    model: what is believed of the damper, for the law inverse. plant: the damper that is steered; None: the model
-    with the effects of a rig that it does not know of. records: measured ones, for `law` and the network; None: made
+    model: the assumed model of the damper, for the law inverse. plant: the controlled damper; None: the model
+    with the effects of a rig that it does not contain. records: measured ones, for `law` and the network; None: made
     of the plant, with noise. law: identified from the records in place of the model. network: a trained one, or
-    whether to train one. exact: also an inverse that knows the plant. commands: range. motion: None: that of the
+    whether to train one. exact: also an inverse of the plant itself. commands: range. motion: None: that of the
     records, or 3 mm RMS from 0.5 to 5 Hz. seconds: of each run. Raises InputError.
     """
     say = progress or (lambda what, share: None)

@@ -1,6 +1,6 @@
-"""A damper as the simulator knows it: law, parameters, effects and, in a frame, the structure.
+"""A damper in the simulator: law, parameters, effects and, in a frame, the structure.
 
-What `case.json` (the simulator as its owner believes it) and `corrected.json` hold; see docs for the format.
+What `case.json` (the nominal simulator) and `corrected.json` hold; see docs for the format.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ class GroundMotion:
 def read_motion(path: Path | str, sample_time: float | None = None) -> GroundMotion:
     """Read a ground motion.
 
-    Three forms, told apart by suffix and content:
+    Three forms, distinguished by suffix and content:
 
     * ``.AT2`` of the PEER database: acceleration in g, turned into m/s2 (1 g = 9.80665 m/s2);
     * CSV with one column, m/s2, and ``dt_s=0.02`` in a ``#`` line (``n=`` is checked where given),

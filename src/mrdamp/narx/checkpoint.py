@@ -1,4 +1,4 @@
-"""Finished parts of a long search, kept in a JSON file, so that a search that was broken off goes on from it."""
+"""Finished parts of a long search in a JSON file: a search that was interrupted continues from it."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def error_bars(network: Network, posterior: Posterior, s: Series, most: int = 30
 
 @dataclass(frozen=True)
 class Sufficiency:
-    """Whether the training records suffice for others, and how one sees it, in a line."""
+    """Whether the training records suffice for others, and by which sign, in one line."""
 
     suffice: bool
     why: str
@@ -85,7 +85,7 @@ def sufficiency(
 ) -> Sufficiency:
     """Judges the training records by the free-run errors on others, and names the signs in the posterior.
 
-    The errors decide: by the middle record of each side, as one odd record says nothing about the set. The
+    The errors decide: by the middle record of each side, as one odd record does not characterise the set. The
     posterior's error bars and inputs beyond their training range need no measured force and say where to measure.
 
     Args:

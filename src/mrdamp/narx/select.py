@@ -85,7 +85,7 @@ class Effort:
 def try_candidate(
     candidate: Candidate, train: Sequence[Series], validation: Sequence[Series], effort: Effort, seed: int
 ) -> Trial:
-    """Trains one candidate and judges it; on one thread, so that the numbers do not depend on the workers."""
+    """Trains one candidate and evaluates it; on one thread, so that the numbers do not depend on the workers."""
     with threadpool_limits(limits=1):
         net = blank(train, lagged(candidate.channels, candidate.lags), candidate.hidden)
         problem = OneStep.of(net, train, effort.most)
@@ -145,7 +145,7 @@ def select(
         effort: how thoroughly each is trained.
         seed: the same seed gives the same choice, for any number of workers.
         workers: processes.
-        cache: JSON file of finished trials; a search that was broken off goes on from it.
+        cache: JSON file of finished trials; a search that was interrupted continues from it.
         progress: called with what is done and a share from 0 to 1.
 
     Raises:

@@ -105,7 +105,7 @@ def train_narx(
     cache: Path | str | None = None,
     progress: Progress | None = None,
 ) -> FitNarx:
-    """Trains a network and judges it.
+    """Trains a network and evaluates it.
 
     Every initialisation is trained one step ahead; those of the largest evidence go on into free run over
     growing horizons. The stage with the least free-run error on the validation stretches (on the training
@@ -121,7 +121,7 @@ def train_narx(
         one_step_iterations, iterations: Levenberg-Marquardt steps one step ahead, and per horizon.
         score: error that the stages are chosen by; None: free run on the validation splits.
         workers: processes; the same network for any number.
-        cache: JSON file of what is finished; training that was broken off goes on from it.
+        cache: JSON file of what is finished; training that was interrupted continues from it.
         progress: called with what is done and a share from 0 to 1.
 
     Raises:

@@ -207,7 +207,7 @@ def _runs(what: str, time: series.Array, drift: Mapping[str, ArrayLike]) -> dict
 
 
 def _look(k: int, name: str, colour: Mapping[str, str]) -> dict[str, Any]:
-    """Line of the k-th controller: the first one broad, the others told apart by dashes as well."""
+    """Line of the k-th controller: the first one broad, the others distinguished by dashes as well."""
     return {
         "color": colour[name],
         "linewidth": 2.2 if k == 0 else 1.3,

@@ -1,4 +1,4 @@
-"""What makes records unfit for an identification, told in a line each."""
+"""What makes records unfit for an identification, reported in a line each."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 A filter without delay, such as a converter's decimating one, turns a jump into a wave that begins before it. Between
 the samples of such a log the sampling theorem's curve is right (Shannon 1949, doi:10.1109/JRPROC.1949.232969), and
 straight lines take 15 % of what there is at a fifth of the sampling rate; between the samples of an unfiltered one
-that curve overshoots and lines are the better guess. So the log itself has to say which of the two it is.
+that curve overshoots and lines are the better approximation. So the log itself has to say which of the two it is.
 """
 
 from __future__ import annotations

@@ -187,7 +187,7 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class RecordSet:
-    """Records of one rig: some to fit to, others to judge by."""
+    """Records of one rig: some to fit to, others for the evaluation."""
 
     name: str
     train: tuple[Record, ...]

@@ -55,8 +55,8 @@ def weighted_rms(acceleration: ArrayLike, sample_time: float) -> float:
 class BlockFilter:
     """The weighting of `steps` samples at once: y = of_state x + of_input u, x+ = state x + drive u.
 
-    Attributes: of_state (steps, 8), of_input (steps, steps), state (8, 8), drive (8, steps). A row of numbers hangs on
-    no other row.
+    Attributes: of_state (steps, 8), of_input (steps, steps), state (8, 8), drive (8, steps). Rows are
+    independent of each other.
     """
 
     def __init__(self, sample_time: float, steps: int) -> None:

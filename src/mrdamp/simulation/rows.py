@@ -45,7 +45,7 @@ class Stepping:
 
 @dataclass(frozen=True)
 class RowMoment:
-    """Everything that the future of one row hangs on: its state, load (samples, loads), sample time (s) and steps."""
+    """Everything that the future of one row depends on: its state, load (samples, loads), sample time (s) and steps."""
 
     state: Array
     load: Array
@@ -56,7 +56,7 @@ class RowMoment:
 class ChainRows:
     """n rows; see `mrdamp.h` for what is measured and what the criteria are.
 
-    Attributes: state (n, doubles), all that a row's future hangs on but for its load and commands; criteria (n, 6),
+    Attributes: state (n, doubles), all that a row's future depends on but for its load and commands; criteria (n, 6),
     of a car (n, 9), and measured (n, measurements) of the last period, used again by the next; period s, inner: steps
     in it.
     """
