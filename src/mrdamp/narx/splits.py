@@ -146,11 +146,9 @@ def at_constant_command(records: RecordSet, command: float | None = None) -> Rec
 
 
 def cut_varying(
-    records: RecordSet,
-    name: str | None = None,
-    counts: tuple[int, int, int] = PROTOCOL,
+    records: RecordSet, name: str | None = None, counts: tuple[int, int, int] = PROTOCOL,
     sample_time: float = PROTOCOL_TIME,
-) -> RecordSet:
+) -> RecordSet:  # fmt: skip
     """The time-varying protocol as records, for a law: its training part, and as held out the test part and the rest.
 
     The validation part is left out: a law has nothing that is chosen on it. Arguments as in `varying_command`.

@@ -1,7 +1,7 @@
 """How pictures look: size, type, colours for light and dark, and the parts that all of them share.
 
 Figures are 374 points wide, the width of a phone's page in CSS pixels, so type of 9 points stays 9 pixels
-high there; on a desk they are shown larger.
+high there; wider screens show them larger.
 """
 
 from __future__ import annotations

@@ -80,15 +80,9 @@ class Ratios:
 
 
 def evaluate(
-    frame: ShearFrame,
-    time: ArrayLike,
-    drift: ArrayLike,
-    acceleration: ArrayLike,
-    force: ArrayLike | None = None,
-    stroke: ArrayLike | None = None,
-    command: ArrayLike | None = None,
-    command_max: float | None = None,
-) -> Criteria:
+    frame: ShearFrame, time: ArrayLike, drift: ArrayLike, acceleration: ArrayLike, force: ArrayLike | None = None,
+    stroke: ArrayLike | None = None, command: ArrayLike | None = None, command_max: float | None = None,
+) -> Criteria:  # fmt: skip
     """Criteria of one run.
 
     time (n,) s, increasing; drift (n, N) m; acceleration (n, N) m/s2, absolute; force (n,) N,
