@@ -20,6 +20,7 @@ from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Coil
 from mrdamp.compare.cable import CableBench
+from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.motions import (
     TUNING_AMPLITUDES,
     UNSEEN_AMPLITUDES,
@@ -239,6 +240,18 @@ def test_names_of_contenders() -> None:
         contenders(BENCH, ["nothing"], settings)
     with pytest.raises(InputError, match="no such policy file"):
         contenders(BENCH, ["policy:missing.json"], settings)
+
+
+@pytest.mark.parametrize("name", ["learned", "ppo"])
+def test_shipped_policies_of_the_frame_are_five_different_seeds(name: str) -> None:
+    (row,) = contenders(BENCH, [name], {}, shipped_policies("frame"))
+    assert row.learned
+    assert len(row.specs) == 5
+    found = [BENCH.run(spec, MOTIONS[0], 1.0) for spec in row.specs]
+    off = BENCH.run("passive-off", MOTIONS[0], 1.0)
+    drifts = [max(one["criteria"]["peak_drift"]) for one in found]
+    assert len(set(drifts)) == 5
+    assert max(drifts) < 0.8 * max(off["criteria"]["peak_drift"])
 
 
 BENCHES = pytest.mark.parametrize("bench", [BENCH, CableBench()], ids=["frame", "cable"])
