@@ -74,7 +74,8 @@ def _next(out: Page, found: Diagnosis) -> None:
     for row in found.compared:
         if row["effect"]:
             steps.append(
-                f"Check the channel: {row['channels'][1]} is {row['channels'][0]} with a {row['effect']}."
+                f"Check {row['effect']} on the rig: it explains why {row['channels'][1]} and"
+                f" {row['channels'][0]} differ, whatever the law."
             )
     why, signal = (str(found.next_experiment.get(key, "")) for key in ("why", "signal"))
     if signal and signal != "none":
