@@ -15,6 +15,7 @@ from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Model
 from mrdamp.records import Record
 
@@ -109,3 +110,22 @@ def test_a_cause_in_a_part_that_is_in_balance_pays(measured: dict[str, Record]) 
     fit = Fit(Hypothesis((), (terms["storey_damping@1"],)), np.zeros(1), 1.0, np.zeros(1), np.zeros((1, 1)))
     assert of_parts(fit, {"storey 1", "accelerometer 2"}) > 0
     assert of_parts(fit, {"storey 2", "accelerometer 1"}) == 0
+
+
+@pytest.mark.slow
+def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, Record]) -> None:
+    """A clipped accelerometer beside a damper whose law is off: neither is mended by something else."""
+    name = "floor3_acceleration_m_s2"
+    most = 0.5 * max(float(np.abs(r.channel(name)).max()) for r in measured.values())
+    clipped = {
+        k: r.with_channels({name: np.clip(np.asarray(r.channel(name)), -most, most)})
+        for k, r in measured.items()
+    }
+    model = believed(False)
+    off = {k: 1.3 * v if k.startswith("alpha") else v for k, v in model.parameters.items()}
+    found = diagnose(case_of(replace(model, parameters=off), clipped))
+    assert found.verdict == "unknown"
+    assert found.gap.corrected == pytest.approx(found.gap.nominal)
+    assert max(found.where.stages, key=lambda s: found.where.stages[s]) == "sensor"
+    assert "accelerometer 3" in found.sentence
+    assert "handed over unchanged" in found.sentence

@@ -25,7 +25,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE, UNSTEADY
-from mrdamp.diagnosis.evidence.judgement import decided, scored
+from mrdamp.diagnosis.evidence.judgement import decided, scored, unchanged
 from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
@@ -150,7 +150,8 @@ def judge(
     # A frame's numbers move by what its structure leaves to them: no price is put on it.
     decision = decided(search, fits, penalties, baseline, moves=False)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:
-        return fits, replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+        unknown = max(decision.unknown, UNSTEADY)
+        return fits, unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:

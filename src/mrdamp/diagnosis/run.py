@@ -54,7 +54,8 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     fits, decision = found.judge()
     decision = with_nearest(search, fits, decision)
     progress("fitting the corrected simulator", 0.7)
-    final = final_fit(search, fits[decision.chosen.index], mend=decision.verdict != "none", rig=rig)
+    mend = decision.verdict != "none" and not decision.apart
+    final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=rig)
     decision = carried_over(search, final, decision)
     final, decision = never_worse(search, fits, final, decision)
     progress("looking at what is tied and unseen", 0.85)

@@ -70,6 +70,7 @@ class Compared:
             "left": self.after,
             "noise": self.noise,
             "effect": self.cause,
+            "unexplained": self.unexplained,
             "parameters": {} if self.settings is None else dict(self.settings),
         }
 

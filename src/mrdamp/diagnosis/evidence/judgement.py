@@ -93,7 +93,7 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
     What has the most evidence of a cause may be nothing at all where no cause explains much; a simulator is still to be
     handed over that is as near as the catalogue allows.
     """
-    if decision.verdict != "unknown":
+    if decision.verdict != "unknown" or decision.apart:
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
     if (
@@ -135,15 +135,14 @@ def never_worse(
     gaps = problem.gaps(nominal.residual)
     if decision.verdict == "none" or problem.cost(final.heldout) <= problem.cost(gaps):
         return final, decision
+    refused = replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+    return FinalFit(nominal, (), gaps, problem), unchanged(refused, fits)
+
+
+def unchanged(decision: Decision, fits: Sequence[Fit]) -> Decision:
+    """The decision with the nominal simulator as it is for the chosen one."""
     index = next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates)
-    unchanged = replace(
-        decision,
-        verdict="unknown",
-        chosen=replace(scored([fits[index]])[0], index=index),
-        unexplained=1.0,
-        unknown=max(decision.unknown, UNSTEADY),
-    )
-    return FinalFit(nominal, (), gaps, problem), unchanged
+    return replace(decision, chosen=replace(scored([fits[index]])[0], index=index), unexplained=1.0)
 
 
 def scored(

@@ -58,7 +58,8 @@ class Decision:
     """verdict; chosen: the fit behind it; probabilities: of each fit given, in their order; unexplained: the share
     of the excess that the chosen fit leaves; floor: the cost that is taken for noise; unknown: probability that the
     cause is none of the catalogue's, in which case the others' count for the rest; outside: index of the rival that
-    explains the gap better than the catalogue does, if one does."""
+    explains the gap better than the catalogue does, if one does. apart: channels differ whatever the law, and nothing
+    of the catalogue explains it, so that nothing of it is to stand in for the cause."""
 
     verdict: str
     chosen: Scored
@@ -69,6 +70,7 @@ class Decision:
     unknown: float = 0.0
     outside: int | None = None
     standing: Standing | None = None
+    apart: bool = False
 
 
 def decide(

@@ -104,7 +104,17 @@ def _unknown(d: Diagnosis) -> str:
             f" the catalogue {percent(d.outside['nearest_gap'])}."
         )
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
-    if abs(g.corrected - g.nominal) <= 1e-3 * g.nominal:
+    apart = next((row for row in d.compared if row["unexplained"]), None)
+    same = abs(g.corrected - g.nominal) <= 1e-3 * g.nominal
+    if apart is not None and same and d.where.places:
+        one, other = apart["channels"]
+        place = max((p for p in d.where.places if p != "damper"), key=lambda p: d.where.places[p])
+        return (
+            f"No cause in the catalogue is established for the gap of {percent(g.nominal)}: whatever the damper's law,"
+            f" {one} and {other} differ by {percent(apart['difference'])} (noise {percent(apart['noise'])}), most at"
+            f" {place}, and no effect explains it. The simulator is handed over unchanged."
+        )
+    if same:
         handed = (
             "no correction holds in regimes left out of its fit, so the simulator is handed over unchanged"
         )
