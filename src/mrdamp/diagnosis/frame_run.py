@@ -94,8 +94,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
-    parts = [Part(b.kind, b.place, b.noise, not b.clean) for b in found if b.place is not None]
-    channels = compared_parts(rig.structure, case.records, rig.catalogue, parts)
+    channels = apart_from_the_law(case, rig, found)
     search, floor = _search(rig, noise, base, limits, jobs, store, part(0.05, 0.45))
     _, decision = judge(search, rig, untouched, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
@@ -123,6 +122,15 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         return judge(search, rig, untouched, channels)
 
     return Searched(small, rig, search, noise, floor, base, notes, judged, complete)
+
+
+def apart_from_the_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
+    """What the frame's parts say without the damper's law; nothing where the simulator has effects in them already,
+    which their balances do not hold."""
+    if any(e.place is not None for e in case.model.effects):
+        return ()
+    parts = [Part(b.kind, b.place, b.noise, not b.clean) for b in found if b.place is not None]
+    return compared_parts(rig.structure, case.records, rig.catalogue, parts)
 
 
 def judge(
