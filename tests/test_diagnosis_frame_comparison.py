@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +15,12 @@ from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.frame_run import apart_from_the_law, reduced
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
+from mrdamp.structures import ShearFrame
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +35,15 @@ def compared(model: Model, found: dict[str, Record]) -> tuple[Compared, ...]:
     parts = [Part(b.kind, b.place, b.noise, not b.clean) for b in blocks(case) if b.place is not None]
     assert model.structure is not None
     return compared_parts(model.structure, case.records, reduced(case)[1].catalogue, parts)
+
+
+def clipping(found: dict[str, Record], floor: int) -> dict[str, Record]:
+    """The records with a floor's accelerometer clipped at half of its largest reading."""
+    name = f"floor{floor}_acceleration_m_s2"
+    most = 0.5 * max(float(np.abs(r.channel(name)).max()) for r in found.values())
+    return {
+        k: r.with_channels({name: np.clip(np.asarray(r.channel(name)), -most, most)}) for k, r in found.items()
+    }
 
 
 def test_nothing_is_compared_where_all_is_in_balance(measured: dict[str, Record]) -> None:
@@ -93,12 +105,7 @@ def test_numbers_of_the_structure_are_no_unknown_cause(measured: dict[str, Recor
 
 def test_what_no_effect_explains_has_no_cause(measured: dict[str, Record]) -> None:
     """A clipped reading is none of the catalogue's."""
-    name = "floor3_acceleration_m_s2"
-    most = 0.5 * max(float(np.abs(r.channel(name)).max()) for r in measured.values())
-    clipped = {
-        k: r.with_channels({name: np.clip(np.asarray(r.channel(name)), -most, most)})
-        for k, r in measured.items()
-    }
+    clipped = clipping(measured, 3)
     (one,) = compared(believed(), clipped)
     assert one.cause is None
     assert one.unexplained
@@ -115,12 +122,7 @@ def test_a_cause_in_a_part_that_is_in_balance_pays(measured: dict[str, Record]) 
 @pytest.mark.slow
 def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, Record]) -> None:
     """A clipped accelerometer beside a damper whose law is off: neither is mended by something else."""
-    name = "floor3_acceleration_m_s2"
-    most = 0.5 * max(float(np.abs(r.channel(name)).max()) for r in measured.values())
-    clipped = {
-        k: r.with_channels({name: np.clip(np.asarray(r.channel(name)), -most, most)})
-        for k, r in measured.items()
-    }
+    clipped = clipping(measured, 3)
     model = believed(False)
     off = {k: 1.3 * v if k.startswith("alpha") else v for k, v in model.parameters.items()}
     found = diagnose(case_of(replace(model, parameters=off), clipped))
@@ -138,3 +140,59 @@ def test_a_simulator_with_effects_in_its_storeys_is_not_compared(measured: dict[
     for known, count in ((model, 1), (mended, 0)):
         case = case_of(known, measured)
         assert len(apart_from_the_law(case, reduced(case)[1], blocks(case))) == count
+
+
+def test_the_force_sensor_is_told_from_the_storey_that_its_damper_stands_in(measured: dict[str, Record]) -> None:
+    (one,) = compared(believed(), altered(measured, "force_N", 1.2))
+    assert one.cause == "sensor_gain"
+    assert one.settings == pytest.approx({"sensor_gain_g": 1.2}, rel=0.03)
+
+
+def test_floors_without_a_displacement_are_compared_by_their_accelerometers(measured: dict[str, Record]) -> None:
+    """Storey 1 alone has its drift; a wrong stiffness there is still found."""
+    gone = {"floor2_displacement_m", "floor3_displacement_m"}
+    fewer = {
+        k: Record(r.name, None, r.sample_time, {c: v for c, v in r.channels.items() if c not in gone})
+        for k, r in measured.items()
+    }
+    (one,) = compared(believed(True, stiffness=(6.0e5, 6.84e5, 6.84e5)), fewer)
+    assert one.cause == "storey_stiffness@1"
+    assert one.settings == pytest.approx({"storey_stiffness_e@1": 5.16 / 6 - 1}, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("extra", "cause", "setting", "value"),
+    [
+        (lambda v: 20.0 * np.tanh(v / 2e-3), "joint_friction@1", "joint_friction_coulomb@1", 20.0),
+        (lambda v: 3e4 * np.abs(v) * v, "storey_damping@1", "storey_damping_quadratic@1", 3e4),
+    ],
+)
+def test_forces_of_a_storey_by_inverse_dynamics(
+    extra: Callable[[np.ndarray], np.ndarray], cause: str, setting: str, value: float
+) -> None:
+    """One floor moved as prescribed; the ground that does it follows from Newton's law with the force in it."""
+    m, k, c, dt = 100.0, 4e5, 200.0, 1e-3
+    t = dt * np.arange(8000)
+    rng = np.random.default_rng(3)
+    x, v, a = (np.zeros(len(t)) for _ in range(3))
+    for f in (1.3, 3.1, 5.7, 8.3):
+        w, size, phase = 2 * np.pi * f, 8e-3 / f, rng.uniform(0, 6)
+        x += size * np.sin(w * t + phase)
+        v += size * w * np.cos(w * t + phase)
+        a -= size * w**2 * np.sin(w * t + phase)
+    absolute = -(k * x + c * v + extra(v)) / m
+    channels = {
+        "ground_acceleration_m_s2": absolute - a,
+        "command": np.zeros(len(t)),
+        "floor1_displacement_m": x + rng.normal(0, 1e-7, len(t)),
+        "floor1_acceleration_m_s2": absolute,
+        "force_N": np.zeros(len(t)),
+    }
+    s = ShearFrame(np.array([m]), np.array([k]), np.array([c]), (0, 1))
+    record = Record("moved", None, dt, channels)
+    terms = frame_terms(s, (record,), Sizes(100.0, 0.01, float(np.std(v)), 1.0, 1.0, 1.0, dt))
+    parts = (Part("storey", 1, 2e-3, True), Part("accelerometer", 1, 2e-3, False))
+    (one,) = compared_parts(s, (record,), terms, parts)
+    assert one.cause == cause
+    assert one.settings is not None
+    assert one.settings[setting] == pytest.approx(value, rel=0.1)

@@ -1,4 +1,4 @@
-"""Training: settings, normalisation, actions, the evolution strategy, export, resume and sweeps, all in small."""
+"""Training: normalisation, actions, the evolution strategy, export, resume and sweeps, all in small."""
 
 from __future__ import annotations
 
@@ -23,13 +23,12 @@ from mrdamp.errors import InputError
 from mrdamp.model import Effect
 from mrdamp.train import loads
 from mrdamp.train.evaluate import Act, Judge, episodes, forces
-from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train
 from mrdamp.train.reporting import Left, watched
 from mrdamp.train.run import explored, whitening
 from mrdamp.train.search import EvolutionRun
-from mrdamp.train.settings import ALGORITHMS, Options, settings
+from mrdamp.train.settings import Options, settings
 from mrdamp.train.sweep import points, sweep
 from mrdamp.train.worlds import world
 
@@ -51,57 +50,6 @@ def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def small(seed: int = 0, *overrides: str) -> Options:
     return Options(algorithm="es", seed=seed, overrides=(*SMALL, *overrides), evaluations=2)
-
-
-# --- settings ---------------------------------------------------------------------------
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"])
-def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
-    algorithm: str, environment: str
-) -> None:
-    chosen = settings(Options(environment, algorithm))
-    assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
-
-
-def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
-    options = Options(overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4"), timesteps=123)
-    chosen = settings(options)
-    assert (chosen.learner["learning_rate"], chosen.env_kwargs["history"]) == (1e-4, 7)
-    assert (chosen.n_envs, chosen.n_timesteps) == (4, 123)
-    assert chosen.env_kwargs["period"] == settings(Options()).env_kwargs["period"]
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"environment": "CartPole-v1"}, "CartPole"),
-        ({"overrides": ("learning_rate",)}, "NAME=VALUE"),
-        ({"overrides": ("gamma.x=1",)}, "not a mapping"),
-        ({"overrides": ("action=both",)}, "both"),
-        ({"overrides": ("n_envs=some",)}, "n_envs"),
-        ({"hyperparameters": Path("no/such.yml")}, "no such file"),
-    ],
-)
-def test_wrong_settings_are_refused(options: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        settings(Options(**options))
-
-
-def test_wrong_options_are_refused_in_a_line_by_the_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = str(tmp_path / "out")
-    for arguments, said in (
-        (["--set", "env_kwargs.periods=1"], "periods"),
-        (["--algo", "es", "--set", "sigmas=1"], "sigmas"),
-        (["--sweep", "gamma"], "NAME=VALUE"),
-        (["--seeds", "0"], "--seeds"),
-    ):
-        assert main(["train", FRAME, "-o", out, *arguments]) == 2
-        error = capsys.readouterr().err.strip().splitlines()[-1]
-        assert error.startswith("mrdamp: ")
-        assert said in error
-    assert not list(tmp_path.glob("out/*/options.json"))
 
 
 # --- several models -----------------------------------------------------------------------
@@ -208,58 +156,6 @@ class _Same:
 
 
 # --- the evolution strategy -------------------------------------------------------------
-def test_the_search_finds_the_minimum_of_an_ill_scaled_ellipsoid() -> None:
-    scales = np.logspace(0, 3, 6)
-    aim = np.linspace(-1, 1, 6)
-
-    def cost(x: np.ndarray) -> np.ndarray:
-        return np.asarray((scales * (x - aim) ** 2).sum(axis=-1))
-
-    cma = Cma(np.zeros(6), 0.3, 10, np.random.default_rng(1))
-    start = cost(cma.mean)
-    for _ in range(150):
-        cma.tell(cost(cma.ask()))
-    assert cost(cma.mean) < 1e-7 * start
-    assert cma.mean == pytest.approx(aim, abs=1e-3)
-
-
-def test_the_search_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path: Path) -> None:
-    def run(cma: Cma, generations: int) -> np.ndarray:
-        for _ in range(generations):
-            cma.tell((cma.ask() ** 4).sum(axis=1))
-        return cma.mean
-
-    whole = run(Cma(np.ones(4), 0.5, 8, np.random.default_rng(2)), 9)
-    first = Cma(np.ones(4), 0.5, 8, np.random.default_rng(2))
-    run(first, 5)
-    first.save(tmp_path / "c.npz")
-    second = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
-    second.load(tmp_path / "c.npz")
-    assert (run(second, 4) == whole).all()
-    assert np.abs(second.average - whole).max() > 0
-    once = Cma(np.zeros(4), 0.1, 8, np.random.default_rng(0))
-    once.tell((once.ask() ** 4).sum(axis=1))
-    np.testing.assert_allclose(once.average, 0.15 * once.mean)
-
-
-def test_candidates_at_once_act_as_their_networks() -> None:
-    shape = Shape(5, [4])
-    rng = np.random.default_rng(0)
-    candidates, seen = rng.standard_normal((3, shape.size)), rng.standard_normal((3, 2, 5))
-    each = [[shape.network(c)(seen[k, j])[0] for j in range(2)] for k, c in enumerate(candidates)]
-    assert actions(shape.layers(candidates), seen) == pytest.approx(np.array(each))
-    assert (actions(shape.layers(shape.start(rng)[None]), seen[:1]) == 0).all()
-
-
-@pytest.mark.parametrize("hidden", [[], [3], [4, 2]])
-def test_a_network_begins_at_given_weights(hidden: list[int]) -> None:
-    shape, rng = Shape(5, hidden), np.random.default_rng(1)
-    weights, seen = 0.1 * rng.standard_normal(5), rng.standard_normal((20, 5))
-    numbers = shape.linear(shape.start(rng), weights)
-    assert numbers.shape == (shape.size,)
-    assert shape.network(numbers)(seen)[:, 0] == pytest.approx(np.clip(seen @ weights, -1, 1), abs=1e-3)
-
-
 class Wanting:
     """A wanted force of 300 N a unit of the third floor's acceleration, less 2000 N a metre of stroke."""
 

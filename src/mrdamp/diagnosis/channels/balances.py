@@ -73,11 +73,14 @@ class Balances:
             told = all(k in moved or k in read for k in above) and (force is not None or not has_damper(s, j))
             if not told or j not in x or j - 1 not in x:
                 continue
-            # The displacements are the better accelerometers where both are there: a faulty reading stays out of it.
-            shear[j] = -sum((s.mass[k - 1] * moved.get(k, read.get(k, ground)) for k in above), np.zeros(r.n))
+            shear[j] = -sum((s.mass[k - 1] * _either(moved, read, k) for k in above), np.zeros(r.n))
             drift[j] = x[j] - x[j - 1]
         end = round(ENDS / dt)
         return cls(s, dt, drift, shear, moved, shaken, read, force, slice(end, r.n - end))
+
+    def acceleration(self, floor: int) -> Array:
+        """(n,) m/s2, of a floor above a storey that has a balance."""
+        return _either(self.moved, self.read, floor)
 
     def velocity(self, storey: int) -> Array:
         """(n,) m/s, of the storey's drift."""
@@ -99,3 +102,8 @@ class Balances:
     def accelerometers(self) -> tuple[int, ...]:
         """Floors whose accelerometer can be compared."""
         return tuple(j for j in self.read if j in self.moved)
+
+
+def _either(moved: Mapping[int, Array], read: Mapping[int, Array], floor: int) -> Array:
+    """The displacements are the better accelerometers where both are there: a faulty reading stays out of it."""
+    return moved[floor] if floor in moved else read[floor]

@@ -150,7 +150,7 @@ def _best(
         parts = [simulate(r, settings)[s] - m for r, s, m in zip(records, kept, measured, strict=True)]
         return np.nan_to_num(np.concatenate(parts) / size, nan=1e3, posinf=1e3, neginf=-1e3)
 
-    return best_cause(channels, terms, residual, noise, noise, 1e-2 * DIRECT_RESOLUTION)
+    return best_cause(channels, terms, residual, noise, level=noise, resolution=1e-2 * DIRECT_RESOLUTION)
 
 
 def best_cause(
@@ -158,6 +158,7 @@ def best_cause(
     terms: Sequence[Term],
     residual: Callable[[Settings], Array],
     noise: float,
+    *,
     level: float = 1.0,
     resolution: float = 0.0,
     left: float = DIRECT_LEFT,

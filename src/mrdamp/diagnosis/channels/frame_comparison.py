@@ -93,7 +93,7 @@ def _left_by_numbers(found: Sequence[Balances], parts: Sequence[Part]) -> float:
             scale = p.noise * np.sqrt(np.mean(b.shear[j][b.kept] ** 2))
             own = [b.drift[j], b.velocity(j)]
             table = [x if k == j else np.zeros(len(x)) for k in floors for x in own]
-            table += [b.moved[k] if k >= j and k in b.moved else np.zeros(len(b.ground)) for k in floors]
+            table += [b.acceleration(k) if k >= j else np.zeros(len(b.ground)) for k in floors]
             errors.append(_thinned(b, b.storey_error(j)[b.kept]) / scale)
             columns.append(np.array([_thinned(b, x[b.kept]) for x in table]).T / scale)
     a, y = np.vstack(columns), np.concatenate(errors)
@@ -147,7 +147,7 @@ def _storey(b: Balances, storey: int, settings: Settings) -> Array:
         sensor = {k: v for k, v in settings.items() if k.startswith("sensor_")}
         # What the sensor reads of the force that the storey's balance asks for.
         error = b.force + error if not sensor else b.force - _through_sensor(-error, b.sample_time, sensor)
-    error = error + sum(dm * b.moved[k] for k, dm in masses.items() if k >= storey)
+    error = error + sum(dm * b.acceleration(k) for k, dm in masses.items() if k >= storey)
     if not own or "floor_mass_dm" in own:
         return np.asarray(error)
     v = b.velocity(storey)

@@ -1,0 +1,65 @@
+"""Settings of a training: defaults, overrides and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mrdamp.cli import main
+from mrdamp.errors import InputError
+from mrdamp.train.settings import ALGORITHMS, Options, settings
+from mrdamp.train.worlds import world
+
+FRAME = "mrdamp/Frame-v0"
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("environment", [FRAME, "mrdamp/Cable-v0", "mrdamp/QuarterCar-v0"])
+def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
+    algorithm: str, environment: str
+) -> None:
+    chosen = settings(Options(environment, algorithm))
+    assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
+
+
+def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
+    options = Options(overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4"), timesteps=123)
+    chosen = settings(options)
+    assert (chosen.learner["learning_rate"], chosen.env_kwargs["history"]) == (1e-4, 7)
+    assert (chosen.n_envs, chosen.n_timesteps) == (4, 123)
+    assert chosen.env_kwargs["period"] == settings(Options()).env_kwargs["period"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"environment": "CartPole-v1"}, "CartPole"),
+        ({"overrides": ("learning_rate",)}, "NAME=VALUE"),
+        ({"overrides": ("gamma.x=1",)}, "not a mapping"),
+        ({"overrides": ("action=both",)}, "both"),
+        ({"overrides": ("n_envs=some",)}, "n_envs"),
+        ({"hyperparameters": Path("no/such.yml")}, "no such file"),
+    ],
+)
+def test_wrong_settings_are_refused(options: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        settings(Options(**options))
+
+
+def test_wrong_options_are_refused_in_a_line_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "out")
+    for arguments, said in (
+        (["--set", "env_kwargs.periods=1"], "periods"),
+        (["--algo", "es", "--set", "sigmas=1"], "sigmas"),
+        (["--sweep", "gamma"], "NAME=VALUE"),
+        (["--seeds", "0"], "--seeds"),
+    ):
+        assert main(["train", FRAME, "-o", out, *arguments]) == 2
+        error = capsys.readouterr().err.strip().splitlines()[-1]
+        assert error.startswith("mrdamp: ")
+        assert said in error
+    assert not list(tmp_path.glob("out/*/options.json"))
