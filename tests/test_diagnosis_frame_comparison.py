@@ -17,6 +17,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.frame_run import apart_from_the_law, reduced
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
+from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record
@@ -125,12 +126,15 @@ def test_a_fault_outside_the_catalogue_changes_no_simulator(measured: dict[str, 
     clipped = clipping(measured, 3)
     model = believed(False)
     off = {k: 1.3 * v if k.startswith("alpha") else v for k, v in model.parameters.items()}
-    found = diagnose(case_of(replace(model, parameters=off), clipped))
+    case = case_of(replace(model, parameters=off), clipped)
+    found = diagnose(case)
     assert found.verdict == "unknown"
     assert found.gap.corrected == pytest.approx(found.gap.nominal)
     assert max(found.where.stages, key=lambda s: found.where.stages[s]) == "sensor"
     assert "accelerometer 3" in found.sentence
     assert "handed over unchanged" in found.sentence
+    shown = page(found, case.model, case.records).html()
+    assert "Look for the fault on the rig: floor3_displacement_m and floor3_acceleration_m_s2" in shown
 
 
 def test_a_simulator_with_effects_in_its_storeys_is_not_compared(measured: dict[str, Record]) -> None:

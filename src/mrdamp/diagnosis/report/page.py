@@ -77,6 +77,9 @@ def _next(out: Page, found: Diagnosis) -> None:
                 f"Check {row['effect']} on the rig: it explains why {row['channels'][1]} and"
                 f" {row['channels'][0]} differ, whatever the law."
             )
+        elif row["unexplained"]:
+            one, other = row["channels"]
+            steps.append(f"Look for the fault on the rig: {one} and {other} disagree, whatever the law.")
     why, signal = (str(found.next_experiment.get(key, "")) for key in ("why", "signal"))
     if signal and signal != "none":
         steps.append(f"Next test (`next_experiment.csv`): {signal}; {why}.")
