@@ -1,103 +1,118 @@
-"""Constants that decide an answer, each with how it was set. What only sets an effort stands where it is used."""
+"""Constants that decide an answer, each with how it was set.
+
+Constants that only set the computational effort are defined in the modules that use them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-#: Independent samples that a fit's error of form counts for; price (nats) of a cause and of each of its numbers.
-#: Set on opened cases of the sealed test.
+#: Number of independent samples that a fit's model error counts for, and the penalties (nats) of one cause
+#: and of each of its parameters. Set on opened cases of the sealed test.
 INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
-#: Price of a free law alone, and beside a cause, where it rises by so much in proportion as the law's numbers move
-#: (RMS share) to the last figure: numbers that are a little off are common, ones that are far off have a reason.
+#: Penalties (nats) of free nominal parameters: alone, with a cause, and per multiple of MOVE by which the
+#: parameters change (RMS of their relative changes). Small errors of nominal parameters are common, large
+#: ones are rare.
 LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 9.0, 1.5, 5.0, 0.08
-#: Shares of the excess below which fits cannot be told apart; of the noise floor's own doubt.
+#: Fits whose costs differ by less than RESOLUTION (share of the excess) or FLOOR_DOUBT (share of the noise
+#: floor) count as equal.
 RESOLUTION, FLOOR_DOUBT = 0.002, 0.12
-#: A gap no larger than this times the noise floor, and that nothing shrinks by more than REDUCIBLE, or nothing that is
-#: worth its price, is none.
+#: The verdict is "no gap" up to this multiple of the noise floor, if no fit reduces the gap by more than
+#: REDUCIBLE or no reduction outweighs its penalty.
 NONE_ABOVE, REDUCIBLE = 1.75, 0.06
-#: More than this share of the excess left by the best set of causes: the cause is not in the catalogue.
+#: If the best set of causes leaves more than this share of the excess, the cause is not in the catalogue.
 UNKNOWN_ABOVE = 0.12
-#: Free numbers that leave more than this share of the noise floor besides it have the wrong form.
+#: Free nominal parameters that leave an excess above this share of the noise floor have the wrong form.
 WRONG_FORM = 0.5
 
 
-#: Price (nats) of a cause outside the catalogue besides that of a cause: they are rarer than the catalogue's.
+#: Additional penalty (nats) of a cause outside the catalogue: such causes are rarer than the catalogue's.
 OUTSIDE_PRICE = 1.5
-#: Nats against a cause that stands where it is another one.
+#: Penalty (nats) of a cause whose fitted parameters make it equal to another cause.
 NOT_ITSELF = 6.0
-#: How sharply the probability of an unknown cause rises about these two.
+#: Slope of the probability of an unknown cause at UNKNOWN_ABOVE and WRONG_FORM (exponent of the ratio).
 STEEPNESS = 2.0
-#: Share of answers that are wrong for a reason that no fit of theirs sees, such as a form that nobody thought of: of
-#: 337 answers above .9 in two sealed tests, opened since, 6 were.
+#: Share of answers that are wrong for a reason that none of the fits contains, such as a form that the
+#: catalogue lacks: 6 of 337 answers with a probability above .9 in two sealed tests that have since been
+#: opened.
 LAPSE = 0.02
-#: Probability of an unknown cause where two runs of one test differ by more than their noise, and no cause is found:
-#: no set of numbers does that. Of 400 opened cases of the sealed test eight without a cause of the catalogue were so,
-#: and none with wrong numbers alone or without a gap.
+#: Probability of an unknown cause if two runs of one test differ by more than their noise and no cause is
+#: found: no set of parameters explains that. In 400 opened cases of the sealed test this occurred in eight
+#: with a cause outside the catalogue, and in none with wrong parameters alone or without a gap.
 UNSTEADY = 0.9
-#: Of a difference between two channels that see the same thing: share that an effect may leave beyond the noise to be
-#: the cause, and the resolution (in noise, and in per cent of the second channel) below which nothing is told.
+#: For two channels that measure the same quantity: the share of their squared difference beyond the noise
+#: that a cause may leave, and the resolution (multiple of the noise, and per cent of the second channel)
+#: below which no cause is reported.
 DIRECT_LEFT, DIRECT_RESOLUTION = 0.15, 0.5
-#: The same share of what a frame's storeys or an accelerometer are off by: the right cause left .018 at most of 19
-#: opened cases, a cause outside the catalogue 1.
+#: The same share for the balances of a frame's storeys and accelerometers. In 19 opened cases the right cause
+#: left at most .018, a cause outside the catalogue 1.
 PARTS_LEFT = 0.05
 
-#: Fits whose cost is above so many times the noise's do not meet it: the law is not the rig's, or the cause is none of
-#: the catalogue's. A gap of twice the noise.
+#: If every fit's cost is above this multiple of the noise's, the law is not the rig's or the cause is not in
+#: the catalogue. The value is a gap of twice the noise.
 INEXACT = 4.0
-#: Where nothing meets the noise: nats (conditional logit, `evidence.established`) per logarithm of what a fit takes
-#: off the cost of records left out, and the prices of a cause, of a second one besides, of each number, of a free law.
-#: Maximum likelihood on 39 measured sets with and without an effect put in (`tools/spike_bench.py`, seed 3) and 30 rigs
-#: with another law (the misfit bench, seed 901), then rounded towards fewer invented causes.
+#: Used if no fit reaches the noise: nats (conditional logit, `evidence.established`) per logarithm of the
+#: reduction of the cost on left-out records, and the penalties of a cause, of a second cause, of each
+#: parameter and of free nominal parameters. Maximum likelihood on 39 measured sets with and without an
+#: injected effect (`tools/spike_bench.py`, seed 3) and on 30 rigs with another law (misfit bench, seed 901),
+#: then rounded towards fewer invented causes.
 LOGIT_GAIN, LOGIT_CAUSE, LOGIT_SECOND, LOGIT_NUMBER, LOGIT_LAW = 16.0, 4.7, 6.0, 0.45, 15.0
-#: What utilities are divided by before probabilities are stated (the decision goes by them as they are): an error of
-#: form is common to all fits. Least Brier score of 72 named causes of the same cases and of 29 of the sealed test.
+#: Temperature of the stated probabilities: utilities are divided by it. The decision uses the utilities
+#: without it. A temperature above 1 is needed because the model error is common to all fits. Set by the least
+#: Brier score on 72 named causes of the same cases and 29 of the sealed test.
 LOGIT_TEMPER = 1.8
-#: Effects that make a loop of a law that has none: beside such a law that is wrong, one with a loop would do as well,
-#: so that they pay the price of a free law.
+#: Effects that add hysteresis to a law without any. If such a law is wrong, any law with hysteresis fits as
+#: well, so these effects have the penalty of free nominal parameters.
 LOOPS: Mapping[str, frozenset[str]] = {
     "bingham": frozenset({"mount_compliance", "backlash", "channel_shift", "sensor_lag"})
 }
-#: Effects that change a record alike whatever is tested, so that one is no evidence against the other: delay and
-#: lag overlap by .90 to .98 nearly everywhere, a stiff spring and a small clearance, a preload and an offset.
+#: Effects with nearly the same signature in every test; neither is evidence against the other. Delay and lag
+#: overlap by .90 to .98 in nearly all records; a stiff spring and a small clearance, and a preload and an
+#: offset, are the other pairs.
 TIED_BY_NATURE = (
     frozenset({"driver_lag", "command_delay"}),
     frozenset({"mount_compliance", "backlash"}),
     frozenset({"gas_spring", "sensor_offset"}),
 )
-#: Nats against an effect of the force sensor where its reading agrees with the load cell's; beside a wrong law also
-#: where the two differ by what none of its effects explains, and against an effect of a frame's storey or accelerometer
-#: that is in balance.
+#: Penalty (nats) of an effect of the force sensor if its reading agrees with the load cell's. With a wrong
+#: law it also applies if the two differ by an amount that no effect of the sensor explains, and to an effect
+#: of a frame's storey or accelerometer whose balance closes.
 SENSOR_AGREES = 6.0
-#: Share of what is left that a model of the same inputs predicts on records left out, above which it is the law's.
+#: If a model of the same inputs predicts more than this share of the residual on left-out records, the
+#: residual is an error of the law.
 PREDICTABLE = 0.15
 
-# The numbers below were set on opened cases of sealed tests whose law is exactly the simulator's.
+# The constants below were set on opened cases of sealed tests in which the law is exactly the simulator's.
 
-#: Two runs of one test that differ by more than this times the noise of the high band do not repeat. Of a cause that
-#: explains such tests, the share of the excess that it may leave of records left out.
+#: Two runs of one test do not repeat if they differ by more than REPEATS times the noise of the high band. A
+#: cause that explains such tests may leave at most CARRIED of the excess on left-out records.
 REPEATS, CARRIED = 1.75, 0.5
-#: Two channels that see the same thing agree where they differ by no more than this times the noise. A measured current
-#: is in the command's unit where its size over the command's lies between the last two.
+#: Two channels of one quantity agree if they differ by at most CHANNELS_AGREE times the noise. A measured
+#: current has the command's unit if the ratio of their sizes is within SAME_UNIT.
 CHANNELS_AGREE, SAME_UNIT = 1.1, (0.8, 1.25)
-#: Two causes are tied where what they change is alike by this cosine, or the rival is this probable.
+#: Two causes are tied if the cosine of their changes exceeds TIE_COSINE or the rival's probability exceeds
+#: TIE_PROBABLE.
 TIE_COSINE, TIE_PROBABLE = 0.98, 0.1
-#: Records hide a cause whose signature, at the size it starts from, is below so many times the error that is left.
+#: Records cannot show a cause whose signature, at the starting value of its parameter, is below this multiple
+#: of the remaining error.
 HIDDEN_BELOW = 0.1
-#: A frame's block is at fault where its gap is so many times its noise.
+#: A frame's block is faulty if its gap exceeds this multiple of its noise.
 BLOCK_FAULT = 1.35
-#: Without a cause that explains it, a stage counts by this power of what its effects explain best.
+#: If no cause explains the gap, the share of a stage is proportional to this power of what its effects
+#: explain at best.
 STAGE_SHARPNESS = 3.0
-#: Independent samples, of those of a verdict, that the likelihood of an error which comes and goes in time counts for:
-#: it can follow nearly anything. Where no model explains TOUCHED (share of the error), it is all there is, and counts
-#: for up to UNTOUCHED more.
+#: Number of independent samples, out of INDEPENDENT, that the likelihood of an intermittent error counts for;
+#: such a model can follow nearly any error. If no model explains TOUCHED (share of the error), it is the only
+#: evidence and counts for up to UNTOUCHED more.
 WAVERING, UNTOUCHED, TOUCHED = 4.0, 200.0, 0.3
-#: A fit is evidence of its effects' stage where it leaves no more than so much of what the law's free numbers leave.
+#: A fit is evidence for its effects' stage if it leaves at most this share of the cost of free nominal
+#: parameters.
 STAGE_TELLS = 0.8
-#: Stages whose errors are commonly random in time, and the price (nats) of that in another.
+#: Stages whose errors are commonly random in time, and the penalty (nats) of a random error in another stage.
 RANDOM_STAGES, RANDOM_PRICE = ("driver", "fluid", "sensor"), 1.0
-#: Least scatter (shares) of the masses and stiffnesses that an owner's numbers have; damping is known so many times
-#: worse; independent samples that their standard errors are taken over.
+#: Least scatter (relative) of nominal masses and stiffnesses; factor of it for damping; number of independent
+#: samples for their standard errors.
 STRUCTURE_SCATTER, DAMPING_SCATTER, STRUCTURE_SAMPLES = 0.015, 5.0, 300.0
-#: Least relative change of a structure's number that counts as an effect (of damping, this times DAMPING_SCATTER), and
-#: the most of them at once.
+#: Least relative change of a structural parameter that counts as an effect (for damping, times
+#: DAMPING_SCATTER), and the largest number of such effects.
 STRUCTURE_CHANGE, STRUCTURE_CHANGES = 0.06, 2

@@ -1,4 +1,4 @@
-"""The search for what causes a damper's gap, from case to fits."""
+"""Search for the causes of a damper's gap: from the case to the fits."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from mrdamp.model.core import Array
 
 Progress = Callable[[str, float], None]
 
-#: Samples of residuals that a search keeps, a channel of a record counted each.
+#: Number of residual samples in a search, over all channels and records.
 _SAMPLES = 20_000
-#: Share of the excess that free numbers leave, below which those at an end of their range may be further off yet.
+#: Share of the excess left by free parameters below which the range of a parameter at its limit is extended.
 _FAR_OFF = 0.02
 
 
 def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
-    """The search of a damper's case, through. Raises InputError."""
+    """Completed search of a damper's case. Raises InputError."""
     rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
     notes = list(audit(case))
     progress("comparing channels that see the same thing", 0.01)
@@ -74,8 +74,11 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
 
 
 def judge(search: Search, *, clears_sensor: bool = False, baseline: Problem | None = None) -> Judged:
-    """All fits of a search and the decision over them. clears_sensor: the load cell beside the force sensor speaks
-    against all of its effects; baseline: records of the rig as it was."""
+    """All fits of a search and the decision.
+
+    clears_sensor: the load cell next to the force sensor rules out the sensor's effects. baseline: residuals
+    of the rig's baseline records.
+    """
     fits = [*search.ranked(False), *search.ranked(True)]
     penalties = {
         id(f): of_damper(
@@ -87,7 +90,7 @@ def judge(search: Search, *, clears_sensor: bool = False, baseline: Problem | No
 
 
 def _shortened(rig: DamperRig) -> Problem:
-    """Residuals of a rig's records, of excerpts where they are long."""
+    """Residuals of a rig's records; of excerpts if the records are long."""
     short = rig.searched()
     stride = max(1, round(sum(r.n for r in short.records) * len(rig.channels) / _SAMPLES))
     return Problem(short, stride=stride, coarse=True)
@@ -96,9 +99,9 @@ def _shortened(rig: DamperRig) -> Problem:
 def _searching(
     rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store, base: Array
 ) -> tuple[Search, Array]:
-    """A search that has not begun, on excerpts of long records, and the gaps (blocks,) that noise alone leaves.
+    """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone.
 
-    base: (channels,) gap that the simulator leaves of the rig's baseline.
+    base: (channels,) gap of the nominal simulator on the rig's baseline.
     """
     plain = _shortened(rig)
     floor = floors(plain, noise, {})

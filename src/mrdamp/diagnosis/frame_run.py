@@ -1,7 +1,8 @@
-"""The search for what causes a frame's gap, from case to fits.
+"""Search for the causes of a frame's gap: from the case to the fits.
 
-First where: every block between measured channels is tried alone (`frame_where`). Then which cause: the search and the
-verdict of a damper's diagnosis, over the catalogue without what the clean blocks rule out.
+The first step locates the fault: every block between measured channels is tested separately
+(`attribution.frame_blocks`). The second step is the search and verdict of a damper's diagnosis, over the
+catalogue without the causes that clean blocks rule out.
 """
 
 from __future__ import annotations
@@ -46,30 +47,34 @@ from mrdamp.records.sampling import derivative
 
 Progress = Callable[[str, float], None]
 
-#: s, samples are averaged over this; Hz, the band that stays is half of its inverse.
+#: s, window over which samples are averaged; Hz, the remaining band (half of its inverse).
 _AVERAGE = 0.008
 LIMITS = Limits(singles=5, beam=2, additions=3, depth=2, polished=2, base=4, exchanged=0)
-#: Fits with free numbers, the best of each number of causes, whose structure is looked at for what stands out.
+#: Number of fits with free parameters (the best for each number of causes) whose structural parameters are
+#: checked for outliers.
 _LOOKED_AT = 3
-#: Share of the excess that may be left before the structure's numbers are freed, where several storeys are at fault.
+#: Share of the excess that may remain before the structural parameters are freed, if several storeys are
+#: faulty.
 _LEFT = 0.02
-#: Best held fits whose nominal numbers are freed; a share of the excess that another form of the same cause may leave.
+#: Number of best fits with fixed nominal parameters that are repeated with free ones; share of the excess by
+#: which another form of the same cause may be worse.
 _FREED, _FORM = 2, 0.02
-#: How much less one cause beside free numbers leaves than one without, for two without not to be tried.
+#: Two causes without free parameters are not tried if one cause with free parameters leaves less than this
+#: share of the best one without.
 _AHEAD = 0.3
-#: Iterations for the nominal numbers alone, where no single cause will do.
+#: Iterations for the nominal parameters alone, if no single cause suffices.
 _FREE = 15
-#: Share of the noise's cost above which the step's own errors ask for a finer one.
+#: Share of the noise's cost above which the integration error requires a smaller step.
 _STEP_ERROR = 0.03
-#: Share of the noise's cost by which a cause in a block at fault has to lower the cost.
+#: Share of the noise's cost by which a cause in a faulty block has to reduce the cost.
 _SEEN = 0.003
-#: Records that a search goes by, at most.
+#: Largest number of records in a search.
 _RECORDS = 4
 
 
 def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[Case, FrameRig]:
-    """The case in means over _AVERAGE, which its noise is known from, and its rig. threads: that run settings side by
-    side."""
+    """The case averaged over _AVERAGE, from which its noise is known, and its rig. threads: number of
+    parameter sets that are simulated in parallel."""
     block = max(1, round(_AVERAGE / case.records[0].sample_time))
     clean = frozenset(b.name for b in found if b.clean)
     quiet = len(clean) == len(found) > 0
@@ -79,7 +84,7 @@ def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[
 
 
 def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
-    """The search of a frame's case, through. Raises InputError."""
+    """Completed search of a frame's case. Raises InputError."""
     limits = limits or LIMITS
     notes = list(audit(case))
     progress("trying each storey, accelerometer and the damper alone", 0.01)
@@ -102,12 +107,12 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     outside = any(search.solved(f) for f in search.rivals) or (search.inexact and unexplained)
     if len(storeys) > 1 and decision.verdict != "none" and decision.unexplained > _LEFT and not outside:
         rig = replace(rig, free_structure=True)
-        # What was kept is of other nominal numbers, but where those are held.
+        # Stored fits belong to other nominal parameters, except for those with fixed ones.
         search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
 
     def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
         evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
-        # Beside a wrong law the damper's block is always at fault.
+        # With a wrong law the damper's block is always faulty.
         told = [b for b in found if b.kind != "damper"] if search.inexact and unexplained else found
         where = replace(
             answer.where,
@@ -125,8 +130,8 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
 
 
 def apart_from_the_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
-    """What the frame's parts say without the damper's law; nothing where the simulator has effects in them already,
-    which their balances do not hold."""
+    """Findings on the frame's parts that do not depend on the damper's law. Empty if the simulator already
+    has effects in the frame, which the balances do not model."""
     if any(e.place is not None for e in case.model.effects):
         return ()
     parts = [Part(b.kind, b.place, b.noise, not b.clean) for b in found if b.place is not None]
@@ -136,9 +141,11 @@ def apart_from_the_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tup
 def judge(
     search: Search, rig: FrameRig, baseline: Problem | None = None, channels: Sequence[Compared] = ()
 ) -> Judged:
-    """All fits, those with the structure's numbers told as effects among them, and the decision over them. baseline:
-    records of the rig as it was; channels: what its storeys and accelerometers say without a law, which goes before
-    where the law is not the rig's."""
+    """All fits, including those whose structural parameters are interpreted as effects, and the decision.
+
+    baseline: residuals of the rig's baseline records. channels: findings on storeys and accelerometers
+    without a law; they have priority if the law is not the rig's.
+    """
     penalties: dict[int, float] = {}
     if rig.free_structure:
         free = search.ranked(True)
@@ -155,7 +162,7 @@ def judge(
         search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
         for f in fits:
             penalties[id(f)] = penalties.get(id(f), 0.0) + of_parts(f, rig.clean)
-    # A frame's numbers move by what its structure leaves to them: no price is put on it.
+    # A frame's nominal parameters move as far as its structure requires: they have no penalty.
     decision = decided(search, fits, penalties, baseline, moves=False)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:
         unknown = max(decision.unknown, UNSTEADY)
@@ -163,7 +170,7 @@ def judge(
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:
-        # A block at fault on its own shows what is small beside the noise of all channels together.
+        # A faulty block shows effects that are small beside the noise of all channels together.
         left = search.unexplained(first)
         decision = replace(decision, verdict="effect", chosen=scored([first])[0], unexplained=left)
     return fits, decision
@@ -179,11 +186,11 @@ def _search(
     progress: Progress,
     before: Search | None = None,
 ) -> tuple[Search, Array]:
-    """A search that is through, and the gaps (blocks,) that noise alone leaves.
+    """A completed search, and the gaps (blocks,) due to noise alone.
 
-    Causes with a place come first: blocks at fault name few of them, and where those do the damper is not asked.
-    base: (channels,) gap that the simulator leaves of the rig's baseline. before: a search on the same records with
-    other nominal numbers, whose held fits are taken over.
+    Causes with a place are tried first: faulty blocks admit few of them, and if they explain the gap the
+    damper's causes are skipped. base: (channels,) gap of the nominal simulator on the rig's baseline. before:
+    a search on the same records with other nominal parameters, whose fits with fixed parameters are reused.
     """
     problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
@@ -227,7 +234,8 @@ def _search(
             )
             if _enough(search, rig, at_fault):
                 continue
-            # Numbers that explain more than any cause are tried with one cause before two causes are without them.
+            # If free parameters explain more than any cause, they are combined with one cause before two
+            # causes are tried without them.
             beside_law = search.base.cost < search.ranked(False)[0].cost
             if beside_law:
                 search.extend(True, 1)
@@ -251,7 +259,7 @@ def _search(
     take_through(search, best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     if asked and not search.solved(best):
-        # A rival's law is freed: what it is held against has the same.
+        # A rival is fitted with free nominal parameters, as are the fits it is compared with.
         if best.hypothesis.terms and not best.hypothesis.nominal:
             best = _freed(search, rig, best)
             search.keep(best)
@@ -261,8 +269,8 @@ def _search(
 
 
 def _ahead(search: Search) -> bool:
-    """True where one cause beside free numbers leaves much less than the best one without: two causes without would
-    only stand in for the numbers."""
+    """True if one cause with free parameters leaves much less than the best one without: two causes without
+    would only stand in for the parameters."""
     free, held = search.best(True, 1), search.best(False, 1)
     return (
         free is not None and held is not None and search.unexplained(free) < _AHEAD * search.unexplained(held)
@@ -270,8 +278,8 @@ def _ahead(search: Search) -> bool:
 
 
 def stepped(rig: FrameRig, noise: Noise) -> FrameRig:
-    """The rig with steps for a search, and with means in all records where those that jump would need finer ones yet: a
-    Bouc-Wen damper is a stiff spring after a jump."""
+    """The rig with integration steps for a search. Records with jumps of the command are averaged further if
+    they would need even smaller steps: a Bouc-Wen damper is a stiff spring after a jump."""
     for full_rate in (True, False):
         rig = replace(rig, full_rate=full_rate, jump_step=COARSE, coarse_step=COARSE)
         records = telling(rig.raw)
@@ -286,8 +294,8 @@ def stepped(rig: FrameRig, noise: Noise) -> FrameRig:
 
 
 def too_coarse(problem: Problem, floor: Array, jumps: bool) -> bool:
-    """True where the nominal simulator's own step errors, in the records whose command jumps or in the others, are no
-    trifle beside the noise (floor (blocks,), gaps)."""
+    """True if the nominal simulator's integration error is not small compared with the noise, in the records
+    whose command jumps or in the others. floor (blocks,): gaps due to noise."""
     rig = problem.rig
     assert isinstance(rig, FrameRig)
     halved = (
@@ -304,16 +312,18 @@ def _block_names(rig: FrameRig) -> list[str]:
 
 
 def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: bool = True) -> bool:
-    """True where the best fit so far leaves little, and every block at fault is one that its causes act in.
+    """True if the best fit leaves little and its causes act in every faulty block.
 
-    law: free numbers of the law alone will do; they can bend after an effect of the damper that was not tried yet.
+    law: accept free nominal parameters alone; they can imitate an effect of the damper that has not been
+    tried.
     """
     fits = [f for f in search.fits.values() if law or f.hypothesis.terms or not f.hypothesis.nominal]
     best = min(fits, key=lambda f: (f.cost, f.hypothesis.name))
     solved = search.solved(best)
     if solved and at_fault <= {"damper"}:
         return True
-    # What is left may be little beside an accelerometer's fault, and all of the damper's.
+    # The remainder may be small compared with an accelerometer's fault and still be the whole of the
+    # damper's.
     covered: set[str] = {"damper"} if solved else set()
     for term in best.hypothesis.terms:
         if term.place is None:
@@ -328,7 +338,7 @@ def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: boo
 
 
 def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
-    """The same causes with the nominal numbers free."""
+    """The same causes with free nominal parameters."""
     free = Hypothesis(rig.nominal, held.hypothesis.terms)
     return search.fitted(
         free, np.concatenate([np.zeros(len(rig.nominal)), held.point]), most=4, stage=" freed"
@@ -336,8 +346,10 @@ def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
 
 
 def take_through(search: Search, best: Fit) -> None:
-    """Fewer causes of the best fit beside free numbers, fitted again from where they came to: a law's signatures, taken
-    once at the start of a fit, may end its way too soon for a match with a cause more."""
+    """Repeats the best fit with one cause removed at a time and free parameters, starting from its optimum.
+    The signatures of the law are linearised once at the start of a fit, which may stop too early for a fair
+    comparison.
+    """
     causes = set(best.hypothesis.causes)
     fewer = (f for f in search.ranked(True) if f.hypothesis.terms and set(f.hypothesis.causes) < causes)
     found = next(fewer, None)
@@ -346,14 +358,16 @@ def take_through(search: Search, best: Fit) -> None:
 
 
 def telling(records: Sequence[Record]) -> tuple[int, ...]:
-    """Numbers of at most _RECORDS records: of two that are alike in command and ground, the later one is left out."""
+    """Indices of at most _RECORDS records. Of two records with similar command and ground motion the later
+    one is left out."""
     signs = []
     for r in records:
         u, ground = r.command, r.channel("ground_acceleration_m_s2")
         steps = float(np.std(derivative(u, r.sample_time)))
         rate = float(np.std(derivative(ground, r.sample_time)) / (np.std(ground) or 1.0))
         signs.append((float(np.mean(u)), float(np.std(u)), steps, np.log(rate)))
-    # Of grounds, which a structure answers alike, rather one is left out than of commands.
+    # Different commands are more informative than different ground motions, to which a structure responds
+    # alike.
     scaled = np.array(signs) / np.maximum(np.std(signs, axis=0), 1e-9) * [1, 1, 1, 0.5]
     kept = list(range(len(records)))
     while len(kept) > _RECORDS:

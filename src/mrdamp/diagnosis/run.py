@@ -1,4 +1,4 @@
-"""A diagnosis from case to answer: one way for a damper and a frame."""
+"""Diagnosis from case to answer, for a damper and for a frame."""
 
 from __future__ import annotations
 
@@ -31,11 +31,12 @@ def diagnose(
     limits: Limits | None = None,
     store: Store | None = None,
 ) -> Diagnosis:
-    """The answer for a case; the same for any number of jobs, and for a run that goes on from a store.
+    """The answer for a case. It does not depend on the number of jobs or on whether the run was resumed from
+    a store.
 
     Raises InputError.
     """
-    # The same sums in the same order on every machine; the work is done elsewhere.
+    # One thread for BLAS: sums have the same order on every machine. Parallel work runs in processes.
     with threadpool_limits(limits=1):
         begun = time.monotonic()
         found = answered(searched(case, jobs, progress, limits, store or Store()), begun, progress)
@@ -43,13 +44,13 @@ def diagnose(
 
 
 def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
-    """The search of a case's rig, through."""
+    """Completed search of a case's rig."""
     search = search_frame if case.model.rig == "frame" else search_damper
     return search(case, jobs, progress, limits, store)
 
 
 def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
-    """From a search to the answer; the sentence is not in it yet."""
+    """Answer from a search, without its sentence."""
     search, rig = found.search, found.rig
     fits, decision = found.judge()
     decision = with_nearest(search, fits, decision)

@@ -1,4 +1,4 @@
-"""What a search hands on: the same of a damper and of a frame."""
+"""Result of a search, in one form for a damper and a frame."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Judged = tuple[list[Fit], Decision]
 
 @dataclass(frozen=True)
 class Searched:
-    """A search that is through.
+    """A completed search.
 
-    case: as it is compared (a frame's in means); rig: with the whole records. floor (blocks,): gaps that noise alone
-    leaves; base (channels,): gap that the nominal simulator leaves of the rig's baseline; notes: of the audit. judge:
-    all fits and the decision over them; complete: the answer with what this rig alone can say, given the
+    case: as compared (a frame's averaged). rig: with whole records. floor (blocks,): gaps due to noise alone.
+    base (channels,): gap of the nominal simulator on the rig's baseline. notes: of the audit. judge: computes
+    all fits and the decision. complete: adds what only this rig can provide to the answer, given the
     decision's fit.
     """
 
