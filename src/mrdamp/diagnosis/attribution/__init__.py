@@ -1,1 +1,1 @@
-"""Where in the chain and in which regimes the gap lies."""
+"""Attribution of the gap to parts of the chain and to regimes."""

@@ -1,9 +1,13 @@
-"""Where in a frame the gap sits: measured signals put in at every interface that was measured.
+"""Localisation of a frame's gap by substituting measured signals at every measured interface.
 
-Three kinds of block stand between measured channels, and each is tried with what was measured at its ends, whatever
-the others do: an accelerometer (the floor's displacement, differentiated twice, and the ground against its reading),
-a storey (its drift against the force that the floors above and the damper leave for it), and the damper (the measured
-stroke and the command against its force). What two runs of one test differ by is each block's own noise.
+Three kinds of block lie between measured channels. Each is tested with measured inputs, independently of the
+others:
+
+- an accelerometer: its reading against the twice-differentiated displacement of the floor and the ground;
+- a storey: its drift force against the inertia of the floors above and the damper's force;
+- the damper: its force under the measured stroke and command.
+
+The difference of two runs of one test is the noise of each block.
 """
 
 from __future__ import annotations
@@ -34,9 +38,12 @@ _STAGE = {"accelerometer": "sensor", "storey": "structure"}
 
 @dataclass(frozen=True)
 class Block:
-    """A part of the rig between measured channels: `kind` accelerometer, storey or damper, its place from 1 (damper:
-    None); gap: its error over the size of what it answers with, records pooled; noise: the same of noise alone;
-    drawn (draws,): the gap squared with seconds of the records drawn again."""
+    """A part of the rig between measured channels.
+
+    kind: accelerometer, storey or damper; place: from 1 (damper: None). gap: RMS error over RMS output,
+    records pooled; noise: the same for noise alone. drawn (draws,): squared gap in bootstrap draws of
+    seconds.
+    """
 
     kind: str
     place: int | None
@@ -50,21 +57,21 @@ class Block:
 
     @property
     def clean(self) -> bool:
-        """True where noise alone explains the gap."""
+        """True if noise alone explains the gap."""
         return self.gap < BLOCK_FAULT * self.noise
 
     @property
     def excess(self) -> float:
-        """Mean square of the gap beyond the noise, none in a clean block."""
+        """Mean square of the gap beyond the noise; 0 for a clean block."""
         return 0.0 if self.clean else self.gap**2 - self.noise**2
 
     def drawn_excess(self, draw: int) -> float:
-        """The same in a draw."""
+        """The same in a bootstrap draw."""
         return 0.0 if self.clean else max(float(self.drawn[draw]) - self.noise**2, 0.0)
 
 
 def blocks(case: Case) -> tuple[Block, ...]:
-    """All blocks that the records' channels allow to judge, the ground up, the damper last."""
+    """All blocks that the records' channels allow to test: from the ground up, the damper last."""
     model, structure = case.model, case.model.structure
     assert structure is not None
     errors = [_errors(model, structure, r) for r in case.records]
@@ -75,7 +82,7 @@ def blocks(case: Case) -> tuple[Block, ...]:
         gap = float(
             np.sqrt(np.mean([np.mean(e[key][0] ** 2) / size for e, size in zip(errors, sizes, strict=True)]))
         )
-        # Noise is the same in every record, whatever the size of what is measured.
+        # Noise is equal in all records and does not scale with the signal.
         noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
         kind, place = key
         level = float(np.sqrt(noise * np.mean([1 / size for size in sizes])))
@@ -91,12 +98,12 @@ def blocks(case: Case) -> tuple[Block, ...]:
 
 
 def place_shares(found: Sequence[Block]) -> dict[str, float]:
-    """Share of each block in the sum of excesses, adding up to 1; all 0 where no block is off."""
+    """Share of each block in the sum of excesses, adding up to 1; all 0 if no block is faulty."""
     return _of_total({b.name: b.excess for b in found})
 
 
 def place_intervals(found: Sequence[Block]) -> dict[str, Interval]:
-    """95 % intervals of `place_shares`; none where no block is off."""
+    """95 % intervals of `place_shares`; empty if no block is faulty."""
     if all(b.clean for b in found):
         return {}
     rows = [_of_total({b.name: b.drawn_excess(k) for b in found}) for k in range(len(found[0].drawn))]
@@ -110,11 +117,11 @@ def shares_by_stage(
     found: Sequence[Block],
     evidence: StageEvidence | None = None,
 ) -> dict[str, float]:
-    """Shares (adding up to 1) of the gap by stage.
+    """Shares of the gap by stage, adding up to 1.
 
-    With effects named, theirs in the fall of the cost (Shapley). Without, those of the blocks at fault; the damper's
-    counts as fluid where its numbers are wrong, and is divided where it is unknown: as its stages' own variables tell
-    its force (`evidence`), or else as their effects come near.
+    With named effects: Shapley shares in the reduction of the cost. Without: the shares of the faulty blocks.
+    The damper's share counts as fluid if its parameters are wrong. If its cause is unknown, it is divided by
+    the evidence of its stages (`evidence`) or, without that, by what the stages' effects explain.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         return _of_causes(search, chosen, lambda f: f.cost)
@@ -131,10 +138,11 @@ def intervals_by_stage(
     found: Sequence[Block],
     evidence: StageEvidence | None = None,
 ) -> dict[str, Interval]:
-    """95 % intervals of `shares_by_stage`; none where the shares are by definition.
+    """95 % intervals of `shares_by_stage`; empty if the shares follow by definition.
 
-    Without effects named the blocks are drawn, and the evidence of the damper's stages with them; shares by their
-    effects stay."""
+    Without named effects, the blocks and the evidence of the damper's stages are drawn; shares by effects are
+    constant.
+    """
     if verdict == "effect" and chosen.hypothesis.terms:
         costs = DrawnCosts.of(search)
         rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
@@ -185,7 +193,7 @@ def _of_blocks(
 
 
 def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tuple[Array, Array]]:
-    """(kind, place) -> error of the block, and what it answers with, (n,) each in one unit."""
+    """Error of each block (kind, place) and its output, (n,) each in one unit."""
     out: dict[tuple[str, int], tuple[Array, Array]] = {}
     found = Balances.of(s, r)
     dt, keep = r.sample_time, found.kept
@@ -207,8 +215,10 @@ def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tup
 
 
 def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
-    """Displacement (m) and velocity (m/s) of floor `high` against floor `low`, (n,): displacements and accelerations
-    together, each where it has the less noise (Wiener's weights for white noise in both)."""
+    """Displacement (m) and velocity (m/s) of floor `high` relative to floor `low`, (n,).
+
+    Displacements and accelerations are combined by frequency, with Wiener weights for white noise in both.
+    """
     x = r.channel(f"floor{high}_displacement_m") - (r.channel(f"floor{low}_displacement_m") if low else 0.0)
     readings = [
         r.channels.get(f"floor{k}_acceleration_m_s2") if k else r.channel("ground_acceleration_m_s2")
@@ -218,7 +228,7 @@ def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
         smooth = smoothed(x)
         return smooth, derivative(smooth, r.sample_time)
     a = readings[1] - readings[0]
-    n = 2 * r.n  # zeros behind: a record does not run on into its own start
+    n = 2 * r.n  # zero padding against wrap-around
     omega = 2 * np.pi * np.fft.rfftfreq(n, r.sample_time)
     ratio = (noise_level(x) / max(noise_level(a), 1e-12)) ** 2
     spectrum = (np.fft.rfft(x, n) - ratio * omega**2 * np.fft.rfft(a, n)) / (1 + ratio * omega**4)
@@ -226,7 +236,8 @@ def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:
 
 
 def _by_second(error: Array, sample_time: float) -> Array:
-    """What each second adds to an error's mean square, and its share of the samples (seconds, 2). error: (n,)."""
+    """Contribution of each second to an error's mean square, and its share of the samples (seconds, 2).
+    error: (n,)."""
     number = np.floor(sample_time * np.arange(len(error)) / SECONDS).astype(np.intp)
     return group_sums(np.column_stack([error**2, np.ones(len(error))]) / len(error), number)
 

@@ -1,4 +1,4 @@
-"""A frame's damper alone: its measured stroke imposed on it, its force beside what was measured."""
+"""A frame's damper alone: its measured stroke is imposed and its force compared with the measured one."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from mrdamp.records import Record
 
-#: Samples of residuals that are looked at.
+#: Largest number of residual samples.
 _SAMPLES = 20_000
 
 
 def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
-    """Evidence of the stages of a frame's damper, which its own sensor is none of; None where the damper's block is not
-    at fault though others are, or was not measured."""
+    """Evidence of the stages of a frame's damper; its own force sensor is not a stage here.
+
+    None if the damper's block is clean while others are faulty, or if its channels were not measured.
+    """
     asked = (b for b in found if b.kind == "damper" and (not b.clean or all(other.clean for other in found)))
     block = next(asked, None)
     if block is None:
@@ -33,7 +35,8 @@ def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
 
 
 def damper_alone(case: Case) -> DamperRig:
-    """The rig of a frame's damper with its measured stroke, its sign that of the damper's own displacement."""
+    """The rig of a frame's damper with its measured stroke in the sign convention of the damper's
+    displacement."""
     model, structure = case.model, case.model.structure
     assert structure is not None
     low, high = sorted(structure.damper_between)

@@ -1,9 +1,9 @@
-"""Where in a damper's chain the gap sits: measured signals put in at the interfaces that were measured.
+"""Localisation of a damper's gap by substituting measured signals at the measured interfaces.
 
-The error of the simulated force is a sum: what the driver adds (command against measured current), what lies between
-the current and the load cell, and what the damper's own sensor adds to the load cell's reading. Substituting the
-measured signal at an interface takes one of them out. The Shapley share of a part in the mean square of the sum is
-then its covariance with the whole, and noise counts only where it is in the whole: that of the own sensor.
+The error of the simulated force is a sum of parts: the driver (command against measured current), the chain
+from the current to the load cell, and the damper's own sensor (reading against load cell). Substituting a
+measured signal removes one part. The Shapley share of a part in the mean square of the sum is its covariance
+with the sum. Noise counts only in the sum: it is that of the damper's own sensor.
 """
 
 from __future__ import annotations
@@ -21,29 +21,32 @@ from mrdamp.model import core
 from mrdamp.model.core import Array
 
 _STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
-#: What takes the driver out of the chain: the measured current is what comes out of it.
+#: Neutral settings of the driver stage: the measured current replaces its output.
 _NO_DRIVER = ("driver_lag", "command_delay")
 
 
 @dataclass(frozen=True)
 class Parts:
-    """found: the chain's parts in order, none where no interface was measured or there is no gap beyond the noise;
-    drawn (draws, parts): their shares with seconds of the records drawn again."""
+    """Shares of the measured parts of a chain.
+
+    found: the parts in the order of the chain; empty if no interface was measured or the gap does not exceed
+    the noise. drawn (draws, parts): their shares in bootstrap draws of seconds.
+    """
 
     found: tuple[Measured, ...]
     drawn: Array
 
     @classmethod
     def none(cls) -> Parts:
-        """Where no interface was measured."""
+        """No measured interface."""
         return cls((), np.zeros((0, 0)))
 
 
 def parts(rig: DamperRig, noise: float) -> Parts:
-    """Shares of the nominal simulator's gap by part. noise (N): standard deviation of force_N's.
+    """Shares of the nominal simulator's gap by part. noise (N): standard deviation of force_N's noise.
 
-    Records count by their gaps: each error over the size of its force. A displacement read late belongs to the part
-    between the current and the load cell, whose input it is.
+    Records are weighted by their gaps: each error is divided by the RMS of its force. A displacement that is
+    measured with a delay belongs to the part from the current to the load cell, whose input it is.
     """
     inner = [n for n in ("current_A", "reference_force_N") if all(n in r.channels for r in rig.records)]
     if not inner or "force_N" not in rig.channels:
@@ -54,7 +57,8 @@ def parts(rig: DamperRig, noise: float) -> Parts:
         keep = slice(round(SKIP / record.sample_time), record.n - END)
         size = float(np.mean(force[keep] ** 2)) * (keep.stop - keep.start)
         second = np.floor((record.time[keep] - record.time[keep][0]) / SECONDS).astype(int)
-        # A part's covariance with the whole, and last the own sensor's noise, which is no part's fault.
+        # Covariances of the parts with the sum. The last term is the own sensor's noise, which belongs to no
+        # part.
         whole = np.sum(errors, axis=0)[keep]
         columns = [*(e[keep] * whole for e in errors), np.full(len(second), noise**2)]
         sums.append(group_sums(np.column_stack(columns) / size, second))
@@ -63,7 +67,7 @@ def parts(rig: DamperRig, noise: float) -> Parts:
     drawn = draws(len(table)) @ table[:, :-1]
     shares = _shares(table[None, :, :-1].sum(axis=1))[0]
     if interval(drawn.sum(axis=1))[0] <= 0:
-        return Parts.none()  # no more gap than noise: nothing to share
+        return Parts.none()  # no gap beyond the noise
     spread = _shares(drawn)
     ends = ("command", *inner, "force_N")
     found = tuple(
@@ -80,7 +84,8 @@ def parts(rig: DamperRig, noise: float) -> Parts:
 
 
 def _errors(rig: DamperRig, record: int, inner: list[str]) -> tuple[list[Array], Array]:
-    """Error (n,) N of each part in the order of the chain, and the own sensor's force (n,) N."""
+    """Error (n,) N of each part in the order of the chain, and the force (n,) N of the damper's own sensor.
+    """
     r = rig.records[record]
     force = r.channel("force_N")
     whole = rig.through(record, np.asarray(r.command), {})
@@ -97,7 +102,8 @@ def _errors(rig: DamperRig, record: int, inner: list[str]) -> tuple[list[Array],
 
 
 def _in_command_unit(current: Array, command: Array) -> Array:
-    """The current (n,) as a command: as it is, or where the command has another unit, by the ratio of their sizes."""
+    """The current (n,) in the unit of the command: unchanged, or scaled by the ratio of their sizes if the
+    units differ."""
     size = float(command @ command)
     gain = float(current @ command) / size if size > 0 else 1.0
     return current if SAME_UNIT[0] < gain < SAME_UNIT[1] or not gain > 0 else current / gain
@@ -108,7 +114,7 @@ def _no_driver() -> dict[str, float]:
 
 
 def _shares(sums: Array) -> Array:
-    """Shares (draws, parts), adding up to 1; equal ones in a draw without a gap beyond the noise."""
+    """Shares (draws, parts), adding up to 1; equal shares in a draw without a gap beyond the noise."""
     total = sums.sum(axis=1, keepdims=True)
     return np.where(total > 0, sums / np.where(total > 0, total, 1.0), 1 / sums.shape[1])
 
@@ -120,6 +126,6 @@ def _between(before: str, after: str) -> tuple[str, ...]:
 
 
 def _part_by(stages: tuple[str, ...]) -> str:
-    """The channel that would part the stages further."""
+    """The channel that would separate these stages."""
     wanted = (("driver", "current_A"), ("sensor", "reference_force_N"))
     return " and ".join(name for stage, name in wanted if stage in stages and len(stages) > 1)

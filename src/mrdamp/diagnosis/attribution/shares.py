@@ -1,4 +1,4 @@
-"""Shares of the gap, by part of the chain and by regime, and their JSON."""
+"""Shares of the gap by part of the chain and by regime, and their JSON form."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Measured:
-    """A part of the chain between measured channels: its share of the nominal simulator's gap with measured signals
-    put in at its ends, and the interval (95 %). The parts of a chain add up to 1; one may be below 0, where it undoes
-    another's error. part_by: the channel that would part its stages, where one would."""
+    """A part of the chain between measured channels.
+
+    share: of the nominal simulator's gap, by substitution of measured signals at both ends; interval: 95 %.
+    The shares of a chain add up to 1; a negative share compensates another part's error. part_by: the channel
+    that would separate its stages, if there is one.
+    """
 
     between: str
     stages: tuple[str, ...]
@@ -30,7 +33,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Regime:
-    """A region of the records with more than its share of the gap."""
+    """A region of the records whose share of the gap exceeds its share of the samples."""
 
     what: str
     share_of_gap: float

@@ -1,11 +1,16 @@
-"""What each stage of a damper's chain can add to its force: columns of an additive model in the stage's own variables.
+"""Possible force errors of each stage of a damper's chain: columns of an additive model in the stage's own
+variables.
 
-A stage sees little of the rest. The driver changes the current by what the command was, in time; the coil and the core
-by the path of the current, whatever the time; the fluid multiplies forces by functions of the motion, of the way since
-the last turn, of what it went through; the rod adds forces that the current does not change; a mount takes some of the
-motion by the force; a sensor changes the reading by the force that it reads. A changed current counts by the slope of
-the simulated force over the command, a changed motion by what the simulator answers to it: both vanish where the stage
-has no say. Nothing is said about the form: hats (linear splines), memories and plays stand for any.
+- driver: functions of the history of the command and of time;
+- magnetics: functions of the current's path, independent of time;
+- fluid: forces times functions of the motion, of the path since the last reversal and of the load history;
+- mechanics: forces independent of the current;
+- mount: motion lost in proportion to the force;
+- sensor: functions of the measured force.
+
+A change of the current is converted to a force by the slope of the simulated force with the command, a change
+of the motion by the simulator's response to it. The model assumes no form: hat functions (linear splines),
+first-order filters and play operators approximate any function.
 """
 
 from __future__ import annotations
@@ -22,44 +27,53 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 from mrdamp.records.sampling import derivative, memory
 
-#: Steps of the command and of the motion, as shares of the largest command and of the stroke's amplitude.
+#: Increments of the command and of the motion, as shares of the largest command and of the stroke's
+#: amplitude.
 _STEP_COMMAND, _STEP_MOTION = 0.02, 0.01
-#: s, memories of the command, of its square, of the force, and of the displacement.
+#: s, time constants of filters on the command, on its square, on the force, and on the displacement.
 _COMMAND, _LOAD, _FORCE = (0.005, 0.02, 0.1, 0.5, 2.0), (0.1, 0.5, 2.0), (0.005, 0.02, 0.1, 0.5, 2.0, 10.0)
 _MOTION = (0.02, 0.1, 0.5)
-#: Widths of what happens about no command, and of the plays of the command: shares of the largest one.
+#: Widths of the region about zero command and of play operators on the command, as shares of the largest
+#: command.
 _SMALL, _LOOPS = (0.05, 0.1, 0.2, 0.35), (0.03, 0.1, 0.3)
-#: Steps of a source that knows a few levels only, shares of the largest command.
+#: Quantisation steps of a source with few levels, as shares of the largest command.
 _STEPS = np.geomspace(0.06, 0.6, 24)
-#: Widths of plays of the motion (shares of the stroke) in a mount and on the rod.
+#: Widths of play operators on the motion (shares of the stroke) in a mount and on the rod.
 _GAPS, _SLACK = (0.01, 0.03, 0.1), (0.02, 0.1)
-#: Velocity, over the RMS one, at which friction is all there; way of a command back that makes a turn of it.
+#: Velocity (over its RMS) at which friction is fully developed; reversal of the command that counts as a
+#: turn.
 _SLIP, _TURN = 0.1, 0.01
-#: Forces (over the RMS one) that something may open at, and times (s) in which it closes again.
+#: Forces (over the RMS force) at which a valve may open, and times (s) in which it closes again.
 _OPENS, _CLOSES = (1.1, 1.4, 1.7), (0.3, 0.8)
-#: Velocities (over the RMS one) at which an orifice beside the fluid holds the RMS force.
+#: Velocities (over the RMS velocity) at which an orifice in parallel with the fluid carries the RMS force.
 _ORIFICES = (0.1, 0.25, 0.6)
-#: s, what time is measured in.
+#: s, unit of time.
 _TIME = 10.0
 
 
 @dataclass
 class Columns:
-    """Of a stage: columns (n, columns) of each record (N), and gains (n,) of each record, a few kinds of them, that an
-    error of the stage in time would be multiplied by."""
+    """Columns of one stage.
+
+    columns: (n, columns) N for each record. gains: for each record several (n,) by which a time-varying error
+    of the stage would be multiplied.
+    """
 
     columns: list[Array] = field(default_factory=list)
     gains: list[tuple[Array, ...]] = field(default_factory=list)
 
     def add(self, columns: Sequence[Array], gains: tuple[Array, ...]) -> None:
-        """A record more."""
+        """Adds a record."""
         self.columns.append(np.nan_to_num(np.column_stack(columns), posinf=0.0, neginf=0.0))
         self.gains.append(gains)
 
 
 def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
-    """By stage, for the residuals in the last channel of a problem's records; `reading` is the sensor's reading of the
-    displacement, `sensor` that of the force, which is none where the last channel is a load cell beside it."""
+    """Columns by stage, for the residuals in the last channel of a problem's records.
+
+    `reading` is the measurement of the displacement and `sensor` that of the force. `sensor` has no columns
+    if the last channel is a separate load cell.
+    """
     states = [_states(problem, rig, k) for k in problem.records]
     scale = {n: np.concatenate([s[n] for s in states]) for n in ("u", "x", "v", "force")}
     size = float(np.sqrt(np.mean(scale["force"] ** 2))) or 1.0
@@ -68,7 +82,7 @@ def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
     knots["force"] = np.linspace(-top, top, 9)
     out = {n: Columns() for n in ("driver", "magnetics", "fluid", "mechanics", "mount", "reading", "sensor")}
     for s in states:
-        # What the command makes of the force fails or wavers with the current.
+        # Failures and fluctuations of the force due to the command scale with the current.
         made = s["force"] - s["still"]
         out["driver"].add(_driver(s), (made, s["slope"], s["slope"] * s["u"]))
         out["magnetics"].add(_magnetics(s, knots), (made,))
@@ -85,7 +99,7 @@ def columns_of(problem: Problem, rig: DamperRig) -> dict[str, Columns]:
 
 
 def _driver(s: Mapping[str, Array]) -> list[Array]:
-    """Functions of the command's memories and of time, all of them nothing where nothing is commanded for long."""
+    """Functions of the filtered command and of time; all vanish where the command is zero for long."""
     u = s["u"]
     late = [u - s[f"u {tau}"] for tau in _COMMAND]
     lags = [*(np.maximum(d, 0) for d in late), *(np.minimum(d, 0) for d in late)]
@@ -95,7 +109,7 @@ def _driver(s: Mapping[str, Array]) -> list[Array]:
 
 
 def _magnetics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array]:
-    """Functions of the current and of its path, also at none, and what a field does to the rod."""
+    """Functions of the current and of its path, also at zero current, and the field's effect on the rod."""
     u, turn = s["u"], s["turn of u"]
     loops = [s[f"loop {width}"] for width in _LOOPS]
     path = [*loops, loops[-1] * u, np.tanh(turn / 0.1), np.tanh(turn / 0.4), u * np.tanh(turn / 0.2)]
@@ -106,7 +120,8 @@ def _magnetics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array
 
 
 def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> list[Array]:
-    """Forces times functions of the motion, of the way since a turn, of what the fluid went through, of the force."""
+    """Forces times functions of the motion, of the path since a reversal, of the load history and of the
+    force."""
     turn, speed, one = s["turn"], np.abs(s["v"]), np.ones(len(s["t"]))
     gone = [s["t"], s["heat"], np.exp(-s["path"] / 3), np.exp(-s["path"] / 20)]
     near = [np.exp(-np.abs(turn) / 0.1), np.exp(-np.abs(turn) / 0.4)]
@@ -122,7 +137,7 @@ def _fluid(s: Mapping[str, Array], knots: Mapping[str, Array], size: float) -> l
 
 
 def _mechanics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array]:
-    """Functions of the motion alone, and of what of it was before (springs that let go)."""
+    """Functions of the motion alone and of its history (springs that release)."""
     places = _hats(s["x"], knots["x"])[:-1]
     plain = [np.ones(len(s["t"])), s["slip"], s["a"], s["t"], s["x"] * s["t"], s["v"]]
     slack = [s[f"slack {gap}"] for gap in _SLACK]
@@ -131,15 +146,15 @@ def _mechanics(s: Mapping[str, Array], knots: Mapping[str, Array]) -> list[Array
 
 
 def _sensor(s: Mapping[str, Array], size: float) -> list[Array]:
-    """Functions of the force that is read and of its memories, of time, and what it hears of the command."""
+    """Functions of the measured force, of its filtered values and of time, and crosstalk from the command."""
     f = s["force"] / size
     before = [s[f"force {tau}"] / size - f for tau in _FORCE]
     return [np.ones(len(f)), s["t"], s["u"], f, f * np.abs(f), f**3, *before, s["force rate"] / size]
 
 
 def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
-    """What a record's columns are made of, (n,) each, at the residuals' samples: motion over what the records span,
-    command over its largest, forces in N."""
+    """Variables of a record's columns, (n,) each at the residuals' samples: motion over its range, command
+    over its maximum, forces in N."""
     r, size, take = rig.records[record], rig.sizes, problem.taken(record)
     x, dt = rig.motions[record][0], r.sample_time
     v = rig.velocity(record)
@@ -185,7 +200,7 @@ def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
         **{f"loop {width}": u - play(u, width) for width in _LOOPS},
         **{f"slack {gap}": place - play(place, gap) for gap in _SLACK},
         **{f"u {tau}": memory(u, dt, tau) for tau in _COMMAND},
-        # A test begins at rest: what sinks under load has not sunk yet.
+        # A test starts from rest: a supply that sags under load has not sagged yet.
         **{f"load {tau}": memory(np.concatenate([[0.0], u**2]), dt, tau)[1:] for tau in _LOAD},
         **{f"force {tau}": memory(force, dt, tau) for tau in _FORCE},
         **{f"x {tau}": memory(place, dt, tau) for tau in _MOTION},
@@ -196,7 +211,7 @@ def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
 
 
 def play(x: Array, width: float) -> Array:
-    """(n,) what is drawn along by a signal (n,) through a gap of so much to either side (Prandtl's play)."""
+    """Play operator (Prandtl) of half-width `width` on a signal; (n,), unit of the signal."""
     out, at = np.empty(len(x)), float(x[0])
     for k, value in enumerate(x.tolist()):
         at = min(max(at, value - width), value + width)
@@ -205,7 +220,7 @@ def play(x: Array, width: float) -> Array:
 
 
 def _since(at: NDArray[np.bool_]) -> Array:
-    """(n,) samples since it was last so; without end before the first time."""
+    """Samples (n,) since the condition was last true; infinite before the first time."""
     number = np.arange(len(at))
     last = np.maximum.accumulate(np.where(at, number, -1))
     return np.where(last < 0, np.inf, number - last)

@@ -1,11 +1,15 @@
-"""Which stage an unknown cause sits in: how well each stage's own variables tell the error of records left out.
+"""Stage of an unknown cause: how well each stage's own variables predict the error on left-out records.
 
-Four models of the nominal simulator's error stand for a stage: the law's numbers with the stage's own columns
-(`stage_columns`), a ridge fitted to the other records; for what is random in time the law's numbers alone; for what is
-another in each record a number of its own in each; and the catalogue's best effect of the stage, as the search fitted
-it. What a model leaves is then held against the stage once
-more: an error of the stage that wavers is the stage's gain times a number of its own in every window, so that it stops
-where the gain does and turns with it. The log likelihood of that counts beside the one of a white rest.
+Each stage has four models of the nominal simulator's error:
+
+- the nominal parameters and the stage's columns (`stage_columns`), by ridge regression on the other records;
+- the nominal parameters alone, for an error that is random in time;
+- one factor for each record, for an error that differs between records;
+- the best fit with effects of the catalogue from this stage.
+
+The remainder of each model is tested for an intermittent error of the stage: the stage's gain times an
+independent random factor in every window. Such an error vanishes and changes sign with the gain. Its log
+likelihood is added to that of a white remainder.
 """
 
 from __future__ import annotations
@@ -35,13 +39,14 @@ from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
-#: Ridges, as shares of a column's own square; every so many samples are fitted to.
+#: Ridge parameters as shares of a column's own square; every so many samples are fitted.
 _RIDGES, _EVERY = (1e-3, 1e-2, 1e-1), 3
-#: The law's prior against the whole square of the error.
+#: Prior of the nominal parameters relative to the whole square of the error.
 _LAW_PRIOR = 3e-3
-#: s, of a window (the first: a sample, the last: a record) of a wavering error.
+#: s, windows of an intermittent error (first: one sample, last: the record).
 _WINDOWS = (0.0, 0.032, 0.128, np.inf)
-#: Of a wavering error: levels of the rest, sizes over the error's own, shares of the windows that it is in.
+#: Intermittent error: number of noise levels, sizes relative to the error, shares of the windows that contain
+#: it.
 _LEVELS, _SIZES, _SHARES = 7, np.geomspace(0.03, 30, 6), (0.15, 0.999)
 
 _Groups = list[NDArray[np.intp]]
@@ -49,7 +54,8 @@ _Groups = list[NDArray[np.intp]]
 
 @dataclass(frozen=True, eq=False)
 class StageEvidence:
-    """values (1 + draws, stages): log evidence (nats) of each stage, of the records and of draws of their seconds."""
+    """Log evidence of the stages: values (1 + draws, stages) nats, of the records and of bootstrap draws of
+    seconds."""
 
     stages: tuple[str, ...]
     values: Array
@@ -58,8 +64,11 @@ class StageEvidence:
     def of(
         cls, problem: Problem, noise: float, found: Mapping[str, Fit] | None = None, base: Fit | None = None
     ) -> StageEvidence | None:
-        """Of the nominal simulator's error in a damper's last channel (noise: standard deviation, N); None for
-        another rig. found: by stage, the best fit with its effects alone; base: with none, the law's numbers free."""
+        """Evidence from the nominal simulator's error in a damper's last channel; None for another rig.
+
+        noise: standard deviation, N. found: for each stage the best fit with effects of this stage alone.
+        base: the fit without effects and with free nominal parameters.
+        """
         if not isinstance(problem.rig, DamperRig):
             return None
         errors = _Errors(problem)
@@ -97,14 +106,14 @@ class StageEvidence:
         return cls(tuple(told), np.column_stack(list(told.values())))
 
     def at(self, draw: int | None = None) -> dict[str, float]:
-        """Shares by stage, adding up to 1; in a draw of seconds."""
+        """Shares by stage, adding up to 1; of a bootstrap draw if its index is given."""
         row = self.values[0 if draw is None else 1 + draw]
         weights = np.exp(row - row.max())
         return dict(zip(self.stages, (weights / weights.sum()).tolist(), strict=True))
 
 
 class _Errors:
-    """The error (measured less simulated) in the last channel, by record, weighted as residuals are."""
+    """Error (measured less simulated) in the last channel by record, weighted as the residuals are."""
 
     def __init__(self, problem: Problem) -> None:
         last = len(problem.rig.channels) - 1
@@ -116,7 +125,7 @@ class _Errors:
         self._weights = [problem.weights[s] for s in self._spans]
         self._law = [jacobian[s] for s in self._spans]
         self.weighted = self.parts(residual)
-        #: What an error in N is multiplied by to be over its record's size.
+        #: Factors from an error in N to an error relative to its record's size.
         self.units = [float(w[0]) * np.sqrt(len(w)) for w in self._weights]
         self._prior = _LAW_PRIOR * _cost(self.weighted) * (nominal.prior() ** 2 + 1e-9)
         self._times = [problem.rig.records[k].sample_time * problem.stride for k in problem.records]
@@ -125,11 +134,12 @@ class _Errors:
         self._drawn = draws(int(groups.max()) + 1)
 
     def parts(self, residual: Array) -> list[Array]:
-        """A residual's (samples,) own parts, by record."""
+        """Parts of a residual (samples,) by record."""
         return [-residual[s] for s in self._spans]
 
     def left(self, columns: Sequence[Array] | None) -> list[Array]:
-        """What columns and the law's numbers, fitted to the other records, leave of each; with the best ridge."""
+        """Remainder of each record after regression on columns and nominal parameters, fitted to the other
+        records; best ridge."""
         tables = self._law
         if columns is not None:
             own = zip(self._weights, columns, self._law, strict=True)
@@ -149,7 +159,7 @@ class _Errors:
         return min(found, key=_cost)
 
     def by_record(self, own: Columns) -> list[Array]:
-        """What a number of its own for each record, times the best of a stage's gains, leaves of the error."""
+        """Remainder after one factor for each record times the best of the stage's gains."""
         found = []
         for kind in range(len(own.gains[0])):
             gains = [g[kind] for g in own.gains]
@@ -160,8 +170,8 @@ class _Errors:
         return min(found, key=_cost)
 
     def likelihoods(self, left: Sequence[Array], own: Columns, level: float) -> tuple[Array, Array]:
-        """Mean log likelihoods (1 + draws,) of what a model leaves: as a white rest, and as wavering with the best of
-        the stage's gains."""
+        """Mean log likelihoods (1 + draws,) of a model's remainder: as white noise, and as an intermittent
+        error with the best of the stage's gains."""
         errors = [e * np.sqrt(len(e)) for e in left]
         squares = self._by_second([e**2 for e in errors])
         counts = self._by_second([np.ones(len(e)) for e in errors])
@@ -179,7 +189,7 @@ class _Errors:
         return self._draw(sums.astype(float))
 
     def _draw(self, sums: Array) -> Array:
-        """Sums (seconds,) over all seconds, then in each draw (1 + draws,)."""
+        """Sums (seconds,): over all seconds, then in each draw (1 + draws,)."""
         return np.concatenate([[sums.sum()], self._drawn @ sums])
 
 
@@ -191,9 +201,12 @@ def wavering(
     groups: _Groups,
     count: int,
 ) -> tuple[Array, Array]:
-    """Log likelihood of errors (n,) that are a gain (n,) times a normal number of its own in each window, and a white
-    rest of at least the noise's variance `level`; windows may be left out by the wavering. The best window, sizes and
-    shares count. Returns its sums by group, and the samples that they are of (groups,) each."""
+    """Log likelihood of an intermittent error in white noise, maximised over window, size and share.
+
+    errors, gains: (n,) of each record. The error in a window is the gain times an independent normal factor;
+    it may be absent from a window. level: least variance of the white noise. Returns sums by group and their
+    numbers of samples, (groups,) each.
+    """
     best = -np.inf
     values: Array = np.zeros(count)
     samples: Array = np.zeros(count)
@@ -230,7 +243,7 @@ def _cost(parts: Sequence[Array]) -> float:
 
 
 def of_one_stage(search: Search) -> dict[str, Fit]:
-    """The best fit of a search with effects of one stage alone, by stage; rivals among them."""
+    """The best fit of a search for each stage with effects of that stage alone, rivals included."""
     out: dict[str, Fit] = {}
     for f in [*search.fits.values(), *search.rivals]:
         stages = {t.stage for t in f.hypothesis.terms}

@@ -1,4 +1,4 @@
-"""Where the gap lies: shares by stage of the chain, by record, and the regimes that hold more than their part."""
+"""Shares of the gap by stage of the chain and by record, and regimes with more than their share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mrdamp.diagnosis.hypotheses.terms import STAGES, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
-#: Where the law's own numbers act: they stand between the field and the mechanics.
+#: Stage of the nominal parameters, which act between the field and the mechanics.
 LAW_STAGE = "fluid"
 
 
@@ -30,13 +30,13 @@ def stage_shares(
     measured: Sequence[Measured] = (),
     evidence: StageEvidence | None = None,
 ) -> dict[str, float]:
-    """Shares (adding up to 1) of the gap by stage.
+    """Shares of the gap by stage, adding up to 1.
 
-    With causes named, what each changes in the simulated channels with the numbers it was fitted with, and the law's
-    own numbers, which count as fluid: their covariances with the whole change. Without a cause (`unknown`), how well
-    each stage's own variables tell the error (`evidence`), or, where a rig has none of that, what the effects of each
-    stage explain at best, sharpened; what was measured between stages (`measured`) goes before. Where a cause outside
-    the catalogue explains the gap, the stage is its own.
+    With named causes: the covariance of each cause's change of the simulated channels, at its fitted
+    parameters, with the whole change. Changes of nominal parameters count as fluid. Without a cause
+    (`unknown`): the evidence of each stage (`evidence`) or, if the rig has none, what the effects of each
+    stage explain at best, raised to a power. Measured interfaces (`measured`) take precedence. If a cause
+    outside the catalogue explains the gap, its stage has the whole share.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         return _of_changes(search, Changes.of(search, chosen).table.sum(axis=0), chosen)
@@ -52,10 +52,10 @@ def stage_intervals(
     drawn: Array | None = None,
     evidence: StageEvidence | None = None,
 ) -> dict[str, Interval]:
-    """95 % intervals of `stage_shares`, seconds of the records drawn again; none where the shares are by definition.
+    """95 % intervals of `stage_shares` by bootstrap over seconds; empty if the shares follow by definition.
 
-    drawn (draws, measured): the measured shares under the same draws. Fits stay where they are: at its optimum a cost
-    does not change with the parameters to first order.
+    drawn (draws, measured): the measured shares in the same draws. Fits are not repeated: at its optimum a
+    cost does not change with the parameters to first order.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         table = Changes.of(search, chosen).table
@@ -74,18 +74,19 @@ def stage_intervals(
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """What the parts of a corrected simulator change: its causes in their order, then the law's own numbers.
+    """Changes by the parts of a corrected simulator: its causes in their order, then the nominal parameters.
 
-    table (seconds, parts): sums of a part's change times the whole change, over samples weighted as residuals are. A
-    part's change is the mean over all orders of switching the parts on with the numbers they were fitted with
-    (Shapley): nothing is fitted again, since a law bent to do without a cause is not what the cause is shared with.
+    table (seconds, parts): sums of a part's change times the whole change, over samples weighted as the
+    residuals are. A part's change is its Shapley value: the mean over all orders of switching the parts on
+    with their fitted parameters. Nothing is fitted again, because a law that is refitted without a cause
+    compensates for it.
     """
 
     table: Array
 
     @classmethod
     def of(cls, search: Search, chosen: Fit) -> Changes:
-        """Of a fit with causes."""
+        """Changes of a fit with causes."""
         hypothesis = chosen.hypothesis
         values = [c.value(float(q)) for c, q in zip(hypothesis.coordinates, chosen.point, strict=True)]
         settings: dict[str, Settings] = {cause: {} for cause in hypothesis.causes}
@@ -113,7 +114,7 @@ class Changes:
 
 
 def _of_changes(search: Search, sums: Array, chosen: Fit) -> dict[str, float]:
-    """Shares of the stages from sums (parts,) of `Changes`."""
+    """Shares of the stages from the sums (parts,) of `Changes`."""
     shares = dict.fromkeys((s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)), 0.0)
     stage = {t.cause: t.stage for t in chosen.hypothesis.terms}
     for name, value in zip([*(stage[c] for c in chosen.hypothesis.causes), LAW_STAGE], sums, strict=True):
@@ -124,14 +125,15 @@ def _of_changes(search: Search, sums: Array, chosen: Fit) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class DrawnCosts:
-    """Costs of all fits of a search under draws of seconds: table (draws, fits), column by the fit's id."""
+    """Costs of all fits of a search in bootstrap draws of seconds: table (draws, fits), column by the fit's
+    id."""
 
     table: Array
     column: Mapping[int, int]
 
     @classmethod
     def of(cls, search: Search) -> DrawnCosts:
-        """Of what a search has found so far."""
+        """Costs of all fits found so far."""
         fits, groups = list(search.fits.values()), seconds(search.problem)
         sums = group_sums(np.column_stack([f.residual for f in fits]) ** 2, groups)
         return cls(draws(len(sums)) @ sums, {id(f): k for k, f in enumerate(fits)})
@@ -141,14 +143,14 @@ class DrawnCosts:
         return len(self.table)
 
     def at(self, draw: int) -> Callable[[Fit], float]:
-        """The cost of a fit in a draw."""
+        """Function that gives the cost of a fit in a draw."""
         return lambda f: float(self.table[draw, self.column[id(f)]])
 
 
 def cause_shares(search: Search, chosen: Fit, cost: Callable[[Fit], float]) -> dict[str, float]:
-    """Shapley shares of the named causes in the fall of the cost."""
+    """Shapley shares of the named causes in the reduction of the cost."""
     free, causes = bool(chosen.hypothesis.nominal), chosen.hypothesis.causes
-    # The best form of each set comes last, and stays.
+    # The best form of each set comes last and overwrites the others.
     costs = {
         frozenset(f.hypothesis.causes): cost(f)
         for f in reversed(search.ranked(free))
@@ -179,7 +181,8 @@ def _shares(
 
 
 def _explained(search: Search, stages: Sequence[str], cost: Callable[[Fit], float]) -> dict[str, float]:
-    """Share of what is beyond the noise that a stage's effects explain at best, with the law held or free."""
+    """Largest share of the cost beyond the noise that a stage's effects explain, with fixed or free nominal
+    parameters."""
     nominal, base = (cost(search.fits[free, frozenset()]) for free in (False, True))
     explained = dict.fromkeys(stages, 1e-3)
     for free in (False, True):
@@ -196,10 +199,10 @@ def _explained(search: Search, stages: Sequence[str], cost: Callable[[Fit], floa
 def _within(
     nearest: Mapping[str, float], parts: Sequence[float], measured: Sequence[Measured]
 ) -> dict[str, float]:
-    """Shares of the stages inside each measured part, which has its own.
+    """Shares of the stages within each measured part, which keeps its own share.
 
-    A displacement that is read wrongly moves the damper: what stands between the command and the load cell holds that
-    part of the sensor.
+    An error of the displacement measurement changes the damper's motion. The part from the command to the
+    load cell therefore contains that part of the sensor stage.
     """
     sizes = [max(p, 0.0) for p in parts]
     if not sum(sizes) > 0:
@@ -216,7 +219,7 @@ def _within(
 
 
 def record_shares(problem: Problem, residual: Array) -> dict[str, float]:
-    """Share of the sum of gaps squared by record."""
+    """Share of each record in the sum of squared gaps."""
     squares = problem.gaps(residual) ** 2
     out: dict[str, float] = {}
     for b, value in zip(problem.blocks, squares, strict=True):
@@ -229,10 +232,11 @@ def record_shares(problem: Problem, residual: Array) -> dict[str, float]:
 def regimes(
     conditions: Mapping[str, Array], residual: Array, halves: Array, least: float = 1.5, bins: int = 4
 ) -> tuple[Regime, ...]:
-    """Regions in which the squared residual is `least` times its mean, found on one half and confirmed on the other.
+    """Regions in which the squared residual exceeds `least` times its mean, found on one half and confirmed
+    on the other.
 
-    conditions: name -> (samples,); residual (samples,) weighted; halves (samples,) bool: which half to find on.
-    Regions are the quarters of each condition's range of values.
+    conditions: name -> (samples,). residual: (samples,), weighted. halves: (samples,) bool, the half for
+    finding. Regions are the quarters of each condition's range of values (quantiles).
     """
     power = residual**2
     found = []

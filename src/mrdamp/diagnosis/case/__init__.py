@@ -1,1 +1,1 @@
-"""The case as read, and what an audit of its records finds."""
+"""The case as read, and an audit of its records."""

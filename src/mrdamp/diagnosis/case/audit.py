@@ -1,4 +1,4 @@
-"""What is odd about records before any model is run: findings told in a line each."""
+"""Audit of the records before any simulation; one line for each finding."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.model.core import Array
 from mrdamp.records.checks import clipped
 
-#: Shares of samples above which held samples and coarse steps are told.
+#: Shares of samples above which repeated samples and coarse quantisation are reported.
 _HELD, _COARSE = 0.05, 0.02
 
 
 def audit(case: Case) -> Iterator[str]:
-    """Clipping, held samples and coarse quantisation; repeats whose original is not there. What many records have in
-    common is one line."""
+    """Findings: clipping, repeated samples, coarse quantisation, repeats without an original. A finding that
+    many records share is reported once."""
     repeated: dict[str, dict[str, float]] = {}
     for record in case.records:
         for name, values in record.channels.items():
@@ -41,13 +41,14 @@ def audit(case: Case) -> Iterator[str]:
 
 
 def held_share(values: Array) -> float:
-    """Share of samples that equal the one before, where the signal moves."""
+    """Share of samples that equal the previous one while the signal changes."""
     same = np.diff(values) == 0
     return float(np.mean(same))
 
 
 def quantum(values: Array) -> float:
-    """Step of a converter: the smallest difference between values, where few values are taken; else 0."""
+    """Quantisation step of a signal (n,): the smallest difference of values if there are few different
+    values; else 0."""
     levels = np.unique(values)
     if len(levels) < 2 or len(levels) > 0.2 * len(values):
         return 0.0

@@ -1,4 +1,4 @@
-"""A case folder: the simulator as its owner believes it, and the records it should match."""
+"""A case folder: the nominal simulator and the measured records."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
 
-#: Samples that a record needs to say anything.
+#: Least number of samples of a record.
 LEAST = 100
 _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
-#: Two tests have the same input where their inputs differ by no more than this share of their RMS.
+#: Two tests have the same input if their inputs differ by at most this share of their RMS.
 _SAME = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A case as read: nominal model, records (repeats apart), which of the records each repeat repeats, and records of
-    the rig in the state in which the nominal simulator was identified (`baseline`)."""
+    """A case as read.
+
+    model: nominal simulator. records: without repeats. repeats: each with the number of the record that it
+    repeats. baseline: records of the rig in the state in which the nominal simulator was identified.
+    """
 
     name: str
     folder: Path
@@ -40,8 +43,8 @@ class Case:
 def read_case(folder: Path | str) -> Case:
     """Reads a case folder.
 
-    Raises InputError, one line with the file: no such folder or no case.json in it, a missing record or channel, a
-    clock that is not uniform or not the one of case.json, NaN, fewer than 100 samples, no output to compare with.
+    Raises InputError, one line with the file: no such folder, no case.json, a missing record or channel, a
+    time axis that is not uniform or differs from case.json, NaN, fewer than 100 samples, no output channel.
     """
     folder = Path(folder)
     path = folder / "case.json"
@@ -123,7 +126,7 @@ def _record(folder: Path, case: Path, name: str, channels: tuple[str, ...], rate
 
 
 def _original(repeat: Record, records: tuple[Record, ...]) -> int | None:
-    """Number of the record whose input a repeat has; None where there is none."""
+    """Number of the record whose input equals that of a repeat; None if there is none."""
     names = [n for n in ("displacement_m", "ground_acceleration_m_s2", "command") if n in repeat.channels]
     for k, record in enumerate(records):
         if record.n != repeat.n or any(n not in record.channels for n in names):
@@ -134,7 +137,7 @@ def _original(repeat: Record, records: tuple[Record, ...]) -> int | None:
 
 
 def _alike(one: Array, other: Array) -> bool:
-    """True where two inputs (n,) have the same course and the same level; a constant one has its level alone."""
+    """True if two inputs (n,) have the same shape and level; for constant inputs the same level."""
     difference, size = one - other, max(float(np.std(other)), 1e-3 * float(np.ptp(other)))
     same_course = float(np.std(difference)) <= _SAME * size or not np.ptp(other) > 0
     return same_course and abs(float(np.mean(difference))) <= _SAME * max(float(np.abs(other).max()), size)

@@ -1,1 +1,1 @@
-"""What the measured channels say before any law: noise, smoothing, interfaces of the chain."""
+"""Evidence from the measured channels without a law: noise, smoothing, balances, comparison of channels."""

@@ -1,8 +1,8 @@
-"""What a frame's measured channels say of its storeys and accelerometers without any law of the damper.
+"""Balances of a frame's storeys and accelerometers from measured channels, without a law of the damper.
 
-The forces on the floors above a storey are their masses times their measured accelerations; its drift and, where the
-damper stands in it, the damper's measured force have to leave nothing of them. An accelerometer has to read what the
-floor's displacement, differentiated twice, and the ground give.
+Storey: its drift force and, if the damper acts in it, the measured damper force must equal the inertia forces
+of the floors above. Accelerometer: its reading must equal the twice-differentiated displacement of the floor
+plus the ground's acceleration.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from mrdamp.records import Record
 from mrdamp.records.sampling import derivative, lowpass, second_derivative
 from mrdamp.structures import ShearFrame
 
-#: Hz, the band of all signals: what a frame does, and little of a displacement's noise.
+#: Hz, pass band of all signals: it contains the frame's motion and little of the noise of the displacements.
 BAND = 20.0
-#: s at both ends of a record that do not count (filters, start states).
+#: s, excluded at both ends of a record (filters, initial states).
 ENDS = 0.2
 
 
 def has_damper(s: ShearFrame, storey: int) -> bool:
-    """True where the damper stands in a storey (among others, where it spans more than one)."""
+    """True if the damper acts in a storey (possibly one of several)."""
     low, high = sorted(s.damper_between)
     return low < storey <= high
 
 
 @dataclass(frozen=True)
 class Balances:
-    """A record's signals in the band, (n,) each.
+    """A record's band-passed signals, (n,) each, by number of the storey or floor.
 
-    By number of the storey or floor: drift (m), shear (N) that the floors above ask of the storey, moved (m/s2), the
-    acceleration by displacement and ground, and read (m/s2), that by accelerometer. ground (m/s2); force (N) of the
-    damper against the storeys that it stands in, by its sign. kept: the samples that count.
+    drift (m). shear (N): inertia force of the floors above. moved (m/s2): acceleration from displacement and
+    ground. read (m/s2): accelerometer. ground (m/s2). force (N): of the damper, signed as a load of its
+    storeys. kept: samples within the record's trimmed range.
     """
 
     structure: ShearFrame
@@ -50,7 +50,7 @@ class Balances:
 
     @classmethod
     def of(cls, s: ShearFrame, r: Record) -> Balances:
-        """Of a record of the frame; storeys and floors whose channels are not there are left out."""
+        """Balances of a record of the frame; without storeys and floors that lack a channel."""
         dt, ground = r.sample_time, np.asarray(r.channel("ground_acceleration_m_s2"))
         floors = range(1, s.storeys + 1)
         x = {0: np.zeros(r.n)}
@@ -79,20 +79,20 @@ class Balances:
         return cls(s, dt, drift, shear, moved, shaken, read, force, slice(end, r.n - end))
 
     def acceleration(self, floor: int) -> Array:
-        """(n,) m/s2, of a floor above a storey that has a balance."""
+        """(n,) m/s2, acceleration of a floor above a storey that has a balance."""
         return _either(self.moved, self.read, floor)
 
     def velocity(self, storey: int) -> Array:
-        """(n,) m/s, of the storey's drift."""
+        """(n,) m/s, velocity of the storey's drift."""
         return derivative(self.drift[storey], self.sample_time)
 
     def structural(self, storey: int) -> Array:
-        """(n,) N, what the storey's own stiffness and damping carry."""
+        """(n,) N, elastic and damping force of the storey."""
         k, c = self.structure.stiffness[storey - 1], self.structure.damping[storey - 1]
         return np.asarray(k * self.drift[storey] + c * self.velocity(storey))
 
     def storey_error(self, storey: int) -> Array:
-        """(n,) N, what the storey and a damper in it carry less what the floors above ask of it."""
+        """(n,) N, storey force plus damper force minus the inertia force of the floors above."""
         own = self.structural(storey)
         if has_damper(self.structure, storey):
             assert self.force is not None
@@ -105,5 +105,6 @@ class Balances:
 
 
 def _either(moved: Mapping[int, Array], read: Mapping[int, Array], floor: int) -> Array:
-    """The displacements are the better accelerometers where both are there: a faulty reading stays out of it."""
+    """Acceleration by displacement if there is one: a faulty accelerometer then does not enter the balance.
+    """
     return moved[floor] if floor in moved else read[floor]

@@ -1,8 +1,9 @@
-"""Channels that see the same thing, compared with each other: no law is needed for that.
+"""Comparison of channels that measure the same quantity; no law is needed.
 
-The damper's own force sensor against the load cell tells of the sensor's effects, the measured current against the
-command of the driver's. Both go through the chain's own stages: a law that passes its displacement on as its force
-takes the load cell's reading through the force sensor, and the chain's coil current is compared with the measured one.
+The damper's force sensor is compared with the load cell to find sensor effects, the measured current with the
+command to find driver effects. Both comparisons use the stages of the chain itself. The load cell's signal is
+passed through the sensor stage behind a law whose force equals its displacement. The current is compared with
+the chain's coil current.
 """
 
 from __future__ import annotations
@@ -29,22 +30,23 @@ from mrdamp.model import core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 
-#: A law without any force of its own, and a spring of 1 N/m: what goes in as a displacement comes out as the force.
+#: A law without force, and a spring of 1 N/m: the force equals the imposed displacement.
 PASSES = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.1, "gas_spring_k": 1.0}
-#: Samples that a comparison looks at, of all records together; s at a record's start that do not count.
+#: Number of samples in a comparison, over all records; s at a record's start that are excluded.
 _SAMPLES, _SKIP = 40_000, 0.2
 
-#: Simulated second channel (n,) of a record under settings.
+#: Simulated second channel (n,) of a record for given settings.
 Simulate = Callable[[Record, Settings], Array]
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Two channels of all records.
+    """Result of the comparison of two channels over all records.
 
-    before, after: RMS difference over the RMS of the second channel, with the nominal simulator's own settings and with
-    the best effect; noise: what white noise of both channels makes of it. cause: the effect that makes one channel the
-    other, None where none does. nats: log evidence of it against no effect. settings: as it was fitted.
+    before, after: RMS difference over the RMS of the second channel, with the nominal settings and with the
+    best effect. noise: the same ratio for white noise of both channels. cause: effect that explains the
+    difference, or None. nats: log evidence of the cause against no effect. settings: fitted settings of the
+    cause.
     """
 
     channels: tuple[str, str]
@@ -58,12 +60,12 @@ class Compared:
 
     @property
     def unexplained(self) -> bool:
-        """True where the two differ beyond their noise and neither an effect nor other numbers explain it."""
+        """True if the difference exceeds the noise and neither an effect nor other parameters explain it."""
         before, after = (max(x**2 - self.noise**2, 0.0) for x in (self.before, self.after))
         return self.cause is None and before > self.noise**2 and after > PARTS_LEFT * before
 
     def to_dict(self) -> dict[str, Any]:
-        """For `diagnosis.json`."""
+        """Entry of `diagnosis.json`."""
         return {
             "channels": list(self.channels),
             "difference": self.before,
@@ -76,7 +78,8 @@ class Compared:
 
 
 def compared(records: Sequence[Record], terms: Sequence[Term], base: Settings) -> tuple[Compared, ...]:
-    """Every pair of channels that all records of a damper have. base: the nominal simulator's settings."""
+    """Comparisons of every pair of channels that all records of a damper have. base: settings of the nominal
+    simulator."""
     shared = set.intersection(*(set(r.channels) for r in records))
     out = []
     if {"force_N", "reference_force_N"} <= shared:
@@ -91,7 +94,7 @@ def compared(records: Sequence[Record], terms: Sequence[Term], base: Settings) -
 
 
 def sensor_agrees(found: Sequence[Compared]) -> bool:
-    """True where the force sensor reads what the load cell does, but for noise."""
+    """True if the force sensor agrees with the load cell within the noise."""
     return any(
         c.channels[1] == "force_N" and c.before <= CHANNELS_AGREE * np.hypot(c.noise, 1e-2 * DIRECT_RESOLUTION)
         for c in found
@@ -99,7 +102,8 @@ def sensor_agrees(found: Sequence[Compared]) -> bool:
 
 
 def sensor_unexplained(found: Sequence[Compared]) -> bool:
-    """True where the force sensor and the load cell differ by what no effect of the sensor explains."""
+    """True if the force sensor and the load cell differ and no effect of the sensor explains the difference.
+    """
     return any(c.channels[1] == "force_N" and c.cause is None for c in found) and not sensor_agrees(found)
 
 
@@ -163,18 +167,18 @@ def best_cause(
     resolution: float = 0.0,
     left: float = DIRECT_LEFT,
 ) -> Compared:
-    """The cause that makes one channel the other but for noise, if one does.
+    """The cause that explains the difference of two channels within the noise, if there is one.
 
-    residual: difference (samples,) under settings, in any unit; level: of its noise in that unit; noise: over the RMS
-    of the second channel; resolution: share of that channel below which nothing is told; left: of the
-    difference's square beyond the noise, the share that a cause may leave.
+    residual: difference (samples,) for given settings, in any unit. level: its noise in that unit. noise:
+    relative to the RMS of the second channel. resolution: share of that channel below which no cause is
+    reported. left: share of the squared difference beyond the noise that a cause may leave.
     """
-    unit = noise / level if level > 0 else 1.0  # shares of the second channel
+    unit = noise / level if level > 0 else 1.0  # ratio to the second channel's RMS
     before = float(np.mean(residual({}) ** 2)) * unit**2
     floor = (DIRECT_RESOLUTION * noise) ** 2 + resolution**2
     best = Compared(channels, float(np.sqrt(before)), float(np.sqrt(before)), noise)
     if before <= 2 * noise**2 + floor:
-        return best  # the two agree
+        return best  # the two channels agree
     for term in sorted(terms, key=lambda t: len(t.coordinates)):
         if best.after**2 <= noise**2 + floor:
             break  # nothing is left for another effect
@@ -193,7 +197,7 @@ def best_cause(
 def _fitted(
     term: Term, start: Sequence[float], residual: Callable[[Settings], Array]
 ) -> tuple[Settings, float]:
-    """The term's settings with the least mean square, from one of its starts."""
+    """Settings of the term with the least mean square, from any of its starts."""
     coordinates = term.coordinates
 
     def settings(q: Array) -> Settings:

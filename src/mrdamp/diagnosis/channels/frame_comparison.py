@@ -1,8 +1,9 @@
-"""A frame's storeys and accelerometers compared with their own balances: no law of the damper is needed for that.
+"""Comparison of a frame's storeys and accelerometers with their balances; no law of the damper is needed.
 
-Beside a damper's law that is wrong nearly everything changes a free run as much as a cause does. A storey's balance
-has the damper's measured force in it, and an accelerometer's none, so that what is at fault there shows over noise
-alone, and is told apart by what leaves noise of it.
+With a wrong damper law, most causes change a free run as much as the law's error does. A storey's balance
+contains the measured damper force instead of the law, and an accelerometer's balance contains no damper
+force. A fault in these parts is therefore compared with noise alone. Its cause is the effect that reduces the
+error to noise.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ from mrdamp.records import Record
 from mrdamp.records.sampling import lowpass
 from mrdamp.structures import ShearFrame
 
-#: Samples a period of the band's end that a comparison looks at.
+#: Samples per period of the upper band limit.
 _RATE = 5.0
 
 
 @dataclass(frozen=True)
 class Part:
-    """A storey or an accelerometer (`kind`), its place, its noise over the size of what it answers with, and whether it
-    is at fault."""
+    """A storey or an accelerometer.
+
+    kind, place. noise: over the RMS of its output. at_fault: True if its error exceeds the noise.
+    """
 
     kind: str
     place: int
@@ -40,10 +43,13 @@ class Part:
 def compared_parts(
     s: ShearFrame, records: Sequence[Record], terms: Sequence[Term], parts: Sequence[Part]
 ) -> tuple[Compared, ...]:
-    """The storeys together and each accelerometer that is at fault, with the cause that leaves noise of the fault where
-    one does. A storeys' fault that none explains may be the structure's own numbers, as far as those leave little of it
-    (`after`). terms: the frame's whole catalogue. Where all accelerometers are at fault it is the displacements or the
-    ground: only a common shift is asked. Nothing where noise is unknown."""
+    """Comparisons of the storeys together and of each faulty accelerometer, with the cause that explains the
+    error, if any.
+
+    terms: the frame's whole catalogue. If no effect explains the storeys' error, `after` gives the error with
+    fitted structural parameters. If all accelerometers are faulty, the displacements or the ground channel
+    are: then only a common delay is fitted. Empty if the noise is unknown.
+    """
     storeys = [p for p in parts if p.kind == "storey"]
     meters = [p for p in parts if p.kind == "accelerometer"]
     if not any(p.at_fault for p in parts) or not all(p.noise > 0 for p in (*storeys, *meters)):
@@ -65,7 +71,7 @@ def compared_parts(
 
 
 def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
-    """All storeys at once, over their noise: a mass is in the balance of every storey below it."""
+    """All storeys together, over their noise: a mass enters the balance of every storey below it."""
 
     def residual(settings: Settings) -> Array:
         out = []
@@ -84,7 +90,7 @@ def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequenc
 
 
 def _left_by_numbers(found: Sequence[Balances], parts: Sequence[Part]) -> float:
-    """RMS error of the storeys' balances over their noise with all masses, stiffnesses and damping at their best."""
+    """RMS error of the storeys' balances over their noise with fitted masses, stiffnesses and damping."""
     floors = range(1, found[0].structure.storeys + 1)
     errors, columns = [], []
     for b in found:
@@ -119,7 +125,7 @@ def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Ter
 
 
 def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
-    """All accelerometers at once, over their noise, with the displacements later than they."""
+    """All accelerometers together, over their noise, with a delay of the displacements."""
 
     def residual(settings: Settings) -> Array:
         out = []
@@ -138,14 +144,14 @@ def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: S
 
 
 def _storey(b: Balances, storey: int, settings: Settings) -> Array:
-    """(n,) N, the error of a storey's balance under settings of one cause, in the band."""
+    """(n,) N, band-passed error of a storey's balance with the settings of one cause."""
     own = {k.partition("@")[0]: v for k, v in settings.items() if k.endswith(f"@{storey}")}
     masses = {int(k.partition("@")[2]): v for k, v in settings.items() if k.startswith("floor_mass_dm@")}
     error = b.structural(storey) - b.shear[storey]
     if has_damper(b.structure, storey):
         assert b.force is not None
         sensor = {k: v for k, v in settings.items() if k.startswith("sensor_")}
-        # What the sensor reads of the force that the storey's balance asks for.
+        # Sensor reading of the force that closes the storey's balance.
         error = b.force + error if not sensor else b.force - _through_sensor(-error, b.sample_time, sensor)
     error = error + sum(dm * b.acceleration(k) for k, dm in masses.items() if k >= storey)
     if not own or "floor_mass_dm" in own:
@@ -162,7 +168,7 @@ def _storey(b: Balances, storey: int, settings: Settings) -> Array:
 
 
 def _bristle(x: Array, v: Array, dt: float, own: Settings) -> Array:
-    """(n,) N of dry friction that builds up over a presliding distance: the chain's seal, without a damper."""
+    """(n,) N, dry friction with presliding: the chain's seal friction without a damper."""
     seal = {
         "seal_friction_coulomb": own["joint_friction_coulomb"],
         "seal_friction_breakaway": 1.0,
@@ -172,7 +178,7 @@ def _bristle(x: Array, v: Array, dt: float, own: Settings) -> Array:
 
 
 def _through_sensor(reading: Array, dt: float, settings: Settings) -> Array:
-    """(n,) what the chain's sensor stage makes of a reading; settings with or without a place."""
+    """(n,) output of the chain's sensor stage for a reading; settings with or without a place."""
     if not settings:
         return reading
     plain = {k.partition("@")[0]: v for k, v in settings.items()}
@@ -181,6 +187,6 @@ def _through_sensor(reading: Array, dt: float, settings: Settings) -> Array:
 
 
 def _thinned(b: Balances, values: Array) -> Array:
-    """Every so many of the samples: the band holds no more."""
+    """Decimated samples, at the rate that the band needs."""
     return values[:: max(1, round(1 / (_RATE * BAND * b.sample_time)))]
 

@@ -1,8 +1,9 @@
-"""A measured displacement without its noise: polynomials over windows as long as the motion allows at each sample.
+"""Smoothing of a measured displacement: local polynomials whose window adapts to the motion at each sample.
 
-The window is the longest one whose fit stays within the noise of the shorter ones' (intersection of confidence
-intervals: Goldenshluger, Nemirovski 1997), so that a corner of a triangle stays a corner and a sine is averaged over
-many samples. Differentiated noise would pass into the force: 1 um at 500 Hz is 0.35 mm/s.
+The window is the longest one whose fit agrees with those of all shorter windows within the noise
+(intersection of confidence intervals: Goldenshluger, Nemirovski 1997). The corner of a triangle stays a
+corner, and a sine is averaged over many samples. Smoothing is needed because the force depends on the
+velocity: noise of 1 um at 500 Hz is 0.35 mm/s.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _WIDTH = 3.0
 def noise_level(x: Array) -> float:
     """Standard deviation of white noise on a smooth signal (n,), from its fifth differences.
 
-    The median over the record: parts at which the motion has a corner or is fast do not count.
+    The median over the record excludes parts with corners or fast motion.
     """
     if len(x) < 20:
         return 0.0
@@ -31,7 +32,7 @@ def noise_level(x: Array) -> float:
 
 
 def smoothed(x: Array, sigma: float | None = None) -> Array:
-    """The displacement (n,) freed of white noise of standard deviation sigma (None: estimated), no delay."""
+    """Displacement (n,) without white noise of standard deviation sigma (None: estimated); no delay."""
     sigma = noise_level(x) if sigma is None else sigma
     if not sigma > 0 or len(x) < 3 * _WINDOWS[-1]:
         return np.asarray(x)
@@ -49,7 +50,7 @@ def smoothed(x: Array, sigma: float | None = None) -> Array:
         high = np.minimum(high, fits[k] + _WIDTH * sigma * widths[k])
         going &= low <= high
         level[going] = k
-    # A window that is too long is told near a corner, not at every sample around it; the choice then runs smoothly.
+    # Near a corner, too long a window is detected at some samples only; the choice is therefore smoothed.
     level = uniform_filter1d(minimum_filter1d(level, 15), 15)
     below = np.floor(level).astype(int)
     share = level - below

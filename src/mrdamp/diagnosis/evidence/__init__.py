@@ -1,1 +1,1 @@
-"""From fits to evidence, probabilities and a verdict."""
+"""Evidence, probabilities and verdict from the fits."""

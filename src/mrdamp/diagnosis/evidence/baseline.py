@@ -1,4 +1,5 @@
-"""What a cause does to the rig's baseline: it is no change where it takes as much off there."""
+"""Effect of a cause on the rig's baseline: a cause that improves the baseline as well is not a change of the
+rig."""
 
 from __future__ import annotations
 
@@ -9,16 +10,17 @@ import numpy as np
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.residuals import Problem
 
-#: Fits that are looked at, those that leave least of each number of causes.
+#: Number of best fits, for each number of causes, that are evaluated.
 _LOOKED_AT = 12
 
 
 def of_baseline(problem: Problem, fits: Sequence[Fit], weight: float) -> dict[int, float]:
-    """Nats, by id, against fits whose settings leave less of the baseline than the nominal simulator does.
+    """Penalties (nats), by id, of fits whose settings reduce the error on the baseline below the nominal
+    simulator's.
 
-    weight: nats per logarithm of the cost. problem: of the baseline's records, in the state in which the nominal
-    simulator was identified. What a cause mends there is the simulator's own misfit, and counts off the evidence that
-    it has for a change.
+    problem: of the baseline's records, in the state in which the nominal simulator was identified. weight:
+    nats per logarithm of the cost. An improvement on the baseline is a model error of the nominal simulator.
+    It is subtracted from the evidence for a change.
     """
     chosen: list[Fit] = []
     for count in (0, 1, 2):

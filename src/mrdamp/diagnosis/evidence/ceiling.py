@@ -1,8 +1,8 @@
-"""How much of a residual any model of the rig could predict: a ridge over random features, judged on other records.
+"""Predictable share of a residual: ridge regression on random features, evaluated on left-out records.
 
-Features are causal: motion, command and simulated force, their lags, first-order memories, the stroke since the last
-reversal and the heat put in. Random Fourier features (Rahimi, Recht 2007) make the ridge nonparametric; records are
-left out whole, so that nothing of a record's own noise or trend is learnt.
+Features are causal: motion, command and simulated force, their lags, first-order filters of them, the stroke
+since the last reversal and the dissipated energy. Random Fourier features (Rahimi, Recht 2007) make the ridge
+nonparametric. Whole records are left out, so that noise or trends of a record are not learnt.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 from mrdamp.records.sampling import memory
 
-#: Random features and the ridge's strength over the number of samples.
+#: Number of random features; ridge parameter over the number of samples.
 _WIDTH, _RIDGES = 240, (1e-4, 1e-2, 1.0)
-#: s, memories of first-order filters.
+#: s, time constants of first-order filters.
 _MEMORIES = (0.01, 0.05, 0.5)
 _SEED = 7
 
 
 @dataclass(frozen=True)
 class Ceiling:
-    """predictable: share of the residuals' sum of squares that is predicted on records left out (0 to 1).
+    """Predictable part of residuals.
 
-    corrected (n,) per record: the residual less what was predicted.
+    predictable: share of the sum of squares that is predicted on left-out records (0 to 1). corrected (n,)
+    per record: residual minus prediction.
     """
 
     predictable: float
@@ -35,7 +36,7 @@ class Ceiling:
 
 
 def stroke_since_reversal(x: Array, back: float) -> Array:
-    """(n,) distance from the last turning point; a turn counts from `back` (m) of way back."""
+    """(n,) distance from the last turning point. A turn counts after a reversal by `back` (m)."""
     out = np.empty(len(x))
     turn = extreme = float(x[0])
     direction = 0.0
@@ -54,7 +55,8 @@ def stroke_since_reversal(x: Array, back: float) -> Array:
 def features(
     inputs: Sequence[Array], force: Array, velocity: Array, sample_time: float, stroke: Array
 ) -> Array:
-    """(n, features): inputs are the record's own (motion, velocity, command ...), force the simulated answer."""
+    """Feature table (n, features). inputs: motion, velocity, command, ... of the record; force: the simulated
+    force."""
     columns = [*inputs, force, stroke]
     for x in (*inputs, force):
         columns += [memory(x, sample_time, tau) for tau in _MEMORIES]
@@ -63,9 +65,10 @@ def features(
 
 
 def of_fit(problem: Problem, residual: Array, floor: float) -> Ceiling:
-    """Ceiling of a fit's weighted residuals (samples,), from what the rig's conditions and its answer hold.
+    """Ceiling of a fit's weighted residuals (samples,), from the rig's inputs and its simulated output.
 
-    floor: sum of squares of the weighted residuals that is noise. Each channel of a record is a series of its own.
+    floor: sum of squares of the weighted residuals due to noise. Each channel of a record is a separate
+    series.
     """
     tables, left, weights = [], [], []
     simulated = residual / problem.weights + problem.measured()
@@ -96,17 +99,17 @@ def ceiling(
     groups: Sequence[int],
     stride: int = 2,
 ) -> Ceiling:
-    """What is predictable of weighted residuals (series) from tables of features (n, features) for each.
+    """Predictable part of weighted residuals (series) from feature tables (n, features) of each.
 
-    noise: sum of squares of the weighted residuals that is noise; it cannot be predicted and does not count. groups:
-    number of the record that each series belongs to; a record's series are left out together.
+    noise: sum of squares due to noise, which cannot be predicted and is excluded. groups: number of the
+    record of each series; the series of a record are left out together.
     """
     mean = np.mean(np.vstack([t[::stride] for t in tables]), axis=0)
     scale = np.std(np.vstack([t[::stride] for t in tables]), axis=0)
     scale[scale == 0] = 1.0
     rng = np.random.default_rng(_SEED)
     width = tables[0].shape[1]
-    # Few inputs a feature: an interaction of all of them is not to be learnt from so few records.
+    # Each feature has few inputs: interactions of all of them cannot be learnt from few records.
     mask = rng.random((width, _WIDTH)) < 3.0 / width
     w = rng.standard_normal((width, _WIDTH)) * mask
     phase = rng.uniform(0, 2 * np.pi, _WIDTH)

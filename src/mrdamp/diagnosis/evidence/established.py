@@ -1,10 +1,11 @@
-"""Whether a cause is established where the law itself is not the rig's.
+"""Test whether a cause is established although the law is not the rig's.
 
-No simulator meets the noise then, and what a cause leaves says little. What counts is how much better a set of causes
-predicts records left out of its fit than the nominal simulator does, and than every other set: a conditional logit over
-all sets that were fitted, with the nominal simulator as the answer "none of these".
+No simulator then reaches the noise, and the remainder of a fit alone is weak evidence. The criterion is the
+prediction of left-out records: a set of causes is compared with the nominal simulator and with every other
+fitted set. The model is a conditional logit over all sets, with the nominal simulator as the alternative "no
+cause".
 
-Source of the model: McFadden (1974), Conditional logit analysis of qualitative choice behavior.
+Source: McFadden (1974), Conditional logit analysis of qualitative choice behavior.
 """
 
 from __future__ import annotations
@@ -25,15 +26,18 @@ from mrdamp.diagnosis.constants import (
 )
 from mrdamp.model.core import Array
 
-#: Of what the nominal simulator leaves; a fit that leaves less counts as this.
+#: Lower limit of the cost ratio to the nominal simulator in the logarithm.
 _LEAST = 1e-6
 
 
 @dataclass(frozen=True)
 class Standing:
-    """causes: those established, or of the most probable set where none is; probability: that the least certain of them
-    is at work; fewer: of no cause (the nominal simulator, or its numbers freed); others: of the best set without any of
-    the causes (or one tied with them by nature)."""
+    """Established causes and their probabilities.
+
+    causes: the established ones, or those of the most probable set if none is. probability: of the least
+    certain of them. fewer: of no cause (nominal simulator, or with free parameters). others: of the best set
+    without any of the causes or those tied with them by nature.
+    """
 
     causes: tuple[str, ...]
     probability: float
@@ -42,10 +46,10 @@ class Standing:
 
 
 def utility(left: float, causes: int, numbers: int, *, free: bool, penalty: float = 0.0) -> float:
-    """Nats for a fit over the nominal simulator.
+    """Utility (nats) of a fit relative to the nominal simulator.
 
-    left: cost on records left out of the fit, over the nominal simulator's; causes, numbers: of its effects, how many;
-    free: the law's numbers are free; penalty: nats against it.
+    left: cost on left-out records over the nominal simulator's. causes, numbers: number of causes and of
+    their parameters. free: the nominal parameters are free. penalty: nats against the fit.
     """
     gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
     price = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * free
@@ -53,18 +57,18 @@ def utility(left: float, causes: int, numbers: int, *, free: bool, penalty: floa
 
 
 def softmax(utilities: Sequence[float] | Array) -> Array:
-    """Probabilities (n,) of alternatives by their utilities (nats)."""
+    """Probabilities (n,) of alternatives from their utilities (nats)."""
     u = np.asarray(utilities, dtype=np.float64)
     weights = np.exp(u - u.max())
     return np.asarray(weights / weights.sum())
 
 
 def standing(sets: Mapping[tuple[str, ...], float]) -> Standing | None:
-    """What is established, by the probabilities of the sets of causes (`()`: the nominal simulator, `("parameters",)`:
-    its numbers freed); None where no set has a cause.
+    """Established causes, from the probabilities of the sets of causes; None if no set has a cause.
 
-    A cause is established where the sets that have it, or one tied with it by nature, are together more probable than
-    not; the most probable set says which of those that are tied it is.
+    sets: `()` is the nominal simulator, `("parameters",)` the one with free parameters. A cause is
+    established if the sets with it, or with one tied with it by nature, have a total probability above one
+    half. The most probable set decides between tied causes.
     """
     found = [s for s in sorted(sets, key=lambda s: (-sets[s], s)) if _causes(s)]
     if not found:
@@ -88,7 +92,7 @@ def _probability(sets: Mapping[tuple[str, ...], float], cause: str) -> float:
 
 
 def _has(causes: Collection[str], cause: str) -> bool:
-    """True where a set has a cause, or one that changes a record alike whatever is tested."""
+    """True if a set contains a cause or one with the same signature in every test."""
     effect = cause.partition("@")[0]
     tied = {other for tie in TIED_BY_NATURE if effect in tie for other in tie}
     return any(c == cause or c.partition("@")[0] in tied for c in causes)

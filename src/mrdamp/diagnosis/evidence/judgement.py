@@ -1,4 +1,4 @@
-"""The decision over the fits of a search, and what records left out make of it."""
+"""The decision over the fits of a search, and its check on left-out records."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 
-#: Fits of an unknown cause that are tried on records left out.
+#: Number of fits of an unknown cause that are evaluated on left-out records.
 _NEAREST = 6
-#: Nats below the best fit at which another one is as good as ruled out, penalties included.
+#: A fit this many nats below the best one, penalties included, is ruled out.
 _IMPROBABLE = 20.0
 
 
@@ -33,8 +33,11 @@ def decided(
     *,
     moves: bool = True,
 ) -> Decision:
-    """The decision over fits. penalties: nats by id of a fit; baseline: records of the rig as it was; moves: False
-    where no price is put on how far the law's numbers move."""
+    """The decision over fits.
+
+    penalties: nats by id of a fit. baseline: residuals of the rig's baseline records. moves: False removes
+    the penalty on changes of the nominal parameters.
+    """
     against = against_baseline(search, baseline, fits)
     all_nats = {id(f): penalties.get(id(f), 0.0) + against.get(id(f), 0.0) for f in fits}
     left = left_out_costs(search, [*fits, *search.rivals])
@@ -50,25 +53,25 @@ def decided(
 
 
 def against_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit]) -> dict[int, float]:
-    """Nats by id against fits that mend the rig's baseline too."""
+    """Penalties (nats), by id, of fits that improve the rig's baseline as well."""
     if baseline is None:
         return {}
     return of_baseline(baseline, fits, LOGIT_GAIN if search.inexact else 0.5 * INDEPENDENT)
 
 
 def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
-    """Costs by id on records left out, where nothing meets the noise; of free laws, which bend to the records that they
-    were fitted to, in the worse of two ways to leave them out: each in turn, or by regime.
+    """Costs by id on left-out records, if no fit reaches the noise.
 
-    A fit leaves no less of records left out than of its own: those that would be improbable even with their own cost
-    are not asked.
+    Fits with free nominal parameters have the larger of two costs: each record left out in turn, or by
+    regime. The cost on left-out records is at least the fit's own cost, so fits that are improbable with
+    their own cost are not evaluated.
     """
     if not search.inexact:
         return {}
     moving = [f for f in fits if f.hypothesis.coordinates]
     most = {id(f): _own_utility(search, f, f.cost) for f in moving}
     out: dict[int, float] = {}
-    best = 0.0  # the nominal simulator's
+    best = 0.0  # utility of the nominal simulator
     for f in sorted(moving, key=lambda f: -most[id(f)]):
         if most[id(f)] < best - _IMPROBABLE:
             break
@@ -80,7 +83,7 @@ def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
 
 
 def _own_utility(search: Search, f: Fit, left: float) -> float:
-    """Nats over the nominal simulator, without penalties, of a fit that leaves so much."""
+    """Utility (nats) over the nominal simulator, without penalties, for a given cost on left-out records."""
     numbers = len(f.point) - len(f.hypothesis.nominal)
     share = left / search.nominal_cost
     direct = sum(search.direct.get(cause, 0.0) for cause in f.hypothesis.causes)
@@ -88,17 +91,18 @@ def _own_utility(search: Search, f: Fit, left: float) -> float:
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
-    """The decision; where the cause is unknown, with the fit that leaves least on records left out as the chosen one.
+    """The decision; if the cause is unknown, with the fit that has the least error on left-out records as the
+    chosen one.
 
-    What has the most evidence of a cause may be nothing at all where no cause explains much; a simulator is still to be
-    handed over that is as near as the catalogue allows.
+    The set with the most evidence may reduce little if no cause explains much. The handed-over simulator
+    should be as close as the catalogue allows.
     """
     if decision.verdict != "unknown" or decision.apart:
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
     if (
         search.inexact
-    ):  # a law that is not the rig's is bent by anything: what holds in other regimes, or nothing
+    ):  # Any effect bends a wrong law: only fits that hold in other regimes are eligible.
         near.append(next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates))
         best = min(near, key=lambda k: regime_cost(search.problem, fits[k]))
     else:
@@ -109,9 +113,12 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
 
 
 def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decision:
-    """The decision; `unknown` where two runs of one test differ by more than their noise and the cause that fits the
-    records says little of those left out: what changes from run to run is fitted by anything with numbers enough.
-    `parameters` where free numbers alone came to their end after the search, and leave noise of records left out."""
+    """The decision after the check on left-out records.
+
+    `unknown` if two runs of one test differ by more than their noise and the cause that fits the records does
+    not improve left-out ones: enough parameters fit anything that changes between runs. `parameters` if free
+    parameters alone converged after the search and reach the noise on left-out records.
+    """
     if search.inexact:
         return decision
     left = max(search.problem.cost(final.heldout) - decision.floor, 0.0) / decision.excess
@@ -128,8 +135,8 @@ def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decisio
 def never_worse(
     search: Search, fits: Sequence[Fit], final: FinalFit, decision: Decision
 ) -> tuple[FinalFit, Decision]:
-    """The final fit and the decision; the nominal simulator unchanged, and no cause, where the fit leaves more of whole
-    records left out of it than the nominal simulator does."""
+    """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
+    it on left-out whole records."""
     problem = final.problem
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
@@ -140,7 +147,7 @@ def never_worse(
 
 
 def unchanged(decision: Decision, fits: Sequence[Fit]) -> Decision:
-    """The decision with the nominal simulator as it is for the chosen one."""
+    """The decision with the unchanged nominal simulator as the chosen fit."""
     index = next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates)
     return replace(decision, chosen=replace(scored([fits[index]])[0], index=index), unexplained=1.0)
 
@@ -151,7 +158,7 @@ def scored(
     direct: Mapping[str, float] | None = None,
     left_out: Mapping[int, float] | None = None,
 ) -> list[Scored]:
-    """What the verdict goes by. penalties, left_out: by id of a fit, direct: by cause (see `Scored`)."""
+    """Inputs of the verdict. penalties, left_out: by id of a fit; direct: by cause (see `Scored`)."""
     return [
         Scored(
             f.hypothesis.causes,

@@ -1,4 +1,4 @@
-"""Fits whose causes are there in name only, and what is held against them (nats)."""
+"""Penalties (nats) of fits whose causes are nominal only or cannot be separated from others."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from mrdamp.diagnosis.evidence.verdict import idle_price
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
 
-#: Numbers that together make a cause: where they stand at their lower ends it is another one. A mount without its
-#: clearance is a spring, and what is left of a lag without its time is a form of something else.
+#: Parameters that together define a cause; with all of them at their lower limits it is another cause. A
+#: mount without clearance is a spring, and a lag without its time constant is a form of another effect.
 _MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
 
 
 def of_itself(found: Fit) -> float:
-    """Against a fit with a cause that is gone where it stands."""
+    """Penalty of a fit with a cause whose parameters vanish."""
     return NOT_ITSELF * gone(found)
 
 
 def of_damper(
     rig: Rig, found: Fit, free: Fit, *, clears_sensor: bool = False, inexact: bool = False
 ) -> float:
-    """Against a fit of a damper's records on which free numbers alone (`free`) do as well or would say the same.
+    """Penalty of a fit of a damper's records if free nominal parameters alone (`free`) are as good or
+    equivalent.
 
-    clears_sensor: the load cell beside the force sensor speaks against all of its effects. inexact: the law
-    is not the rig's, and its numbers are no plainer statement than a gain: the two are told as tied.
+    clears_sensor: the load cell next to the force sensor rules out the sensor's effects. inexact: the law is
+    not the rig's; its parameters are then no simpler explanation than a gain, and the two are reported as
+    tied.
     """
     penalty = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
     law = rig.model({}).law if inexact else ""
@@ -39,23 +41,26 @@ def of_damper(
 
 
 def of_parts(found: Fit, clean: Collection[str]) -> float:
-    """Against a fit of a frame's records with a cause in a storey or an accelerometer that is in balance. clean: names
-    of the parts that are."""
+    """Penalty of a fit of a frame's records with a cause in a storey or an accelerometer whose balance
+    closes.
+
+    clean: names of these parts.
+    """
     placed = (t for t in found.hypothesis.terms if t.place is not None)
     parts = {f"{'accelerometer' if t.stage == 'sensor' else 'storey'} {t.place}" for t in placed}
     return SENSOR_AGREES * len(parts & set(clean))
 
 
 def gone(found: Fit) -> bool:
-    """True where one of its causes is there in name only."""
+    """True if a cause of the fit has vanished."""
     low = set(found.at_lower_bounds)
     own = {c.name for c in found.hypothesis.coordinates}
     return any(making & own and making & own <= low for making in _MAKING)
 
 
 def unreferenced(rig: Rig, found: Fit) -> bool:
-    """True where a gain of the force channel is only a common factor in the law's numbers: with no reference beside
-    the sensor no record can tell the two apart, and numbers that are off are the plainer statement."""
+    """True if a gain of the force channel is a common factor of the nominal parameters. Without a reference
+    for the sensor no record can separate the two, and wrong parameters are the simpler explanation."""
     if "reference_force_N" in rig.channels or not rig.nominal:
         return False
     return "sensor_gain" in found.hypothesis.causes

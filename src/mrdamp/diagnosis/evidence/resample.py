@@ -1,4 +1,5 @@
-"""Intervals by drawing again what is independent: seconds of the residuals, or records. Nothing is fitted again."""
+"""Bootstrap intervals over independent blocks: seconds of the residuals, or records. Fits are not repeated.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +17,15 @@ from mrdamp.model.core import Array
 Interval = tuple[float, float]
 Numbers = NDArray[np.intp]
 
-#: s, of a block; draws; per cent between which 95 % of them lie.
+#: s, length of a block; number of draws; percentiles of the 95 % interval.
 SECONDS, DRAWS, _ENDS = 1.0, 400, (2.5, 97.5)
 _SEED = 17
-#: Records that are drawn as wholes, at least.
+#: Least number of records for a bootstrap over whole records.
 _RECORDS = 4
 
 
 def seconds(problem: Problem) -> Numbers:
-    """Number of the block (samples,) that each residual is in: a second of a record, all its channels together."""
+    """Number of the block (samples,) of each residual: a second of a record, all its channels together."""
     out, at = np.empty(problem.samples, dtype=np.intp), 0
     for k in problem.records:
         record = problem.rig.records[k]
@@ -36,7 +37,7 @@ def seconds(problem: Problem) -> Numbers:
 
 
 def of_records(problem: Problem) -> Numbers:
-    """Number of the record (samples,) that each residual is in, from 0."""
+    """Number of the record (samples,) of each residual, from 0."""
     out = np.empty(problem.samples, dtype=np.intp)
     for b in problem.blocks:
         out[b.span] = problem.records.index(b.record)
@@ -44,13 +45,13 @@ def of_records(problem: Problem) -> Numbers:
 
 
 def draws(groups: int, count: int = DRAWS, seed: int = _SEED) -> Array:
-    """How often each group is drawn (count, groups): with replacement, as many as there are."""
+    """Multiplicity of each group (count, groups): drawn with replacement, as many as there are."""
     rng = np.random.default_rng([seed, groups])
     return rng.multinomial(groups, np.full(groups, 1 / groups), size=count).astype(float)
 
 
 def interval(values: Array) -> Interval:
-    """95 % of draws (draws,)."""
+    """95 % interval of draws (draws,)."""
     low, high = np.percentile(values, _ENDS)
     return float(low), float(high)
 
@@ -63,10 +64,10 @@ def group_sums(values: Array, groups: Numbers) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Points (draws, coordinates) that a fit's parameters go to, in units of search.
+    """Bootstrap distribution of a fit's parameters (draws, coordinates), in units of search.
 
-    widest: each coordinate's own draws of the grouping that gives it the wider interval; together: draws of all
-    coordinates at once, from whole records where there are enough of them.
+    widest: for each coordinate the draws of the grouping with the wider interval. together: joint draws of
+    all coordinates, from whole records if there are enough.
     """
 
     fit: Fit
@@ -82,17 +83,17 @@ class Spread:
         return out
 
     def settings(self) -> Iterator[Settings]:
-        """Settings of the draws, whose parameters belong together."""
+        """Settings of the joint draws."""
         return (self.fit.hypothesis.settings(q) for q in self.together)
 
 
 def spread(problem: Problem, found: Fit) -> Spread:
-    """Where the parameters of a fit may stand.
+    """Bootstrap distribution of a fit's parameters.
 
-    The score bootstrap (Kline, Santos 2012, doi:10.1515/2156-6674.1006): blocks of the gradient are drawn again, and
-    one Gauss-Newton step with the whole records' curvature takes the parameters to where the draw has its optimum.
-    Blocks are seconds, which holds for noise; where an error of form runs through a whole record, records are the
-    blocks. Draws stay within the parameters' ranges.
+    Score bootstrap (Kline, Santos 2012, doi:10.1515/2156-6674.1006): blocks of the gradient are drawn again,
+    and one Gauss-Newton step with the curvature of all records gives the parameters of the draw. Blocks are
+    seconds, which suits noise, and records, which suits a model error over a whole record. Draws are clipped
+    to the parameters' ranges.
     """
     j, prior = found.jacobian, found.hypothesis.prior()
     low, high = found.hypothesis.bounds()
@@ -107,7 +108,7 @@ def spread(problem: Problem, found: Fit) -> Spread:
         count = len(by_group)
         if count < least:
             continue
-        # Their sum is zero at an optimum, up to the prior's pull and ranges that end.
+        # The blocks' sum is zero at an optimum, except for the prior and active bounds.
         centred = (by_group - by_group.mean(axis=0)) * np.sqrt(count / (count - 1))
         step = -np.linalg.solve(curvature, (draws(count) @ centred).T).T
         points.append(np.clip(found.point + step, low, high))

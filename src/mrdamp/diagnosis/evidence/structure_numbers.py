@@ -1,8 +1,9 @@
-"""When the nominal numbers are free: which of the structure's own stand out, and how far the others are believed.
+"""Free nominal parameters of a frame: outliers among the structural ones, and the scatter of the others.
 
-A storey's stiffness and damping and a floor's mass are nominal numbers and causes at once. Where all numbers are a
-little off, that is `parameters`; where one is far off beside the scatter of the others, it is that storey's or floor's
-effect. The scatter is estimated from the numbers themselves and is heavy-tailed (Student, 2 degrees of freedom).
+A storey's stiffness and damping and a floor's mass are nominal parameters and causes at once. If all
+parameters are slightly wrong, the verdict is `parameters`. If one deviates far more than the others, it is an
+effect of that storey or floor. The scatter is estimated from the parameters themselves, with heavy tails
+(Student, 2 degrees of freedom).
 """
 
 from __future__ import annotations
@@ -29,8 +30,11 @@ _EFFECTS = {"stiffness": "storey_stiffness", "damping": "storey_damping", "mass"
 
 @dataclass(frozen=True)
 class Deviations:
-    """Logarithms of the structure's fitted numbers over the nominal ones (numbers,), less what all masses and
-    stiffnesses share; scale: 1, or how much worse the number is known; error: standard errors (numbers,)."""
+    """Logarithms of fitted over nominal structural parameters (numbers,), without the common change of masses
+    and stiffnesses.
+
+    scale: 1, or the factor by which the parameter is known less well. error: standard errors (numbers,).
+    """
 
     names: tuple[str, ...]
     columns: tuple[int, ...]
@@ -39,7 +43,7 @@ class Deviations:
     error: Array
 
     def penalty(self, without: tuple[int, ...] = ()) -> float:
-        """Nats against these deviations, at the scatter that makes it least; `without` are not counted."""
+        """Penalty (nats) of these deviations at the most likely scatter, `without` some of them."""
         keep = [k for k in range(len(self.names)) if k not in without]
         scatters = STRUCTURE_SCATTER * np.geomspace(1.0, 30.0, 25)
         least = np.inf
@@ -52,7 +56,7 @@ class Deviations:
 
 
 def deviations(found: Fit) -> Deviations:
-    """Of a fit whose nominal numbers are free."""
+    """Deviations of a fit with free nominal parameters."""
     q = found.point
     names, columns = [], []
     for k, c in enumerate(found.hypothesis.nominal):
@@ -73,9 +77,9 @@ def deviations(found: Fit) -> Deviations:
 
 
 def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]:
-    """The fit with one or two of the structure's numbers told as effects, with the penalty that is left.
+    """The fit with one or two structural parameters interpreted as effects, and the remaining penalty.
 
-    Only where each takes more than `price` nats off the penalty. The simulator is the same.
+    Only effects that each reduce the penalty by more than `price` nats. The simulator is the same.
     """
     d = deviations(found)
     out: list[tuple[Fit, float]] = []
@@ -103,14 +107,14 @@ def _cause(name: str) -> str:
 
 
 def _told(rig: FrameRig, found: Fit, d: Deviations, chosen: tuple[int, ...]) -> Fit:
-    """The same simulator with numbers moved from the nominal ones into effects."""
+    """The same simulator with changes of nominal parameters expressed as effects."""
     terms: list[Term] = [next(t for t in rig.terms if t.cause == _cause(d.names[k])) for k in chosen]
     point, added, columns = found.point.copy(), [], []
     for k, term in zip(chosen, terms, strict=True):
         at, nominal = d.columns[k], found.hypothesis.nominal[d.columns[k]]
         rest = (
             found.point[at] - d.values[k] / nominal.scale
-        )  # what all masses and stiffnesses share stays nominal
+        )  # the common change of masses and stiffnesses stays nominal
         own = nominal.value(float(rest))
         change = nominal.value(float(found.point[at])) - own
         coordinate = term.coordinates[0]

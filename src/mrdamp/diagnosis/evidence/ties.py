@@ -1,4 +1,4 @@
-"""What these records cannot tell apart, and what they cannot show at all."""
+"""Causes that these records cannot separate, and causes that they cannot show."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.model.core import Array
 
-#: Settings whose effect is the weaker, the larger they are.
+#: Settings whose effect decreases as they grow.
 _INVERSE = frozenset({"saturation_i_s", "mount_compliance_k", "sensor_leakage_tau"})
 
 
 def cosine(a: Array, b: Array) -> float:
-    """Of the angle between two changes (samples,)."""
+    """Cosine of the angle between two changes (samples,)."""
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0 else 0.0
 
@@ -25,9 +25,9 @@ def cosine(a: Array, b: Array) -> float:
 def tie_classes(
     search: Search, chosen: Fit, sets: dict[tuple[str, ...], float]
 ) -> tuple[tuple[str, ...], ...]:
-    """Classes of causes that do as well as a named one in its place: by probability, or by what they change.
+    """Classes of causes that are equivalent to a named one, by probability or by signature.
 
-    sets: probability by set of causes. A class with `parameters` in it: a recalibration does as well.
+    sets: probability by set of causes. A class with `parameters`: a recalibration is equivalent.
     """
     named = set(chosen.hypothesis.causes)
     if not named:
@@ -54,10 +54,11 @@ def tie_classes(
 
 
 def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
-    """Effects of the catalogue that these records show too little of to say anything, with the size they could hide.
+    """Effects of the catalogue that these records cannot show, each with the largest size that may be
+    present.
 
-    The size is that at which the signature, less what the free nominal parameters can make of it, reaches a tenth of
-    the error that is left, and no more than the end of the setting's range.
+    This is the size at which the signature, without the part that the free nominal parameters can reproduce,
+    reaches a tenth of the remaining error. It is limited to the setting's range.
     """
     base = search.base
     basis = np.linalg.qr(base.jacobian)[0] if base.jacobian.shape[1] else base.jacobian
@@ -78,7 +79,7 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
 
 
 def could_hide(term: Term, factor: float) -> float:
-    """The first setting of a term at so many times the size that it starts from, within its range."""
+    """The first setting of a term at a multiple of its starting size, within its range."""
     first, start = term.coordinates[0], term.starts[0][0]
     if not first.log:
         value = first.start + factor * (start - first.start)

@@ -1,4 +1,4 @@
-"""From fits to an answer: evidence of each set of causes, probabilities, and when none of them will do."""
+"""From fits to an answer: evidence of each set of causes, probabilities, and the verdict."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from mrdamp.model.core import Array
 
 @dataclass(frozen=True)
 class Scored:
-    """A fitted set of causes.
+    """A fitted set of causes and its evidence.
 
-    cost: sum of squares of its residuals; numbers: free coordinates of its effects; index: place in the list of
-    fits; penalty: nats against the nominal parameters that it needs; move: RMS of what the law's numbers move by, as
-    shares of themselves; direct: nats that channels which see the same thing speak for its causes; left_out: cost on
-    records left out of the fit; None where the cost itself stands for it.
+    cost: sum of squared residuals. numbers: number of free coordinates of its effects. index: place in the
+    list of fits. penalty: nats against it. move: RMS of the relative changes of the nominal parameters.
+    direct: nats for its causes from channels that measure the same quantity. left_out: cost on left-out
+    records; None: `cost` is used.
     """
 
     causes: tuple[str, ...]
@@ -55,11 +55,13 @@ class Scored:
 
 @dataclass(frozen=True)
 class Decision:
-    """verdict; chosen: the fit behind it; probabilities: of each fit given, in their order; unexplained: the share
-    of the excess that the chosen fit leaves; floor: the cost that is taken for noise; unknown: probability that the
-    cause is none of the catalogue's, in which case the others' count for the rest; outside: index of the rival that
-    explains the gap better than the catalogue does, if one does. apart: channels differ whatever the law, and nothing
-    of the catalogue explains it, so that nothing of it is to stand in for the cause."""
+    """The verdict and the fit behind it.
+
+    probabilities: of each fit in order. unexplained: share of the excess that the chosen fit leaves. floor:
+    cost of the noise. unknown: probability that the cause is not in the catalogue; the others share the rest.
+    outside: index of the rival that explains the gap better than the catalogue, or None. apart: channels of
+    one quantity differ and nothing in the catalogue explains it, so that no cause may be named for it.
+    """
 
     verdict: str
     chosen: Scored
@@ -82,18 +84,19 @@ def decide(
     inexact: bool = False,
     own: float = 0.0,
 ) -> Decision:
-    """The verdict over fits, of which the nominal simulator (no causes, not free) is one. floor: cost of the noise.
+    """The verdict over fits, one of which is the nominal simulator (no causes, not free).
 
-    rivals: fits of causes outside the catalogue. Where one of them has more evidence than all of the catalogue's sets,
-    the answer is `unknown`; the chosen fit stays the catalogue's best, which is what a simulator can be given. steady:
-    False where two runs of one test differ by more than their noise, which neither `none` nor `parameters` explains.
-    inexact: nothing comes near the noise, so that a cause has to be established by how much better it does than any
-    other explanation, not by what it leaves. own: cost of what the nominal simulator misses of the rig's baseline,
-    where there is one: no more than that is no gap.
+    floor: cost of the noise. rivals: fits of causes outside the catalogue; if one of them has more evidence
+    than all sets of the catalogue, the answer is `unknown` and the chosen fit is the catalogue's best.
+    steady: False if two runs of one test differ by more than their noise, which neither `none` nor
+    `parameters` explains. inexact: no fit comes near the noise, so that a cause has to be established against
+    every other explanation. own: cost of the nominal simulator on the rig's baseline, if there is one; a gap
+    up to this size is none.
     """
     nominal = next(f for f in fits if not f.causes and not f.free)
     least = min(f.cost for f in fits)
-    # What no fit gets below counts as noise, up to a point: motion between samples and start states are in it.
+    # The least cost of any fit counts as noise, up to a limit: it contains inter-sample motion and initial
+    # states.
     floor = min(max(least, floor), NONE_ABOVE**2 / 2 * floor)
     excess = max(nominal.cost - floor, 1e-12)
     resolution = RESOLUTION + FLOOR_DOUBT * floor / excess
@@ -105,7 +108,7 @@ def decide(
 
     scores = evidence(fits)
     probabilities = tuple(float(p) for p in softmax(scores))
-    # The answer is the most probable set of causes, all its forms together, in its best form.
+    # The answer is the most probable set of causes over all its forms, in its best form.
     known = by_causes(fits, probabilities)
     found = standing(known) if inexact else None
     likely = next(iter(known))
@@ -119,7 +122,7 @@ def decide(
         left = 1.0
     unknown = beyond(left, excess, floor, causes=bool(chosen.causes))
     if inexact:
-        # The nominal simulator as it is stands for "none of these".
+        # The unchanged nominal simulator is the alternative "no cause".
         unknown = probabilities[fits.index(nominal)]
         if not chosen.causes:
             unknown = max(unknown, _without(chosen, left))
@@ -142,7 +145,7 @@ def decide(
         and nominal.cost <= NONE_ABOVE * floor
         and not (chosen.causes or chosen.free)
     ):
-        # Free numbers take a little off noise in few records; where nothing is worth its price that is no gap.
+        # Free parameters fit some of the noise of few records; a reduction below its penalty is no gap.
         return Decision("none", nominal, probabilities, 1.0, floor, excess)
     if not steady and not chosen.causes:
         decided = unknown = max(unknown, UNSTEADY)
