@@ -159,10 +159,10 @@ def decide(
 
 
 def _stated(scores: Array, other: Array, nominal: int) -> tuple[tuple[float, ...], float]:
-    """Probabilities of fits as they are stated, without the nominal simulator (an index), and of an unknown cause: by
-    tempered utilities of fits and rivals.
+    """Stated probabilities of the fits and of an unknown cause, from tempered utilities of fits and rivals.
 
-    Source: Guo et al. (2017), On calibration of modern neural networks (temperature scaling).
+    The nominal simulator (index `nominal`) is excluded. Source: Guo et al. (2017), On calibration of modern
+    neural networks (temperature scaling).
     """
     stated = softmax(np.concatenate([scores, other]) / LOGIT_TEMPER)
     unknown = float(stated[nominal] + np.sum(stated[len(scores) :]))
@@ -172,7 +172,7 @@ def _stated(scores: Array, other: Array, nominal: int) -> tuple[tuple[float, ...
 
 
 def _fitted_with(known: Mapping[tuple[str, ...], float], causes: tuple[str, ...]) -> tuple[str, ...]:
-    """The causes as a set that was fitted; the most probable one that has them, where they were not alone."""
+    """The set of causes as fitted: the most probable one that contains them if they were not fitted alone."""
     wanted = set(causes)
     return next((s for s in known if set(s) == wanted), None) or next(s for s in known if wanted <= set(s))
 
@@ -183,13 +183,13 @@ def _without_cause(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:
 
 
 def _without(chosen: Scored, left: float) -> float:
-    """Probability of an unknown cause where nothing meets the noise and none of the catalogue's is established: free
-    numbers are the answer as far as they leave little."""
+    """Probability of an unknown cause if no fit reaches the noise and no cause is established: free
+    parameters are the answer in proportion to what they explain."""
     return beyond(left, 1.0, 1.0, causes=True) if chosen.free else UNSTEADY
 
 
 def _utility(found: Scored, nominal: float) -> float:
-    """Nats for a fit over the nominal simulator (of this cost) where the law is not the rig's."""
+    """Utility (nats) of a fit over the nominal simulator, of cost `nominal`, if the law is not the rig's."""
     if not found.causes and not found.free:
         return 0.0
     left = (found.cost if found.left_out is None else found.left_out) / nominal
@@ -198,8 +198,8 @@ def _utility(found: Scored, nominal: float) -> float:
 
 
 def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
-    """Probability that what fits the records best is not the cause, by the share of the excess that it leaves and,
-    where it has no causes, by that over the noise floor."""
+    """Probability that the best fit is not the cause, by the share of the excess that it leaves and, without
+    causes, by the ratio to the noise floor."""
     ratio = left / UNKNOWN_ABOVE
     if not causes:
         ratio = max(ratio, left * excess / (WRONG_FORM * floor))
@@ -216,18 +216,18 @@ def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> 
 
 
 def _beside(move: float) -> float:
-    """Price of a free law beside a cause, by how far its numbers move."""
+    """Penalty of free nominal parameters with a cause, by the size of their change."""
     return FREE_PRICE + MOVE_PRICE * min(move / MOVE, 1.0)
 
 
 def idle_price(move: float) -> float:
-    """What a free law beside a cause costs less than alone: where the cause takes nothing off what the law leaves,
-    it is the law that explains, and at its own price."""
+    """Difference between the penalties of free nominal parameters alone and with a cause. If the cause
+    explains nothing beyond the free parameters, these carry their full penalty."""
     return max(LAW_PRICE - _beside(move), 0.0)
 
 
 def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:
-    """Probability of each set of causes, over held and free and over forms; largest first."""
+    """Probability of each set of causes, summed over fixed and free fits and over forms; largest first."""
     out: dict[tuple[str, ...], float] = {}
     for f, p in zip(fits, probabilities, strict=True):
         key = _named(f)
@@ -236,7 +236,7 @@ def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tu
 
 
 def with_lapse(sets: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
-    """Probabilities of sets of causes with the lapse rate spread evenly over all of them; their order stays.
+    """Probabilities of sets of causes with the lapse rate spread evenly; their order is unchanged.
 
     Source: Wichmann & Hill (2001), doi:10.3758/BF03194544, eq. 1.
     """
@@ -248,7 +248,7 @@ def _named(f: Scored) -> tuple[str, ...]:
 
 
 def of_cause(sets: Mapping[tuple[str, ...], float]) -> dict[str, float]:
-    """Probability that a cause is among those at work; largest first."""
+    """Marginal probability of each cause; largest first."""
     out: dict[str, float] = {}
     for causes, p in sets.items():
         for cause in causes or ("none",):
@@ -257,9 +257,10 @@ def of_cause(sets: Mapping[tuple[str, ...], float]) -> dict[str, float]:
 
 
 def shapley(costs: Mapping[frozenset[str], float], causes: Sequence[str]) -> dict[str, float]:
-    """Share of each cause in the fall of the cost from none to all of them, averaged over the orders of adding.
+    """Shapley share of each cause in the reduction of the cost, averaged over the orders of adding.
 
-    costs: by set of causes, the empty one included; a set that was not fitted counts as the best of its subsets.
+    costs: by set of causes, including the empty one; a set that was not fitted counts as the best of its
+    subsets.
     """
 
     def cost(members: frozenset[str]) -> float:

@@ -1,1 +1,1 @@
-"""Fits of hypotheses and the search over them."""
+"""Fits of hypotheses, and the search over hypotheses."""

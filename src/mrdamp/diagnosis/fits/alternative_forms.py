@@ -1,4 +1,4 @@
-"""Other forms of the causes that were found in their place, and other causes in place of the weaker one."""
+"""Alternative forms of the causes found, and replacement of the weaker of two causes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 
-#: A set of causes comes near another where it leaves less than so many times as much.
+#: A set of causes is a rival of another if its unexplained share is below this multiple of the other's.
 _RIVALS = 2.0
-#: Steps of a fit that takes another form, which is given up where it leaves so many times as much after a few of them:
-#: of 96 on opened cases of the blind test those that won left 1.1 times as much by then at most, and of the others none
-#: that left more than twice as much came below 1.5.
+#: Iterations of a fit in another form, and the multiple of the best cost above which it is stopped after a
+#: few of them. Of 96 such fits on opened cases of the blind test, those that improved the cost were then at
+#: most at 1.1 times it; none of those above twice the cost came below 1.5.
 _STEPS, _HOPELESS = 8, 2.0
 
 
 def reform(table: FitTable, found: Fit, causes: Collection[str] | None = None) -> None:
-    """Other forms of each cause of a fit in its place, those with the largest predicted gain; of those given alone."""
+    """Fits other forms of each cause of a fit, those with the largest predicted gain. causes: only these."""
     tasks = []
     for term in found.hypothesis.terms:
         if causes is not None and term.cause not in causes:
@@ -34,7 +34,7 @@ def reform(table: FitTable, found: Fit, causes: Collection[str] | None = None) -
             task = table.start_from(parent, test.term, test.start, test.by)
             if not table.went(*task, _STEPS):
                 tasks.append(task)
-    # Of a cause in another form the law's signatures are nearly the same.
+    # The signatures of the law hardly change when a cause takes another form.
     known = table.law_columns(found)
     bar = _HOPELESS * found.cost
     for again in table.map(
@@ -44,8 +44,8 @@ def reform(table: FitTable, found: Fit, causes: Collection[str] | None = None) -
 
 
 def reform_rival(table: FitTable, best: Fit) -> None:
-    """Other forms of the one cause in which the next best set of causes differs from the best, where it comes near:
-    between two causes the right form decides."""
+    """Fits other forms of the cause in which the second-best set of causes differs from the best, if the two
+    are close: the right form decides between two causes."""
     causes = set(best.hypothesis.causes)
     for f in table.ranked(bool(best.hypothesis.nominal)):
         own = set(f.hypothesis.causes)
@@ -57,8 +57,8 @@ def reform_rival(table: FitTable, best: Fit) -> None:
 
 
 def drop(table: FitTable, found: Fit) -> None:
-    """A set without one of its causes, for each of them, from where it stands: a form that was found in the set may do
-    without the other cause."""
+    """Fits the set without each of its causes, starting from its optimum. A form that was found in the set
+    may not need the other cause."""
     if len(found.hypothesis.causes) < 2:
         return
     tasks = []
@@ -74,7 +74,7 @@ def drop(table: FitTable, found: Fit) -> None:
 
 
 def lacking(table: FitTable, found: Fit, term: Term) -> Fit:
-    """A fit without one of its terms, the other numbers where they stand."""
+    """A fit without one of its terms and with its other parameters unchanged."""
     hypothesis = found.hypothesis
     at, kept = len(hypothesis.nominal), np.ones(len(found.point), dtype=bool)
     for t in hypothesis.terms:
@@ -88,8 +88,8 @@ def lacking(table: FitTable, found: Fit, term: Term) -> Fit:
 
 
 def exchange(table: FitTable) -> None:
-    """Other causes in place of the weaker one of the best pair, from where the pair's fit stands: what was added
-    on top of a law that was held, or of the other cause in another form, may have mended those."""
+    """Fits other causes in place of the weaker one of the best pair, starting from the pair's optimum. The
+    weaker cause may have compensated for fixed nominal parameters or for a wrong form of the other cause."""
     pairs = [f for free in (False, True) for f in table.ranked(free)[:1] if len(f.hypothesis.terms) > 1]
     if not pairs or not table.limits.exchanged or any(table.solved(f) for f in table.ranked(True)[:1]):
         return

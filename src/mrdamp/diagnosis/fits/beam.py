@@ -1,4 +1,4 @@
-"""How wide a search goes: which fits get a cause added, and which causes."""
+"""Width of the search: which fits are extended by a cause, and by which causes."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.hypotheses.terms import Term
 
-#: A fit that leaves more than so many times what the best of its size leaves gets no cause added.
+#: A fit is not extended if its unexplained share exceeds this multiple of the best of its size.
 _BEHIND = 4.0
-#: A term is fitted where its score test predicts at least this relative fall of the cost.
+#: A term is fitted if its score test predicts at least this relative reduction of the cost.
 _GAIN = 0.03
-#: The same beside another cause. Its evidence asks for half of what that leaves; of 63 pairs on opened cases of the
-#: blind test of which less was predicted, one took as much off.
+#: The same for a second cause, whose evidence requires half of the remainder. Of 63 pairs on opened cases of
+#: the blind test with a smaller prediction, one reduced the cost as much.
 _BESIDE = 0.2
-#: The noise floor is known to about this share of itself (sampling of the motion, start states).
+#: Relative uncertainty of the noise floor (inter-sample motion, initial states).
 FLOOR_UNCERTAINTY = 0.3
 
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """Predicted cost with a term added, with its start and the factor that its signature is stretched by."""
+    """Predicted cost with a term added, its best start, and the scale factor of its signature there."""
 
     cost: float
     term: Term
@@ -31,21 +31,24 @@ class ScoreTest:
 
 
 def first_forms(ranked: Sequence[ScoreTest]) -> list[ScoreTest]:
-    """Of score tests, best first, the best form of each cause."""
+    """The best form of each cause, from score tests in order."""
     first = {p.term.cause: p for p in reversed(ranked)}
     return [p for p in ranked if first[p.term.cause] is p]
 
 
 def worth_a_look(ranked: Sequence[ScoreTest], cost: float, *, beside: bool = False) -> list[ScoreTest]:
-    """Of score tests, best first, on top of a fit of this cost, those worth a look. beside: another cause."""
+    """Score tests, of those in order, with a large enough predicted gain over a fit of this cost. beside: for
+    a second cause."""
     share = _BESIDE if beside else _GAIN
     return [p for p in ranked if p.cost <= (1 - share) * cost]
 
 
 def parents(ranked: Sequence[Fit], beam: int, floor: float, little: float) -> list[Fit]:
-    """Of fits of one size, by cost, those that a cause is added to: of each set of causes the best form, of no more
-    than `beam` sets, without those that leave much more than the best does. floor: the cost of noise; little: of what
-    is no gap."""
+    """Fits of one size, ordered by cost, that are extended by a cause.
+
+    At most `beam` sets of causes, each in its best form, without those that leave much more than the best.
+    floor: cost of the noise. little: cost that counts as no gap.
+    """
     if not ranked:
         return []
     least = max(ranked[0].cost - floor, 0.0)
@@ -57,7 +60,8 @@ def parents(ranked: Sequence[Fit], beam: int, floor: float, little: float) -> li
 
 
 def worth_a_fit(ranked: Sequence[ScoreTest], depth: int, limits: Limits) -> list[ScoreTest]:
-    """The causes with the largest predicted gain in their best forms; of singles also the best of every stage."""
+    """The causes with the largest predicted gain in their best forms; for single causes also the best of
+    every stage."""
     count = limits.singles if depth == 1 else limits.additions
     causes = list(dict.fromkeys(p.term.cause for p in ranked))
     wanted = set(causes[:count])

@@ -1,4 +1,4 @@
-"""What a search has done already."""
+"""Completed fits and screenings of a search."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mrdamp.model.core import Array
 
 @dataclass
 class Cache:
-    """What was fitted and screened with the nominal parameters held or free, so that nothing is done twice.
+    """Fits and screenings with fixed or free nominal parameters; none is repeated.
 
-    fits: by name and start; screens: by fit, its point and the terms; signatures: what a term changes in the nominal
-    simulator's residuals (samples,), by its name and start.
+    fits: by name and start. screens: by fit, its point and the terms. signatures: a term's change of the
+    nominal simulator's residuals (samples,), by its name and start.
     """
 
     fits: dict[tuple[str, bytes], Fit] = field(default_factory=dict)
@@ -22,7 +22,7 @@ class Cache:
     signatures: dict[tuple[str, int], Array] = field(default_factory=dict)
 
     def held(self) -> Cache:
-        """Only what had the nominal parameters held, which is the same whatever numbers those have."""
+        """Only entries with fixed nominal parameters: they do not depend on the range of free ones."""
         return Cache(
             {k: f for k, f in self.fits.items() if not f.hypothesis.nominal},
             {k: p for k, p in self.screens.items() if k[0].startswith("held")},

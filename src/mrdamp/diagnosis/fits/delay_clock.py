@@ -1,8 +1,10 @@
-"""A controller's clock in the command's delay: its period and phase are read off what a plain delay leaves.
+"""Sampling clock of a controller as part of a command delay: period and phase from the residual of a constant
+delay.
 
-A command that is held between ticks is late by a sawtooth about the mean delay. The product of what a plain delay
-leaves and of the delay's signature has a spectral line at the clock's frequency then, as narrow as the records are
-long: a fit from any other period would not find it.
+A command that is sampled and held has a delay that varies as a sawtooth about its mean. The product of the
+residual of a constant delay and of the delay's signature then has a spectral line at the clock's frequency.
+The line is as narrow as the inverse of the record's length, so that a fit from another period does not
+converge to it.
 """
 
 from __future__ import annotations
@@ -17,14 +19,16 @@ from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term, posi
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
-#: Lines tried, each the highest away from the others; points of the spectrum in the width of a line.
+#: Number of spectral lines tried, each the highest outside the others' widths; points of the spectrum per
+#: line width.
 _LINES, _FINE = 3, 8
-#: A period is no shorter than this share of the mean delay, and its start has to show this fall of the cost.
+#: Least period as a share of the mean delay; least relative reduction of the cost at the start.
 _SHORTEST, _WORTH = 0.05, 0.02
 
 
 def try_clock(table: FitTable, found: Fit | None) -> None:
-    """Fits a clock in the plain delay of a fit, where the records show one, and keeps it."""
+    """Fits a sampled delay in place of the constant delay of a fit, if the records show a clock, and keeps
+    it."""
     if (
         found is None
         or table.solved(found)
@@ -39,14 +43,15 @@ def try_clock(table: FitTable, found: Fit | None) -> None:
 
 
 def clocked(problem: Problem, found: Fit) -> Iterator[tuple[Hypothesis, Array]]:
-    """Hypotheses with points where the plain delay of a fit is one with a clock, the highest line first."""
+    """Hypotheses with points in which the constant delay of a fit is a sampled one, the highest spectral line
+    first."""
     terms = found.hypothesis.terms
     column = [c.name for c in found.hypothesis.coordinates].index("command_delay_d")
     mean = found.settings["command_delay_d"]
     for frequency, value in lines(problem, found, column, mean):
         period = 1 / frequency
         delay = max(mean - period / 2, 1e-4)
-        # What is left goes as +sin(2 pi (f (t - d) - phase)) where a tick is late by a sawtooth that rises.
+        # The residual varies as +sin(2 pi (f (t - d) - phase)) if the delay is a rising sawtooth.
         phase = float((-(np.angle(value) + np.pi / 2) / (2 * np.pi) - frequency * delay) % 1)
         term = clock_term(delay, period, phase if phase > 0.25 else phase + 1)
         hypothesis = Hypothesis(
@@ -56,7 +61,8 @@ def clocked(problem: Problem, found: Fit) -> Iterator[tuple[Hypothesis, Array]]:
 
 
 def clock_term(delay: float, period: float, phase: float) -> Term:
-    """A delay (s) behind the ticks of a clock: period (s), and time of a tick (in periods) near these."""
+    """A delay (s) with a sampling clock: period (s) and time of a tick (in periods), in ranges about these
+    values."""
     return Term(
         "command_delay",
         "driver",
@@ -71,8 +77,9 @@ def clock_term(delay: float, period: float, phase: float) -> Term:
 
 
 def lines(problem: Problem, found: Fit, column: int, mean: float) -> Iterator[tuple[float, complex]]:
-    """Frequencies (Hz) and values of the highest lines that a clock in a delay of `mean` (s) could have made."""
-    # Every sample counts here: on fewer, a fast clock would look like a slow one.
+    """Frequencies (Hz) and complex values of the highest spectral lines that a clock with a delay of `mean`
+    (s) can cause."""
+    # All samples are used: with decimation a fast clock would be aliased.
     whole = Problem(problem.rig, problem.records, stride=1, coarse=problem.coarse, trust=problem.trust)
     residual = whole.residuals(found.hypothesis, found.point)[0]
     signature = whole.jacobian(found.hypothesis, found.point, residual, [column])[:, 0]

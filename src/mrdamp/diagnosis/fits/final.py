@@ -1,4 +1,5 @@
-"""The corrected simulator: the chosen causes fitted with the full step to all records, and what mends their form."""
+"""The corrected simulator: the chosen causes fitted to all records with the full step, and corrections of
+their form."""
 
 from __future__ import annotations
 
@@ -16,24 +17,27 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.model.core import Array
 
-#: A correction of form stays where it takes this share off the held-out excess.
+#: A correction of the form is kept if it reduces the excess on left-out records by this share.
 _WORTH = 0.15
 _ROUNDS = 2
-#: Other fits of the same causes that are fitted with the full step where the chosen one is worse than nothing.
+#: Number of other fits of the same causes that are tried with the full step if the chosen one is worse than
+#: nominal.
 _OTHERS = 3
-#: Share of its cost, or of the excess, by which a fit may change with the full step and be taken as it is.
+#: A fit is accepted unchanged if the full step changes its cost by less than this share of the cost or of the
+#: excess.
 _SAME, _NOTHING = 0.02, 1e-5
-#: Iterations that a fit which was still moving goes on for; those of a fit of excerpts on the whole records.
+#: Further iterations of a fit that had not converged; iterations of a fit to excerpts on the whole records.
 _THROUGH, _WHOLE_STEPS = 8, 3
-#: Share of what is left of regimes left out that free numbers of the law have to take off.
+#: Free nominal parameters must reduce the error on left-out regimes by this share.
 _FREER = 0.1
-#: Samples of residuals that the last fit keeps.
+#: Number of residual samples in the last fit.
 _SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
 class FinalFit:
-    """The final fit, the names of terms that mend a form and are not named, gaps (blocks,) on records left out."""
+    """The final fit, the names of terms that correct a form without being reported as causes, and gaps
+    (blocks,) on left-out records."""
 
     fit: Fit
     corrections: tuple[str, ...]
@@ -42,12 +46,12 @@ class FinalFit:
 
 
 def heldout(problem: Problem, found: Fit) -> Array:
-    """Gaps (blocks,) with every record left out in turn."""
+    """Gaps (blocks,) with each record left out in turn."""
     return left_out(problem, found, by_record(problem))
 
 
 def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
-    """Frees the law's numbers, and adds terms that are not named, where records left out get better by it."""
+    """Frees the nominal parameters and adds unreported terms if this improves left-out records."""
     best = chosen
     corrections: tuple[str, ...] = ()
     score = _cost(search, chosen)
@@ -86,13 +90,13 @@ def final_fit(
     mend: bool = True,
     rig: Rig | None = None,
 ) -> FinalFit:
-    """The chosen fit refined (`mend`), then fitted with the chain's own step as the handed-over simulator runs.
+    """The chosen fit with corrections of its form (`mend`), fitted with the full step of the chain, as the
+    handed-over simulator runs.
 
-    Where that is worse than the nominal simulator (a form that the full step cannot follow), the same causes in other
-    forms or with the law held or free are fitted in its place, and the least bad is handed over.
-
-    rig: with the whole records, where the search went by excerpts. Where nothing meets the noise, nothing is mended: of
-    the fits of the chosen causes, with the law held and free, the one that leaves least of regimes left out is taken.
+    If the result is worse than the nominal simulator, the same causes are fitted in other forms or with fixed
+    or free nominal parameters, and the best of these is returned. rig: with the whole records, if the search
+    used excerpts. If no fit reaches the noise, the form is not corrected. The result is then the fit of the
+    chosen causes, with fixed or free nominal parameters, with the least error on left-out regimes.
     """
     chosen = _through(search, chosen)
     corrections: tuple[str, ...] = ()
@@ -122,8 +126,11 @@ def final_fit(
 
 
 def steadiest(search: Search, chosen: Fit) -> Fit:
-    """Of the fits of the chosen causes the one that leaves least of regimes left out; with the law's numbers where
-    their owner believes them, unless free ones leave less by _FREER: they were identified on this rig."""
+    """The fit of the chosen causes with the least error on left-out regimes.
+
+    Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
+    rig.
+    """
     causes = set(chosen.hypothesis.causes)
     found = {
         free: min(
@@ -141,7 +148,7 @@ def steadiest(search: Search, chosen: Fit) -> Fit:
 
 
 def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
-    """A fit of excerpts taken on with the whole records and the chain's own step."""
+    """A fit of excerpts, continued on the whole records with the full step of the chain."""
     stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
     problem = Problem(rig, stride=stride, trust=search.problem.trust)
     steps = 0 if not found.hypothesis.coordinates else _WHOLE_STEPS
@@ -150,7 +157,7 @@ def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
 
 
 def _through(search: Search, found: Fit) -> Fit:
-    """A fit that a search broke off while it was still moving, taken to where it rests."""
+    """A fit that the search stopped before convergence, continued."""
     if found.converged or not found.hypothesis.coordinates:
         return found
     further = search.fitted(found.hypothesis, found.point, most=_THROUGH, stage=" through")
@@ -161,7 +168,7 @@ def _with_full_step(search: Search, found: Fit, corrections: tuple[str, ...]) ->
     coarse = search.problem
     fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
     final = replace(fit(fine, found.hypothesis, found.point, most=0), converged=found.converged)
-    # Where the steps of a search were good enough that is that.
+    # If the step of the search was small enough, its fit is the result.
     if abs(final.cost - found.cost) > max(_SAME * found.cost, _NOTHING * search.excess):
         known = search.law_columns(found)
         final = fit(fine, found.hypothesis, found.point, most=2, known=known, frozen=known is not None)

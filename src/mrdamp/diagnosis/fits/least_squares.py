@@ -1,4 +1,5 @@
-"""Bounded least squares with priors: Levenberg-Marquardt whose trial steps run in one call."""
+"""Bounded nonlinear least squares with priors: Levenberg-Marquardt that evaluates several damping values in
+one call."""
 
 from __future__ import annotations
 
@@ -12,21 +13,24 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
-#: What the priors' sum of squares counts in units of a cost (gap squared): they settle what records leave open.
+#: Weight of the priors' sum of squares in units of a cost (squared gap): priors determine what the records
+#: leave open.
 PRIOR_WEIGHT = 3e-6
-#: Relative fall of the cost that ends a fit, and full steps of one whose last figures do not matter.
+#: Relative reduction of the cost that ends a fit; number of full steps if a fit need not be precise.
 TOLERANCE, ROUGHLY = 2e-3, 0.01
-#: Dampings tried at once, times the present one; the first of them.
+#: Damping factors evaluated at once, relative to the present one; initial damping.
 _DAMPINGS, _DAMPING = (0.03, 1.0, 30.0), 1e-2
-#: Iterations after which a fit has to be below its bar.
+#: Number of iterations after which a fit has to be below its bar.
 _PATIENCE = 4
-#: Descents in rough runs, each from where the full step stands; a cost that the rough runs got right to this share.
+#: Number of descents with coarse runs, each from the last full step; relative accuracy required of a coarse
+#: run's cost.
 _ROUNDS, _AGREEMENT = 3, 0.02
-#: Share of a residual's sum of squares above which what a rough run is off by is not taken off: it holds nearby alone.
+#: A coarse run's error is corrected only if it is below this share of a residual's sum of squares: the
+#: correction holds locally.
 _NEARBY = 0.1
-#: Gauss-Newton steps are no longer than this in any coordinate, in units of search.
+#: Largest Gauss-Newton step in any coordinate, in units of search.
 _LONGEST = 8.0
-#: How far a fit looks along a rugged coordinate (logarithm of its setting), and how often it goes on from there.
+#: Range of a line scan along a rugged coordinate (logarithm of its setting), and number of scans.
 _AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
 _SCANS = 4
 
@@ -35,9 +39,9 @@ _SCANS = 4
 class Fit:
     """A hypothesis fitted to the records of a problem.
 
-    point (coordinates,), cost: sum of squares of the residuals (a sum over records of gaps squared; the priors'
-    share is not in it), residual (samples,) at the point, jacobian (samples, coordinates) there or where the last
-    step set out from. at (coordinates,): where that is; None for the point itself.
+    point (coordinates,). cost: sum of squared residuals (sum over records of squared gaps, without the
+    priors). residual (samples,) at the point. jacobian (samples, coordinates) at the point or at the start of
+    the last step. at (coordinates,): point of the Jacobian; None: `point`.
     """
 
     hypothesis: Hypothesis
@@ -51,7 +55,7 @@ class Fit:
 
     @property
     def name(self) -> str:
-        """Of the terms, and whether the nominal parameters are free beside them."""
+        """Names of the terms and whether the nominal parameters are free."""
         return f"{'free' if self.hypothesis.nominal else 'held'} {self.hypothesis.name}"
 
     @property
@@ -60,21 +64,22 @@ class Fit:
 
     @property
     def move(self) -> float:
-        """RMS of what the nominal parameters move by, as shares (or of their size, where they are not positive)."""
+        """RMS of the relative changes of the nominal parameters (relative to their size if they are not
+        positive)."""
         scales = np.array([c.scale if c.log else 0.1 for c in self.hypothesis.nominal])
         moved = scales * self.point[: len(scales)]
         return float(np.sqrt(np.mean(moved**2))) if len(scales) else 0.0
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Names of the settings that stand at an end of their range."""
+        """Names of the settings at a limit of their range."""
         low, high = self.hypothesis.bounds()
         slack = 1e-6 * np.maximum(high - low, 1e-12)
         return self._named((self.point <= low + slack) | (self.point >= high - slack))
 
     @property
     def at_lower_bounds(self) -> tuple[str, ...]:
-        """Names of those that stand at its lower end, to a unit of search."""
+        """Names of the settings within one unit of search of their lower limit."""
         return self._named(self.point <= self.hypothesis.bounds()[0] + 1)
 
     def _named(self, which: NDArray[np.bool_]) -> tuple[str, ...]:
@@ -92,11 +97,12 @@ def fit(
     frozen: bool = False,
     bar: float = np.inf,
 ) -> Fit:
-    """Fits from a point. most: iterations; tolerance: relative fall of the cost that ends it.
+    """Fits from a point.
 
-    known (samples, columns): columns of the Jacobian for the first coordinates, used in the first step, or in all of
-    them where `frozen` (signatures of the nominal parameters change little with an effect). bar: a fit whose cost is
-    still above this after a few iterations is given up.
+    most: largest number of iterations. tolerance: relative reduction of the cost that ends the fit. known
+    (samples, columns): Jacobian columns of the first coordinates, used in the first step, or in all steps if
+    `frozen` (signatures of the nominal parameters change little with an effect). bar: a fit with a higher
+    cost after a few iterations is stopped.
     """
     descent = _Descent(problem, hypothesis, start, known, frozen)
     for _ in range(1 + _SCANS):
@@ -112,8 +118,11 @@ def fit(
 
 
 class _Descent:
-    """A fit under way. Its steps are tried in rough runs, each less what such a run was off by where the full step was
-    last taken; where they end, the full step is taken again. Where rough runs lead no further, full ones do."""
+    """A fit in progress.
+
+    Its steps are tried in coarse runs, corrected by the difference to the full run at the last full step. At
+    the end of a descent a full run is made. If coarse runs give no further reduction, full runs are used.
+    """
 
     def __init__(
         self, problem: Problem, hypothesis: Hypothesis, start: Array, known: Array | None, frozen: bool
@@ -126,30 +135,30 @@ class _Descent:
         self.q = np.clip(start, self.low, self.high)
         self.r: Array = problem.residuals(hypothesis, self.q)[0]
         self.total = self.cost(self.r, self.q)
-        self.own = self.rough_run()  # without what is taken off it
+        self.own = self.rough_run()  # without the correction
         self.full = (self.q, self.r, self.own, self.total)
         off = self.r - self.own
         if float(off @ off) > _NEARBY * self.total:
             self.r, self.total = self.own, self.cost(self.own, self.q)
         self.known, self.fresh = known, known is None
         self.damping, self.iterations, self.converged = _DAMPING, 0, False
-        self.steps_there = 0  # iterations up to where the full step was last taken
-        self.there = True  # the full step was taken where it stands
-        self.exact = False  # the Jacobian is of full runs
+        self.steps_there = 0  # iterations up to the last full step
+        self.there = True  # the last full step was at this point
+        self.exact = False  # the Jacobian is from full runs
         self.look()
 
     def cost(self, r: Array, q: Array) -> float:
-        """Sum of squares with the priors' share."""
+        """Sum of squares including the priors."""
         return float(r @ r) + float(np.sum((self.prior * q) ** 2))
 
     def rough_run(self) -> Array:
-        """The rough run's residual where it stands."""
+        """Residual of the coarse run at the present point."""
         if self.rough is self.problem:
             return self.r
         return np.asarray(self.rough.residuals(self.hypothesis, self.q)[0])
 
     def look(self) -> None:
-        """The Jacobian where it stands; by rough runs as long as that leads on."""
+        """Computes the Jacobian at the present point; from coarse runs as long as they give a reduction."""
         known = self.known if self.frozen or not self.fresh else None
         runs, before = self.stepper, self.r
         if self.stepper is self.rough:
@@ -160,12 +169,12 @@ class _Descent:
         self.fresh = known is None
 
     def run(self, most: int, tolerance: float, bar: float) -> None:
-        """Steps until they gain little."""
+        """Iterates until the reduction is small."""
         self.converged = False
         if self.stepper is self.rough:
             tolerance = min(
                 tolerance, TOLERANCE
-            )  # these cost little, and stopped early a slow way ends far off
+            )  # these cost little; stopping early on a narrow path ends far from the optimum
         while self.iterations < most:
             self.iterations += 1
             gain = self.step()
@@ -181,11 +190,11 @@ class _Descent:
                     self.damping *= 1e3
                     continue
                 else:
-                    self.known, self.fresh = None, True  # the known columns may be what holds it up
+                    self.known, self.fresh = None, True  # the known columns may be what blocks the descent
             self.look()
 
     def step(self) -> float:
-        """The best of some trial steps; the relative fall of the cost."""
+        """Takes the best of some trial steps; returns the relative reduction of the cost."""
         steps = np.array(
             [
                 _step(self.j * self.smooth, self.r, self.prior, self.q, self.low, self.high, self.damping * d)
@@ -198,7 +207,8 @@ class _Descent:
         return gain
 
     def take(self, moves: Array) -> tuple[float, int]:
-        """The best of some moves (moves, coordinates), where it is one; the relative fall of the cost, and which."""
+        """Takes the best of some moves (moves, coordinates) if it reduces the cost; returns the relative
+        reduction and its index."""
         trials = np.clip(self.q + moves, self.low, self.high)
         runs = self.stepper.residuals(self.hypothesis, trials)
         rows = runs if self.stepper is self.problem else runs + (self.r - self.own)
@@ -211,7 +221,7 @@ class _Descent:
         return gain, best
 
     def scan(self, tolerance: float) -> bool:
-        """Goes on from the best point along the rugged coordinates; False where that gains little."""
+        """Scans the rugged coordinates from the best point; False if that gains little."""
         moves = []
         for k in np.flatnonzero(self.smooth == 0):
             for ahead in np.concatenate([-_AHEAD, _AHEAD]):
@@ -225,7 +235,8 @@ class _Descent:
         return True
 
     def arrived(self, most: int, bar: float) -> bool:
-        """True where the full step finds what the rough runs led to, or there is no going on; that is then taken."""
+        """True if a full run confirms the descent of the coarse runs or no further descent is possible; the
+        point is then final."""
         if self.stepper is self.problem:
             return True
         expected, q, self.there = self.total, self.q, True
@@ -247,10 +258,10 @@ class _Descent:
         return False
 
     def fit(self, most: int) -> Fit:
-        """What was found."""
+        """The fit at the present point."""
         converged = self.converged or most == 0
         point, cost = self.q, float(self.r @ self.r)
-        if self.stepper is not self.rough:  # the Jacobian as `taken_up` will have it
+        if self.stepper is not self.rough:  # the Jacobian as `taken_up` computes it
             self.stepper, self.q = self.rough, self.at
             self.own = self.rough_run()
             self.look()
@@ -260,7 +271,7 @@ class _Descent:
 def taken_up(
     problem: Problem, hypothesis: Hypothesis, point: Array, at: Array, known: Array | None, *, converged: bool
 ) -> Fit:
-    """The fit that ended at a point, to the last bit. at: of its Jacobian; known: the columns that it had frozen."""
+    """Recomputes a stored fit bit by bit. at: point of its Jacobian; known: its frozen columns."""
     residual = problem.residuals(hypothesis, point)[0]
     rough = problem.rougher(hypothesis)
     before = rough.residuals(hypothesis, at)[0]
@@ -271,8 +282,8 @@ def taken_up(
 def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> Array:
     """Gaps (blocks,) on records that the parameters were not fitted to.
 
-    groups: records (numbers) left out together. One Gauss-Newton step takes the fit to the optimum of the others,
-    and the records left out are simulated there.
+    groups: numbers of records that are left out together. One Gauss-Newton step gives the optimum without
+    them, and they are simulated there.
     """
     prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
     low, high = found.hypothesis.bounds()
@@ -283,7 +294,7 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
             if b.record in group:
                 keep[b.span] = False
         q = found.point
-        # Damped: along what hardly matters (poles that may swap) an undamped step would go anywhere.
+        # Damping limits steps along directions that hardly matter (exchangeable poles).
         step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
         inside = [k for k in problem.records if k in group]
         part = Problem(problem.rig, inside, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
@@ -304,7 +315,7 @@ def _jacobian(problem: Problem, hypothesis: Hypothesis, q: Array, r: Array, know
 
 
 def _step(j: Array, r: Array, prior: Array, q: Array, low: Array, high: Array, damping: float) -> Array:
-    """A damped Gauss-Newton step within the bounds: coordinates that would leave stay at their end."""
+    """A damped Gauss-Newton step within the bounds; coordinates that would leave stay at their limit."""
     matrix = j.T @ j + np.diag(prior**2)
     vector = -(j.T @ r + prior**2 * q)
     floor = 1e-9 * max(float(np.max(np.diag(matrix), initial=0.0)), 1e-30)

@@ -1,4 +1,4 @@
-"""How wide a search for causes goes."""
+"""Width of a search for causes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """How wide the search goes.
+    """Width of a search.
 
-    singles: causes fitted alone of those screened, for each flavour; beam: sets carried on; additions: causes fitted
-    to each of them; forms: of each cause; depth: most causes at once; polished: fits with free nominal parameters
-    that get a full Jacobian of their own; freed: held fits of each number of causes whose law is freed; base:
-    iterations for the nominal parameters alone; rivals: causes outside the catalogue fitted; exchanged: causes tried in
-    place of the weaker one of the best pair; reformed: other forms of a cause tried in the place of its best one.
+    singles: number of single causes fitted, with fixed and with free nominal parameters. beam: number of sets
+    that are extended. additions: causes added to each. forms: of each cause. depth: largest number of causes.
+    polished: fits with free nominal parameters whose full Jacobian is computed. freed: fits with fixed
+    nominal parameters, for each number of causes, that are repeated with free ones. base: iterations for the
+    nominal parameters alone. rivals: fits of causes outside the catalogue. exchanged: causes tried in place
+    of the weaker one of the best pair. reformed: other forms tried for a cause.
     """
 
     singles: int = 8
@@ -29,5 +30,5 @@ class Limits:
     reformed: int = 4
 
 
-#: A second cause, or causes beside free numbers, where no fit so far meets the noise.
+#: Limits for a second cause, or for causes with free nominal parameters, if no fit so far reaches the noise.
 NARROW = Limits(singles=3, beam=2, additions=3, forms=1, polished=1)

@@ -1,4 +1,4 @@
-"""Records left out by regime: a correction has to hold at commands and speeds that none of its numbers saw."""
+"""Cross-validation by regime: a correction must hold at commands and speeds outside the range of its fit."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from mrdamp.model.core import Array
 
 Groups = tuple[tuple[int, ...], ...]
 
-#: Records whose level (of the command over its largest, of the logarithm of the speed) lies within this of the one
-#: before are one regime; most regimes of a grouping.
+#: Records belong to one regime if neighbouring levels (command over its largest, logarithm of the speed)
+#: differ by less than this; largest number of regimes.
 _SAME_COMMAND, _SAME_SPEED, _MOST = 0.1, 0.25, 4
 
 
 def by_record(problem: Problem) -> Groups:
-    """Every record alone."""
+    """Every record is a group."""
     return tuple((k,) for k in problem.records)
 
 
 def groupings(problem: Problem) -> tuple[Groups, ...]:
-    """Ways to leave records out: by the mean command, by the RMS speed; each alone where neither has two regimes."""
+    """Groupings for cross-validation: by the mean command and by the RMS speed; single records if neither has
+    two regimes."""
     conditions = [problem.rig.conditions(k) for k in problem.records]
     levels = []
     if all("command" in c for c in conditions):
@@ -47,7 +48,7 @@ def _grouped(level: Array, same: float) -> list[list[int]]:
         if level[k] - level[before] > same:
             groups.append([])
         groups[-1].append(int(k))
-    while len(groups) > _MOST:  # the two that are nearest are one
+    while len(groups) > _MOST:  # merge the two nearest groups
         means = [float(np.mean(level[g])) for g in groups]
         i = int(np.argmin(np.diff(means)))
         groups[i : i + 2] = [groups[i] + groups[i + 1]]
@@ -62,5 +63,5 @@ def left_out(problem: Problem, found: Fit, groups: Groups) -> Array:
 
 
 def regime_cost(problem: Problem, found: Fit) -> float:
-    """Sum of squares that a fit leaves of records left out by regime, in the grouping where it leaves most."""
+    """Sum of squares of a fit on regimes left out, for the grouping with the largest."""
     return max(problem.cost(left_out(problem, found, g)) for g in groupings(problem))

@@ -1,7 +1,7 @@
-"""The predicted gain of each term of the catalogue on top of a fit, by the change that it makes to a run.
+"""Predicted gain of each term of the catalogue in addition to a fit, from the term's change of a simulation.
 
-A change on top of another cause is nearly the one that the term makes to the nominal simulator, which is known from
-the first screening: it predicts which terms are worth a run of their own.
+The change in addition to another cause is close to the change of the nominal simulator, known from the first
+screening. It predicts which terms are worth a simulation.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ from mrdamp.diagnosis.fits.table import FitTable
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.model.core import Array
 
-#: A signature is stretched by no more than this when it is screened.
+#: Largest scale factor of a signature in a screening.
 _STRETCH = 4.0
-#: So many of the terms with the largest predicted gain get runs of their own, the others stand with the prediction.
-#: Of 70 screenings on opened cases of the blind test the best term was among the first two in all but one.
+#: Number of terms with the largest predicted gain that are simulated; the others keep the prediction. In 70
+#: screenings on opened cases of the blind test the best term was among the first two in all but one.
 _LOOKED_AT = 16
-#: Nothing is predicted where free numbers have moved by more than this (RMS share): the simulator is another one then.
+#: The prediction is not used if free nominal parameters have changed by more than this (RMS, relative).
 _MOVED = 0.4
 
 
 def screen(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreTest]:
-    """Score test of each term on top of a fit, best first.
+    """Score test of each term in addition to a fit, best first.
 
-    A score test with a signature of finite size: the change that the term makes at a start, less what the free
-    coordinates can make themselves, stretched to the residual (backwards too, where the term has two signs).
+    The test uses a signature of finite size: the change by the term at one of its starts, without the part
+    that the free coordinates reproduce, scaled to the residual. The scale may be negative if the term has two
+    signs.
     """
     key = (found.name, found.point.tobytes(), tuple(t.name for t in terms))
     if key not in table.cache.screens:
@@ -81,7 +82,7 @@ def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreT
 
 
 class _Left:
-    """What a fit leaves, less what its own free coordinates can make."""
+    """Residual of a fit without the part that its own free coordinates can reproduce."""
 
     def __init__(self, found: Fit) -> None:
         self.cost = found.cost
@@ -92,7 +93,7 @@ class _Left:
         return np.asarray(change - self.basis @ (self.basis.T @ change))
 
     def score_test(self, term: Term, changes: Sequence[Array]) -> ScoreTest:
-        """Of a term with the change that it makes from each of its starts, from the best of those."""
+        """Score test of a term from its changes at each start; the best of them."""
         best: ScoreTest | None = None
         nearest = (np.inf, 0)
         for k, d in enumerate(changes):
@@ -106,5 +107,5 @@ class _Left:
                 best = ScoreTest(cost, term, k, by)
             nearest = min(nearest, (2 * along + size, k))
         assert best is not None
-        # Nothing of a start whose numbers go by their logarithm can be stretched: the one that comes nearest.
+        # A start in logarithmic coordinates cannot be scaled: the start that comes nearest is used.
         return replace(best, start=nearest[1]) if all(c.log for c in term.coordinates) else best

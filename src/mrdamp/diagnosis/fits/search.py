@@ -1,8 +1,9 @@
-"""Which causes explain the gap: score tests, fits of what has a predicted gain, forward steps, drops, a beam.
+"""Search for the causes of a gap: score tests, fits of terms with a predicted gain, forward steps, removal, a
+beam.
 
-Every set of causes is tried twice: with the nominal parameters held where their owner believes them, and with all of
-them free. Held is the simpler statement by as many numbers as the law has, and where the owner is right it parts
-causes that a free law would blur; free is what counts where he is not.
+Every set of causes is fitted twice: with fixed nominal parameters and with free ones. The fixed fit is
+simpler by the number of nominal parameters. If these are right, it separates causes that free parameters
+would blur. If they are wrong, only the free fit is valid.
 """
 
 from __future__ import annotations
@@ -25,15 +26,17 @@ from mrdamp.model.core import Array
 
 Progress = Callable[[str, float], None]
 
-#: Free numbers alone may stand in for a cause: where they take most of a gap, but leave this share of the floor more
-#: than it, causes are tried beside them.
+#: Free parameters alone may imitate a cause. If they explain most of a gap but leave this share of the noise
+#: floor as excess, causes are tried in addition.
 _LAW_UNCERTAINTY, _STANDS_IN = 0.1, 0.3
-#: Turns that a fit with free numbers is polished for, and the share that one has to take off for another.
+#: Largest number of repetitions of a fit with free parameters; least relative reduction for another
+#: repetition.
 _POLISHED, _GAINS = 4, 0.3
-#: Beside a worse parent, what is predicted to leave more than so many times what was found beside a better one is left.
+#: For a worse parent, a term is skipped if its predicted cost exceeds this multiple of the cost found with a
+#: better parent.
 _HOPELESS = 10.0
-#: A second cause's price is paid where half is left (exp(-2 (CAUSE_PRICE + NUMBER_PRICE) / INDEPENDENT)); a pair that
-#: leaves more than this share of what the best single cause leaves is not followed.
+#: The penalty of a second cause is balanced if half of the cost remains (exp(-2 (CAUSE_PRICE + NUMBER_PRICE)
+#: / INDEPENDENT)). A pair above this share of the best single cause's cost is not continued.
 _PAYS = 0.6
 #: Share of the excess below which a fit may become exact with another cause or form.
 _NEARS = 0.15
@@ -43,9 +46,9 @@ _NEARS = 0.15
 class Search(FitTable):
     """A table of fits and the strategy that fills it.
 
-    rivals: fits of causes outside the catalogue; looks_like: the one of them that the verdict went by. steady: False
-    where two runs of one test differ by more than their noise. direct: nats by cause that channels which see the same
-    thing speak for it. own: cost of what the nominal simulator misses of the rig's baseline, 0 without one.
+    rivals: fits of causes outside the catalogue; looks_like: the rival that decided the verdict. steady:
+    False if two runs of one test differ by more than their noise. direct: nats, by cause, from channels that
+    measure the same quantity. own: cost of the nominal simulator on the rig's baseline, 0 without one.
     """
 
     rivals: list[Fit] = field(default_factory=list)
@@ -56,7 +59,7 @@ class Search(FitTable):
     _asked: bool = False
 
     def begin_with(self, term: Term) -> None:
-        """Fits a term from its first start, with the law held and free, and keeps both."""
+        """Fits a term from its first start, with fixed and with free nominal parameters, and keeps both."""
         q = np.array([c.point(v) for c, v in zip(term.coordinates, term.starts[0], strict=True)])
         for parent in (self.fits[False, frozenset()], self.base):
             start = np.concatenate([parent.point, q])
@@ -65,7 +68,8 @@ class Search(FitTable):
                 self.keep(found)
 
     def run(self, progress: Progress = lambda what, share: None) -> None:
-        """Held singles, then held pairs, then both with the nominal parameters free; what is solved ends it."""
+        """Single causes, then pairs, with fixed nominal parameters; then both with free ones. Ends as soon as
+        the gap is explained."""
         for number, (free, depth) in enumerate(product((False, True), range(1, self.limits.depth + 1))):
             if self.solved(self.base) and (free or depth > 1):
                 if (1 + _LAW_UNCERTAINTY) * self.floor < self.base.cost < _STANDS_IN * self.nominal_cost:
@@ -110,13 +114,13 @@ class Search(FitTable):
             self.outside()
 
     def nears_noise(self) -> bool:
-        """True where something comes so near the noise that the law may be the rig's and a wider search pays. A law
-        that is not bends to any cause."""
+        """True if a fit is so near the noise that the law may be the rig's and a wider search pays. A wrong
+        law is bent by any cause."""
         return min(self.unexplained(f) for f in self.fits.values()) < _NEARS
 
     def pair_pays(self, free: bool) -> bool:
-        """True where the best pair of causes leaves so much less than the best single one that it can be worth the
-        price of another cause, in the form that is right; and little, where nothing meets the noise."""
+        """True if the best pair of causes reduces the cost of the best single one enough to outweigh its
+        penalty in the right form, and explains most of the gap if no fit reaches the noise."""
         single, pair = self.best(free, 1), self.best(free, 2)
         if single is None or pair is None:
             return False
@@ -125,8 +129,8 @@ class Search(FitTable):
         return pair.cost - self.floor < _PAYS * (single.cost - self.floor)
 
     def free_parts(self) -> None:
-        """Each cause of the best held set alone, with the law free: numbers that are a little off look like a second
-        cause, and the two have to be weighed."""
+        """Fits each cause of the best set alone with free nominal parameters: slightly wrong parameters look
+        like a second cause, and the two explanations have to be compared."""
         best = self.best(False)
         if best is None or len(best.hypothesis.causes) < 2:
             return
@@ -144,9 +148,12 @@ class Search(FitTable):
                 self.keep(found)
 
     def free_best(self) -> None:
-        """The best sets of each size that were held, with the law free from there: where its numbers are a little off,
-        a set that explains most is not found on top of a law that was bent to do without it. Where one cause beside
-        free numbers leaves nothing, only the best causes alone: others may leave nothing either."""
+        """Fits the best sets of each size with free nominal parameters, starting from the fixed ones.
+
+        With slightly wrong nominal parameters, a set that explains most is not found from a law that was
+        fitted without it. If one cause with free parameters leaves nothing, only the best single causes are
+        fitted: others may leave nothing either.
+        """
         if any(self.solved(f) for f in self.ranked(False)[:1]):
             return
         tasks = []
@@ -165,16 +172,16 @@ class Search(FitTable):
             self.keep(found)
 
     def explained_outside(self) -> bool:
-        """True where a cause outside the catalogue leaves nothing and none in it comes near: two of those can say no
-        more, with more numbers."""
+        """True if a cause outside the catalogue explains the gap and no single one in it comes near: pairs
+        would only add parameters."""
         if min(self.unexplained(f) for f in self.fits.values()) < NEARLY:
             return False
         self.outside()
         return any(self.solved(f) for f in self.rivals)
 
     def outside(self) -> None:
-        """Causes outside the catalogue, those with the largest predicted gain alone, with the nominal parameters held
-        and free; asked for once."""
+        """Fits causes outside the catalogue, those with the largest predicted gain, with fixed and free
+        nominal parameters; only once."""
         if self._asked:
             return
         self._asked = True
@@ -191,10 +198,11 @@ class Search(FitTable):
         self.rivals += [f for f in self.map(self.tried, tasks) if f is not None]
 
     def extend(self, free: bool, depth: int, limits: Limits | None = None) -> None:
-        """Adds a cause to the best sets of one fewer. limits: how many causes and forms, where not the search's own."""
+        """Adds a cause to the best sets of one fewer. limits: numbers of causes and forms; None: the search's
+        own."""
         limits = limits or self.limits
         smaller = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1]
-        least = np.inf  # of what was found beside a better parent
+        least = np.inf  # least cost found with a better parent
         for parent in parents(smaller, limits.beam, self.floor, SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)
             ranked = screen(self, parent, self.beside(taken))
@@ -217,7 +225,7 @@ class Search(FitTable):
         try_clock(self, self.best(free, depth))
 
     def _polish(self, found: Fit) -> Fit:
-        """With the law's signatures taken anew, as often as that takes a good part off."""
+        """Repeats a fit with new signatures of the law while each repetition reduces the cost enough."""
         for turn in range(_POLISHED):
             better = self.fitted(found.hypothesis, found.point, most=4, stage=f" polished {turn}")
             found, before = min(better, found, key=lambda f: f.cost), found

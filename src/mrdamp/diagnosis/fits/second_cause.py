@@ -1,4 +1,5 @@
-"""A second cause beside one that explains most: what a fit leaves may be little, and yet more than noise."""
+"""A second cause in addition to one that explains most of the gap: the remainder may be small and still
+exceed the noise."""
 
 from __future__ import annotations
 
@@ -7,17 +8,18 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import FitTable
 
-#: A cause is fitted where its score test predicts this relative fall of what the fit leaves; so many, best first.
+#: Least predicted relative reduction of the remainder for a fit; number of causes fitted, best first.
 _GAIN, _MOST = 0.2, 2
 
 
 def others(table: FitTable, found: Fit) -> list[ScoreTest]:
-    """Score tests of every cause that a fit has not, best first."""
+    """Score tests of every cause that a fit does not contain, best first."""
     return screen(table, found, table.beside(found.hypothesis.causes))
 
 
 def try_second_cause(table: FitTable, found: Fit) -> None:
-    """Fits the causes with the largest predicted gain beside those of a fit, and keeps what is found."""
+    """Fits the causes with the largest predicted gain in addition to those of a fit, and keeps the results.
+    """
     tried: set[str] = set()
     for test in others(table, found):
         if len(tried) == _MOST or test.cost > (1 - _GAIN) * found.cost:

@@ -1,4 +1,4 @@
-"""Points that fits have found, kept in a file while a diagnosis runs, so that an interrupted one goes on."""
+"""Optima of completed fits in a file, so that an interrupted diagnosis can be resumed."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.model.core import Array
 
-#: Of what is stored; another number makes old files void.
+#: Version of the file; files with another one are ignored.
 _VERSION = 3
 
 
 class Kept(NamedTuple):
-    """Of a fit: its point (coordinates,), whether it had converged, the point of its Jacobian (coordinates,), and how
-    many iterations it took."""
+    """A stored fit: its point (coordinates,), whether it had converged, the point of its Jacobian
+    (coordinates,), and its number of iterations."""
 
     point: Array
     converged: bool
@@ -34,7 +34,8 @@ class Kept(NamedTuple):
 
 @dataclass
 class Store:
-    """Points by name of the fit. path None: nothing is kept. key: of the case's content; another one voids a file."""
+    """Points by name of the fit. path None: nothing is stored. key: hash of the case; a file with another key
+    is ignored."""
 
     path: Path | None = None
     key: str = ""
@@ -43,18 +44,18 @@ class Store:
 
     @classmethod
     def of(cls, path: Path, case: Case) -> Store:
-        """The store of a case: what an earlier run left, or an empty one."""
+        """The store of a case: from an earlier run, or empty."""
         key = content_key(case)
         try:
             data = json.loads(decode(str(path), read_bytes(path)))
             if data.get("key") == key:
                 return cls(path, key, dict(data["points"]))
         except (InputError, ValueError, KeyError, AttributeError):
-            pass  # none yet, or one that a stopped machine left damaged
+            pass  # no file, or one damaged by an abort
         return cls(path, key)
 
     def get(self, name: str) -> Kept | None:
-        """What is kept of a fit."""
+        """The stored fit, or None."""
         found = self.points.get(name)
         if found is None:
             return None
@@ -64,7 +65,7 @@ class Store:
     def put(
         self, name: str, point: Array, converged: bool, at: Array | None = None, iterations: int = 0
     ) -> None:
-        """Keeps a fit's point and that of its Jacobian (None: the same)."""
+        """Stores a fit's point and that of its Jacobian (None: the same)."""
         before = point if at is None else at
         with self._lock:
             self.points[name] = {
@@ -77,7 +78,7 @@ class Store:
                 write_atomic(self.path, json.dumps({"key": self.key, "points": self.points}))
 
     def remove(self) -> None:
-        """Takes the file away: the diagnosis is done."""
+        """Deletes the file at the end of the diagnosis."""
         if self.path is not None:
             self.path.unlink(missing_ok=True)
 
@@ -93,7 +94,8 @@ def content_key(case: Case) -> str:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Arrays and lists of names as one npz, written in one go: what the pictures of a page are drawn from."""
+    """Writes arrays and lists of names as one npz file, atomically; the figures of a page are drawn from it.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as stream:

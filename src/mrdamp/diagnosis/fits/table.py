@@ -1,4 +1,4 @@
-"""The table of fits of one problem: what was fitted, the best of each set of terms, and how another fit is made."""
+"""The table of fits of one problem: the best fit of each set of terms, and how further fits are made."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 
-#: Nothing material is left for another cause below this unexplained share.
+#: A gap counts as explained below this unexplained share.
 SOLVED = 0.001
-#: Held causes that leave less than this are the right ones, or near: their law and forms are freed, nothing else tried.
+#: Causes with fixed nominal parameters below this unexplained share are right or nearly so: only their
+#: parameters and forms are then varied.
 NEARLY = 0.02
 
 
 @dataclass
 class FitTable:
-    """Fits of hypotheses on one problem, the best of each set of terms with the nominal parameters held and free.
+    """Fits of hypotheses to one problem: the best of each set of terms, with fixed and with free nominal
+    parameters.
 
-    floor: the cost that noise alone leaves. failed: notes on fits that could not be made. cache: what was fitted and
-    screened so far.
+    floor: cost of the noise. failed: notes on fits that could not be made. cache: completed fits and
+    screenings.
     """
 
     problem: Problem
@@ -61,12 +63,13 @@ class FitTable:
 
     @property
     def base(self) -> Fit:
-        """The nominal parameters alone, fitted."""
+        """The fit of the nominal parameters alone."""
         return self.fits[True, frozenset()]
 
     @property
     def inexact(self) -> bool:
-        """True where no fit so far meets the noise: the law is not the rig's, or the cause is not in the catalogue."""
+        """True if no fit so far reaches the noise: the law is not the rig's, or the cause is not in the
+        catalogue."""
         return min(f.cost for f in self.fits.values()) > INEXACT * self.floor
 
     def unexplained(self, found: Fit) -> float:
@@ -74,11 +77,12 @@ class FitTable:
         return max(found.cost - self.floor, 0.0) / self.excess
 
     def beside(self, taken: Collection[str]) -> list[Term]:
-        """Terms of the catalogue that may be added to causes."""
+        """Terms of the catalogue that may be added to the causes `taken`."""
         return [t for t in self.problem.rig.terms if t.cause not in taken and not t.later]
 
     def start_from(self, found: Fit, term: Term, k: int, by: float = 1.0) -> tuple[Hypothesis, Array]:
-        """A fit with a term added at one of its starts, its linear numbers stretched by a factor."""
+        """Hypothesis and starting point for a fit with a term added at one of its starts; linear coordinates
+        are scaled by `by`."""
         q = [
             c.point(v if c.log else c.start + by * (v - c.start))
             for c, v in zip(term.coordinates, term.starts[k], strict=True)
@@ -86,10 +90,10 @@ class FitTable:
         return found.hypothesis.plus(term), np.concatenate([found.point, q])
 
     def solved(self, found: Fit) -> bool:
-        """True where nothing material is left for another cause to explain.
+        """True if no material part of the gap is left for another cause.
 
-        A piston between a mount and a damper is stepped too coarsely in a search to tell: what comes near is looked at
-        with the full step.
+        The coarse step of a search is inaccurate for a piston between a mount and a damper: a near fit is
+        checked with the full step.
         """
         if self._little(found.cost):
             return True
@@ -109,14 +113,15 @@ class FitTable:
 
     @staticmethod
     def law_columns(found: Fit) -> Array | None:
-        """Columns of a fit's Jacobian for the nominal parameters; None where they are held."""
+        """Columns of a fit's Jacobian for the nominal parameters; None if they are fixed."""
         count = len(found.hypothesis.nominal)
         return found.jacobian[:, :count] if count else None
 
     def tried(self, hypothesis: Hypothesis, start: Array, known: Array | None, bar: float) -> Fit | None:
-        """A fit as far as a comparison of causes needs it; None, with a note, where it fails. Arguments as `fitted`."""
+        """A fit to the accuracy needed for a comparison of causes; None, with a note, if it fails. Arguments
+        as in `fitted`."""
         try:
-            most = 8 if hypothesis.nominal else 15  # evidence goes by the logarithm of what is left
+            most = 8 if hypothesis.nominal else 15  # the evidence depends on the logarithm of the cost
             return self.fitted(hypothesis, start, most=most, known=known, bar=bar, tolerance=ROUGHLY)
         except (np.linalg.LinAlgError, ValueError) as error:
             self.failed.append(f"{hypothesis.name}: the fit failed ({error})")
@@ -133,9 +138,11 @@ class FitTable:
         bar: float = np.inf,
         tolerance: float = TOLERANCE,
     ) -> Fit:
-        """A fit from a start, or what an interrupted run had found for it. known: columns of the Jacobian that stay as
-        they are (of the nominal parameters, at the parent's fit). bar: the parent's cost, to get below. tolerance: see
-        `fit`."""
+        """A fit from a start, or its stored result from an interrupted run.
+
+        known: constant columns of the Jacobian (of the nominal parameters, from the parent's fit). bar: the
+        parent's cost, which has to be undercut. tolerance: see `fit`.
+        """
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
         if (name, start.tobytes()) not in self.cache.fits:
             found = self._fitted(name, hypothesis, start, most, known, bar, tolerance)
@@ -143,7 +150,8 @@ class FitTable:
         return self.cache.fits[name, start.tobytes()]
 
     def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
-        """True where a fit of a held law from this very start went so many steps: again it would come no further."""
+        """True if a fit with fixed nominal parameters from this start has already used this many iterations.
+        """
         found = self.cache.fits.get((f"held {hypothesis.name}", start.tobytes()))
         return not hypothesis.nominal and found is not None and found.iterations >= steps
 
@@ -158,7 +166,8 @@ class FitTable:
         tolerance: float,
     ) -> Fit:
         if known is None and hypothesis.nominal:
-            # Once, at the start: a law has a dozen numbers, whose signatures change little on the way.
+            # Computed once at the start: the signatures of a dozen nominal parameters change little during
+            # the fit.
             rough = self.problem.rougher(hypothesis)
             known = rough.jacobian(
                 hypothesis,
@@ -184,13 +193,13 @@ class FitTable:
         return found
 
     def keep(self, found: Fit) -> None:
-        """Takes a fit in, where it is the best of its terms."""
+        """Adds a fit to the table if it is the best of its terms."""
         key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))
         if key not in self.fits or found.cost < self.fits[key].cost:
             self.fits[key] = found
 
     def ranked(self, free: bool) -> list[Fit]:
-        """Fits of a flavour by cost."""
+        """Fits with free or fixed nominal parameters, by cost."""
         return sorted(
             (f for (is_free, _), f in self.fits.items() if is_free == free),
             key=lambda f: (f.cost, f.hypothesis.name),
@@ -202,15 +211,15 @@ class FitTable:
         return next((f for f in self.ranked(free) if set(f.hypothesis.causes) == wanted), None)
 
     def best(self, free: bool, causes: int | None = None) -> Fit | None:
-        """The best fit of a flavour, with so many causes."""
+        """The best fit with free or fixed nominal parameters, and with `causes` causes if given."""
         return next(
             (f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None
         )
 
     def map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
-        """What a function gives for each tuple of arguments, side by side in threads."""
+        """Results of a function for each tuple of arguments, in parallel threads."""
         tasks = list(jobs)
         if self.jobs == 1 or len(tasks) < 2:
             return [function(*task) for task in tasks]
-        # The work is done in the C entry, outside the interpreter's lock.
+        # The work is done in the C entry, which releases the interpreter's lock.
         return list(Parallel(n_jobs=self.jobs, prefer="threads")(delayed(function)(*task) for task in tasks))
