@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
-from mrdamp.diagnosis.constants import LOGIT_TEMPER
+from mrdamp.diagnosis.constants import LOGIT_TEMPER, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
@@ -116,6 +116,30 @@ def test_the_force_sensor_is_compared_with_the_load_cell(kind: str) -> None:
     else:
         assert found.cause == "sensor_lag"
         assert found.settings["sensor_lag_tau"] == pytest.approx(0.01, rel=0.15)
+
+
+def clipped(limit: float) -> tuple[Record, ...]:
+    """Records of a rig whose force sensor reads no more than a limit (N) while the load cell beside it reads all."""
+    made = []
+    for r in records():
+        own = np.clip(np.asarray(r.channel("force_N")), -limit, limit)
+        made.append(Record(r.name, None, DT, dict(r.channels) | {"force_N": own}))
+    return tuple(made)
+
+
+def test_a_sensor_fault_outside_the_catalogue_is_unknown_whatever_the_law_does() -> None:
+    one = Case("rig", Path(), model(OWN), clipped(200.0), (), ())
+    (row,) = compared(one.records, DamperRig(one.model, one.records).terms, {})
+    assert row.unexplained
+    found = answer(one)
+    assert found.verdict == "unknown"
+    assert found.effects == ()
+    assert found.probabilities["unknown"] > 0.95 * UNSTEADY
+    assert max(found.where.stages, key=lambda name: found.where.stages[name]) == "sensor"
+    assert sum(found.where.stages.values()) == pytest.approx(1.0)
+    assert "reference_force_N and force_N differ by" in found.sentence
+    assert found.corrected.parameters == one.model.parameters
+    assert found.corrected.effects == one.model.effects
 
 
 def test_the_measured_current_is_compared_with_the_command() -> None:

@@ -74,9 +74,8 @@ TIED_BY_NATURE = (
     frozenset({"mount_compliance", "backlash"}),
     frozenset({"gas_spring", "sensor_offset"}),
 )
-#: Penalty (nats) of an effect of the force sensor if its reading agrees with the load cell's. With a wrong
-#: law it also applies if the two differ by an amount that no effect of the sensor explains, and to an effect
-#: of a frame's storey or accelerometer whose balance closes.
+#: Penalty (nats) of an effect of the force sensor if its reading agrees with the load cell's. With a wrong law also of
+#: an effect of a frame's storey or accelerometer whose balance closes.
 SENSOR_AGREES = 6.0
 #: If a model of the same inputs predicts more than this share of the residual on left-out records, the
 #: residual is an error of the law.

@@ -8,7 +8,8 @@ from dataclasses import replace
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees, sensor_unexplained
-from mrdamp.diagnosis.evidence.judgement import decided
+from mrdamp.diagnosis.constants import UNSTEADY
+from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
@@ -25,7 +26,7 @@ from mrdamp.diagnosis.problem.noise import (
     trust,
 )
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.report.result import Diagnosis, Where
 from mrdamp.diagnosis.searched import Judged, Searched
 from mrdamp.model.core import Array
 
@@ -63,12 +64,21 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         search.begin_with(term)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
 
+    def apart() -> bool:
+        return search.inexact and sensor_unexplained(channels)
+
     def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
-        return replace(answer, compared=tuple(c.to_dict() for c in channels))
+        where = in_sensor(answer.where) if apart() else answer.where
+        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
 
     def judged() -> Judged:
-        clears = sensor_agrees(channels) or (search.inexact and sensor_unexplained(channels))
-        return judge(search, clears_sensor=clears, baseline=untouched)
+        fits, decision = judge(search, clears_sensor=sensor_agrees(channels), baseline=untouched)
+        if not apart():
+            return fits, decision
+        like = search.looks_like
+        if like is not None and all(t.stage != "sensor" for t in like.hypothesis.terms):
+            search.looks_like, decision = None, replace(decision, outside=None)
+        return fits, unexplained(decision, fits)
 
     return Searched(case, rig, search, noise, floor, base, notes, judged, complete)
 
@@ -87,6 +97,13 @@ def judge(search: Search, *, clears_sensor: bool = False, baseline: Problem | No
         for f in fits
     }
     return fits, decided(search, fits, penalties, baseline)
+
+
+def in_sensor(where: Where) -> Where:
+    """Where the gap lies, for a force sensor that is at fault whatever the law; the other stages share the rest."""
+    stages = {name: (1 - UNSTEADY) * share for name, share in where.stages.items()}
+    stages["sensor"] = stages.get("sensor", 0.0) + 1 - sum(stages.values())
+    return replace(where, stages=stages)
 
 
 def _shortened(rig: DamperRig) -> Problem:

@@ -25,8 +25,8 @@ from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
-from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE, UNSTEADY
-from mrdamp.diagnosis.evidence.judgement import decided, scored, unchanged
+from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
+from mrdamp.diagnosis.evidence.judgement import decided, scored, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
@@ -165,8 +165,7 @@ def judge(
     # A frame's nominal parameters move as far as its structure requires: they have no penalty.
     decision = decided(search, fits, penalties, baseline, moves=False)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:
-        unknown = max(decision.unknown, UNSTEADY)
-        return fits, unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
+        return fits, unexplained(decision, fits)
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:

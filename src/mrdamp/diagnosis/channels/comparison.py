@@ -9,7 +9,7 @@ the chain's coil current.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ class Compared:
     before, after: RMS difference over the RMS of the second channel, with the nominal settings and with the
     best effect. noise: the same ratio for white noise of both channels. cause: effect that explains the
     difference, or None. nats: log evidence of the cause against no effect. settings: fitted settings of the
-    cause.
+    cause. agree: the difference is within the noise.
     """
 
     channels: tuple[str, str]
@@ -57,12 +57,13 @@ class Compared:
     term: Term | None = None
     settings: Settings | None = None
     nats: float = 0.0
+    agree: bool = False
 
     @property
     def unexplained(self) -> bool:
         """True if the difference exceeds the noise and neither an effect nor other parameters explain it."""
         before, after = (max(x**2 - self.noise**2, 0.0) for x in (self.before, self.after))
-        return self.cause is None and before > self.noise**2 and after > PARTS_LEFT * before
+        return self.cause is None and not self.agree and after > PARTS_LEFT * before
 
     def to_dict(self) -> dict[str, Any]:
         """Entry of `diagnosis.json`."""
@@ -102,9 +103,8 @@ def sensor_agrees(found: Sequence[Compared]) -> bool:
 
 
 def sensor_unexplained(found: Sequence[Compared]) -> bool:
-    """True if the force sensor and the load cell differ and no effect of the sensor explains the difference.
-    """
-    return any(c.channels[1] == "force_N" and c.cause is None for c in found) and not sensor_agrees(found)
+    """True if the force sensor and the load cell differ and no effect of the sensor explains the difference."""
+    return any(c.channels[1] == "force_N" and c.unexplained for c in found)
 
 
 def _same_unit(records: Sequence[Record]) -> bool:
@@ -178,7 +178,7 @@ def best_cause(
     floor = (DIRECT_RESOLUTION * noise) ** 2 + resolution**2
     best = Compared(channels, float(np.sqrt(before)), float(np.sqrt(before)), noise)
     if before <= 2 * noise**2 + floor:
-        return best  # the two channels agree
+        return replace(best, agree=True)
     for term in sorted(terms, key=lambda t: len(t.coordinates)):
         if best.after**2 <= noise**2 + floor:
             break  # nothing is left for another effect

@@ -146,6 +146,13 @@ def never_worse(
     return FinalFit(nominal, (), gaps, problem), unchanged(refused, fits)
 
 
+def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
+    """The decision where channels differ whatever the law and no effect explains it: the cause is none of the
+    catalogue's, and the nominal simulator is handed over as it is."""
+    unknown = max(decision.unknown, UNSTEADY)
+    return unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
+
+
 def unchanged(decision: Decision, fits: Sequence[Fit]) -> Decision:
     """The decision with the unchanged nominal simulator as the chosen fit."""
     index = next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates)

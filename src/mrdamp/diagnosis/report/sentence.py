@@ -106,13 +106,14 @@ def _unknown(d: Diagnosis) -> str:
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
     apart = next((row for row in d.compared if row["unexplained"]), None)
     same = abs(g.corrected - g.nominal) <= 1e-3 * g.nominal
-    if apart is not None and same and d.where.places:
+    if apart is not None and same:
         one, other = apart["channels"]
-        place = max((p for p in d.where.places if p != "damper"), key=lambda p: d.where.places[p])
+        places = {name: share for name, share in d.where.places.items() if name != "damper"}
+        most = f", most at {max(places, key=lambda name: places[name])}" if places else ""
         return (
             f"No cause in the catalogue is established for the gap of {percent(g.nominal)}: whatever the damper's law,"
-            f" {one} and {other} differ by {percent(apart['difference'])} (noise {percent(apart['noise'])}), most at"
-            f" {place}, and no effect explains it. The simulator is handed over unchanged."
+            f" {one} and {other} differ by {percent(apart['difference'])} (noise {percent(apart['noise'])}){most}, and"
+            f" no effect explains it. The simulator is handed over unchanged."
         )
     if same:
         handed = (
