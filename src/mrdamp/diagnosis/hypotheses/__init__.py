@@ -1,1 +1,1 @@
-"""The catalogue of effects in its forms, and causes outside it."""
+"""The catalogue of effects in its forms, and causes outside the catalogue."""

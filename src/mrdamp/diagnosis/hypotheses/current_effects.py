@@ -1,4 +1,4 @@
-"""The catalogue of a damper on a machine between command and field: driver and magnetics."""
+"""Catalogue of a damper's effects between command and field: driver and magnetics."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def current_terms(s: Sizes) -> tuple[Term, ...]:
             knee,
             ((1.0 * s.command, 2.0), (0.4 * s.command, 2.0), (0.4 * s.command, 1.0)),
             form="at full scale",
-            fixed={"saturation_full": s.command},  # the law was calibrated at the largest current
+            fixed={"saturation_full": s.command},  # the law is identified at the largest current
         ),
         Term(
             "remanence",

@@ -1,8 +1,9 @@
-"""The catalogue of a damper on a machine: every effect with its coordinates, ranges and starts, in plugin attributes.
+"""Catalogue of a damper: every effect with its coordinates, ranges and starting values, as plugin attributes.
 
-Ranges are scaled by the records (force, stroke, velocity, acceleration, command). Where rigs differ in an effect's
-exact form, its attributes that bend the form are free too (the second pole of a lag, the knee of a saturation, the
-build-up of friction), so that a cause is judged by what it does and not by one equation.
+Ranges are scaled by the records (force, stroke, velocity, acceleration, command). If the exact form of an
+effect differs between rigs, the attributes of the form are free too: the second pole of a lag, the knee of a
+saturation, the presliding distance of friction. A cause is then identified by its behaviour and not by one
+equation.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from mrdamp.model.core import Array
 
 
 def damper_terms(s: Sizes) -> tuple[Term, ...]:
-    """All effects from driver to sensor, in the order of the chain, in the forms that records so sampled can show."""
+    """All effects from driver to sensor, in the order of the chain, in the forms that the sampling of the
+    records can show."""
     return tuple(term for term in _terms(s) if term.starts)
 
 
 def _terms(s: Sizes) -> tuple[Term, ...]:
-    """In all forms; one whose resonances are beyond what is sampled has no starts."""
+    """All forms; a form whose resonances are above the sampling limit has no starts."""
     k = s.force / s.stroke
     inertia = s.force / s.acceleration
     dt = s.sample_time
@@ -197,9 +199,10 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
 def nominal_coordinates(
     law: str, parameters: Settings, command: float, stroke: float
 ) -> tuple[Coordinate, ...]:
-    """The law's parameters, free about their nominal values: a factor of 8 and a prior of a third to either side.
+    """The nominal parameters, free about their nominal values: range of a factor of 8, prior standard
+    deviation of a factor of 1.35.
 
-    An exponent of 1 or 2 is a choice of form and stays: hysteresis has a closed form there, five times as fast.
+    An exponent of 1 or 2 is fixed: the hysteresis then has a closed form, which is five times as fast.
     """
     out = []
     for name, value in parameters.items():
@@ -226,7 +229,7 @@ def _mass_terms(inertia: float, dt: float) -> tuple[Term, ...]:
     def term(
         coordinates: tuple[Coordinate, ...], starts: tuple[tuple[float, ...], ...], form: str = ""
     ) -> Term:
-        # Beyond the mount, as a fixture is; that matters behind a mount alone.
+        # The mass lies beyond the mount, as a fixture does; this matters only with a mount.
         fixed = {"moving_mass_beyond": 1.0}
         return Term("moving_mass", "mechanics", coordinates, starts, form=form, fixed=fixed)
 
@@ -236,7 +239,7 @@ def _mass_terms(inertia: float, dt: float) -> tuple[Term, ...]:
         ratio,
         linear("moving_mass_share", 0.1, 0.05, 1.0, 0.9),
     )
-    # A low resonance is found from a wide one alone.
+    # A fit finds a low resonance only from a start with high damping.
     resonances = ((30.0, 0.3), (70.0, 0.1), (100.0, 0.05), (140.0, 0.05), (190.0, 0.05))
     two = (
         mass,
@@ -257,14 +260,16 @@ def _mass_terms(inertia: float, dt: float) -> tuple[Term, ...]:
 def widened(
     law: tuple[Coordinate, ...], factor: float, which: Callable[[str], bool]
 ) -> tuple[Coordinate, ...]:
-    """Coordinates whose ranges are wider by a factor to either side where they are logarithmic and `which` says so."""
+    """Coordinates with wider ranges, by a factor to either side, if they are logarithmic and `which` accepts
+    their name."""
     return tuple(
         replace(c, low=c.low / factor, high=c.high * factor) if c.log and which(c.name) else c for c in law
     )
 
 
 def _size(name: str, parameters: Settings, command: float) -> float:
-    """What a parameter that is zero or negative is measured by: itself, or its partner at the largest command."""
+    """Scale of a parameter that is zero or negative: its absolute value, or that of its partner at the
+    largest command."""
     value = abs(parameters[name])
     if name.endswith("b") and name[:-1] + "a" in parameters:
         value = max(value, abs(parameters[name[:-1] + "a"]) / max(command, 1e-9))

@@ -1,4 +1,4 @@
-"""The catalogue's effects of the fluid: heat, asymmetry, shear thinning, trapped gas."""
+"""Catalogue of a damper's fluid effects: heat, asymmetry, shear thinning, trapped gas."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, p
 
 
 def fluid_terms(s: Sizes) -> tuple[Term, ...]:
-    """The effects that act on the fluid's share of the force."""
+    """Effects on the fluid's part of the force."""
     heat = (
         linear("heating_kappa", 0.02, 0.0, 1.0),
         linear("heating_kappa_yield", 0.02, 0.0, 1.0),
@@ -24,7 +24,7 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
             "fluid",
             heat,
             ((0.02, 0.02, 0.01 * s.heat / 10), (0.03, 0.0, 0.2 * s.heat / 10)),
-            fixed={"heating_capacity": s.heat / 10},  # then the rise in the hottest record is about 10 K
+            fixed={"heating_capacity": s.heat / 10},  # gives a rise of about 10 K in the hottest record
         ),
         Term(
             "heating",
@@ -104,11 +104,11 @@ def fluid_terms(s: Sizes) -> tuple[Term, ...]:
 def _gas_terms(s: Sizes) -> tuple[Term, ...]:
     turn = replace(positive("trapped_gas_turn", 1e-5, 2e-6, max(0.02 * s.stroke, 4e-6), 2.0), rugged=True)
     width = positive("trapped_gas_width", 0.02 * s.velocity, 1e-3 * s.velocity, s.velocity)
-    loss = (  # of the force until the gas is pressed together
+    loss = (  # of the force until the gas is compressed
         linear("trapped_gas_d", 0.1, 0.0, 1.0),
         positive("trapped_gas_s_g", 0.1 * s.stroke, 3e-3 * s.stroke, 2 * s.stroke),
     )
-    pressed = (  # what gas in series with the fluid is pressed together by
+    pressed = (  # compression of gas in series with the fluid
         positive("trapped_gas_force", 0.2 * s.force, 0.01 * s.force, 5 * s.force),
         positive("trapped_gas_s_g", 0.1 * s.stroke, 1e-3 * s.stroke, 2 * s.stroke),
         positive("trapped_gas_shape", 1.2, 0.5, 10.0, 0.3),
@@ -161,7 +161,7 @@ def _gas_terms(s: Sizes) -> tuple[Term, ...]:
 def _on_either_side(
     form: str, coordinates: tuple[Coordinate, ...], *starts: tuple[float, ...], **fixed: float
 ) -> tuple[Term, ...]:
-    """Gas that is pressed together in extension, and in compression."""
+    """Gas that is compressed in extension, and in compression."""
     return tuple(
         Term(
             "trapped_gas",

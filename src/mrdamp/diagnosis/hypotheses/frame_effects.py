@@ -1,4 +1,5 @@
-"""The catalogue of a frame: effects of storeys, floors and floor sensors, and the structure's own numbers."""
+"""Catalogue of a frame: effects of storeys, floors and floor sensors, and the structure's nominal parameters.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from mrdamp.structures import ShearFrame
 
 
 def structure_coordinates(s: ShearFrame) -> tuple[Coordinate, ...]:
-    """Masses, stiffnesses and damping, free about their nominal values: a factor of 4 and a prior of a third."""
+    """Masses, stiffnesses and damping, free about their nominal values: range of a factor of 4, prior of a
+    third."""
     out = []
     for kind in ("mass", "stiffness", "damping"):
         for j, value in enumerate(getattr(s, kind), start=1):
@@ -24,19 +26,20 @@ def structure_coordinates(s: ShearFrame) -> tuple[Coordinate, ...]:
 
 
 def frame_terms(s: ShearFrame, records: Sequence[Record], sizes: Sizes) -> tuple[Term, ...]:
-    """What may be wrong with each storey, floor and accelerometer, the ground up."""
+    """Effects of each storey, floor and accelerometer, from the ground up."""
     out: list[Term] = []
     for j in range(1, s.storeys + 1):
         shear, acceleration = _sizes(s, records, j)
         dashpot = float(s.damping[j - 1]) / (sizes.velocity or 1.0)
         out += _storey(j, float(s.mass[j - 1]), shear, dashpot)
         out += _accelerometer(j, acceleration, sizes.sample_time)
-    # A relative change of no damping is none.
+    # A relative change of zero damping has no effect.
     return tuple(t for t in out if t.effect != "storey_damping" or s.damping[(t.place or 1) - 1] > 0)
 
 
 def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ...]:
-    """mass (kg) of floor j, shear (N) that its storey carries, dashpot (N s2/m2): its damping over a velocity."""
+    """mass (kg) of floor j; shear (N): force in its storey; dashpot (N s2/m2): its damping over a velocity.
+    """
     stiffness = (linear(f"storey_stiffness_e@{j}", 0.05, -0.8, 3.0),)
     damping = (linear(f"storey_damping_e@{j}", 0.3, -0.99, 60.0),)
     quadratic = (damping[0], linear(f"storey_damping_quadratic@{j}", 0.3 * dashpot, 0.0, 300 * dashpot))
@@ -65,7 +68,7 @@ def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ..
 
 
 def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
-    """acceleration (m/s2) that the accelerometer of floor j reads, sample time dt (s)."""
+    """acceleration (m/s2) measured by the accelerometer of floor j; sample time dt (s)."""
     offset = linear(f"sensor_offset_f@{j}", 0.02 * acceleration, -5 * acceleration, 5 * acceleration)
     settling = (
         offset,
@@ -114,7 +117,7 @@ def _placed(
 
 
 def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, float]:
-    """RMS force (N) that storey j carries, from what is above it, and RMS acceleration (m/s2) of floor j."""
+    """RMS force (N) in storey j, from the floors above, and RMS acceleration (m/s2) of floor j."""
     floors = range(j, s.storeys + 1)
     shear, acceleration = [], []
     for r in records:

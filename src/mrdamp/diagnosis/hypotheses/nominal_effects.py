@@ -1,7 +1,7 @@
-"""Effects that the nominal simulator already has: free as the law's numbers are, and part of every hypothesis.
+"""Effects in the nominal simulator: their parameters are free like those of the law and part of every
+hypothesis.
 
-A catalogue term of the same effect then stands for what the nominal simulator lacks of it: its coordinates are those
-that the nominal effect does not have.
+A catalogue term of the same effect then contains only the coordinates that the nominal effect does not have.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import replace
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Term
 from mrdamp.model import Effect
 
-#: Range of a positive number of a nominal effect (factor to either side) and the prior's width in units of search:
-#: those of the law's own numbers (`damper_effects.nominal_coordinates`).
+#: Range of a positive parameter of a nominal effect (factor to either side) and the prior's standard
+#: deviation in units of search, as for the nominal parameters (`damper_effects.nominal_coordinates`).
 _RANGE, _SCALE, _PRIOR = 8.0, 0.1, 3.0
 
 
 def own_settings(effects: Sequence[Effect]) -> dict[str, float]:
-    """Settings by name (`EFFECT_PARAMETER`, with `@PLACE` where it has one) of effects."""
+    """Settings of effects by name (`EFFECT_PARAMETER`, with `@PLACE` if the effect has a place)."""
     out: dict[str, float] = {}
     for e in effects:
         place = "" if e.place is None else f"@{e.place}"
@@ -27,8 +27,8 @@ def own_settings(effects: Sequence[Effect]) -> dict[str, float]:
 
 
 def effect_coordinates(effects: Sequence[Effect], terms: Sequence[Term]) -> tuple[Coordinate, ...]:
-    """Coordinates of the nominal effects' numbers that the catalogue has as coordinates, about their nominal values;
-    what only makes a form (a direction, a capacity) stays fixed."""
+    """Coordinates of nominal effects about their nominal values. Parameters that only select a form (a
+    direction, a capacity) stay fixed."""
     own = own_settings(effects)
     known: dict[str, Coordinate] = {}
     for term in terms:
@@ -53,8 +53,8 @@ def _about(c: Coordinate, value: float) -> Coordinate:
 
 
 def beside_own(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[Term, ...]:
-    """The catalogue beside nominal effects: of a term whose effect (and place) the nominal simulator has, only the
-    coordinates that are not among the nominal ones; none where nothing is left, or where its form is another one."""
+    """The catalogue without what nominal effects already contain. A term of such an effect (and place) keeps
+    the coordinates that are not among the nominal ones; it is omitted if none is left or its form differs."""
     own = own_settings(effects)
     taken = {(e.name, e.place) for e in effects}
     out = []
@@ -79,7 +79,7 @@ def _agrees(fixed: Mapping[str, float], own: Mapping[str, float]) -> bool:
 
 
 def merged(effects: Sequence[Effect], found: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The nominal effects with what was found in their place, number by number, and the effects that are new."""
+    """The nominal effects, updated parameter by parameter with the fitted ones, and new effects."""
     new = {(e.name, e.place): e for e in found}
     out = []
     for e in effects:

@@ -1,8 +1,9 @@
-"""Causes that the catalogue does not have: rivals that its effects are held against before one of them is named.
+"""Causes outside the catalogue (rivals), with which its effects are compared before one is named.
 
-Each is put about the chain, on the command before it or on the force after it, so that the plugin stays what the
-catalogue says. A rival that explains the gap better than the catalogue's effects is no correction of the simulator: the
-answer is then `unknown`, with what it looks like. The list is of common faults and cannot be complete.
+Each acts outside the chain, on the command before it or on the force after it; the plugin has no attribute
+for them. If a rival explains the gap better than the catalogue's effects, it is no correction of the
+simulator. The answer is then `unknown`, with the rival as a hint. The list contains common faults and cannot
+be complete.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from mrdamp.diagnosis.hypotheses.terms import Settings, Sizes, Term, linear, pos
 from mrdamp.model.core import Array
 from mrdamp.records.sampling import memory
 
-#: What the settings' names begin with.
+#: Prefix of the settings' names.
 PREFIX = "outside_"
 
-#: Cause -> what happens, in plain words.
+#: Description of each cause.
 PLAIN: Mapping[str, str] = {
     "supply_sag": "a supply that sinks under a lasting command",
     "command_threshold": "a command that does nothing below a threshold",
@@ -35,12 +36,12 @@ PLAIN: Mapping[str, str] = {
 
 
 def plain(term: Term) -> str:
-    """What a rival is, in plain words, with its storey."""
+    """Description of a rival, with its storey."""
     return PLAIN[term.effect] + ("" if term.place is None else f" in storey {term.place}")
 
 
 def command_rivals(s: Sizes) -> tuple[Term, ...]:
-    """Rivals that act on the command; for any rig."""
+    """Rivals that act on the command, for any rig."""
     c = s.command
     return (
         Term(
@@ -64,7 +65,7 @@ def command_rivals(s: Sizes) -> tuple[Term, ...]:
 
 
 def force_rivals(s: Sizes) -> tuple[Term, ...]:
-    """Rivals that act on the force; where the motion is imposed."""
+    """Rivals that act on the force, for an imposed motion."""
     k = s.force / s.stroke
     stop = (
         linear("outside_stop_k", 0.5 * k, 0.0, 300 * k),
@@ -115,7 +116,7 @@ def force_rivals(s: Sizes) -> tuple[Term, ...]:
 
 
 def grouped(settings: Sequence[Settings]) -> list[tuple[Settings, list[int]]]:
-    """Sets of settings that share what is none of the chain's: that, and which sets (numbers)."""
+    """Groups of settings with equal values outside the chain: these values, and the numbers of the sets."""
     groups: dict[tuple[tuple[str, float], ...], list[int]] = {}
     for k, one in enumerate(settings):
         own = tuple(sorted((name, value) for name, value in one.items() if name.startswith(PREFIX)))
@@ -124,15 +125,15 @@ def grouped(settings: Sequence[Settings]) -> list[tuple[Settings, list[int]]]:
 
 
 def inside_of(settings: Mapping[str, float]) -> Settings:
-    """The settings that the chain takes."""
+    """The settings of the chain."""
     return {k: v for k, v in settings.items() if not k.startswith(PREFIX)}
 
 
 def commanded(settings: Mapping[str, float], command: Array, sample_time: float) -> Array:
-    """The command (n,) that reaches the driver of a rig with a rival."""
+    """The command (n,) at the driver of a rig with a rival."""
     out = command
     if "outside_sag_share" in settings:
-        # A test begins at rest: the supply has not sunk yet.
+        # A test starts from rest: the supply has not sagged yet.
         load = np.concatenate(
             [[0.0], np.abs(command / settings["outside_sag_command"]) ** settings["outside_sag_power"]]
         )
@@ -144,7 +145,8 @@ def commanded(settings: Mapping[str, float], command: Array, sample_time: float)
 
 
 def forced(settings: Mapping[str, float], force: Array, x: Array, v: Array) -> Array:
-    """The force (..., n) of a rig with a rival, from the chain's and the motion x (m), v (m/s), (n,) each."""
+    """The force (..., n) of a rig with a rival, from the chain's force and the motion x (m), v (m/s), (n,)
+    each."""
     out = force
     if "outside_settled_loss" in settings:
         path = np.cumsum(np.abs(np.diff(x, prepend=x[0])))
@@ -168,7 +170,8 @@ def forced(settings: Mapping[str, float], force: Array, x: Array, v: Array) -> A
 
 
 def read(settings: Mapping[str, float], name: str, force: Array, command: Array) -> Array:
-    """What column `name` of a rig with a rival reads, (..., n), of its force: the damper's own sensor may hear more."""
+    """Column `name` (..., n) of a rig with a rival, from its force and command: the damper's own sensor may
+    have crosstalk."""
     talk = settings.get("outside_talk", 0.0) if name == "force" else 0.0
     return force + talk * command
 

@@ -1,6 +1,6 @@
-"""Causes outside the catalogue in a frame's storeys: springs that are not straight (see `hypotheses.outside`).
+"""Causes outside the catalogue in a frame's storeys: nonlinear springs (see `hypotheses.outside`).
 
-The frame's C entry takes such springs for this alone: no attribute of the plugin stands for them.
+The frame's C entry has such springs only for this purpose; the plugin has no attribute for them.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from mrdamp.diagnosis.hypotheses.terms import Term, linear, positive
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.structures import ShearFrame
 
-#: Of the storey's stiffness at its largest drift: what a spring that softens may lose.
+#: Largest loss of a softening spring at the largest drift, as a share of the storey's stiffness.
 _SOFTEST = 0.3
 
 
 def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: Array) -> tuple[Term, ...]:
-    """Rivals of the storeys at `places` (from 1); drift, largest (storeys,): their RMS and largest drift (m)."""
+    """Rivals of the storeys at `places` (from 1). drift, largest (storeys,): RMS and largest drift (m)."""
     out: list[Term] = []
     for j in places:
         k, d, peak = float(s.stiffness[j - 1]), float(drift[j - 1]), float(largest[j - 1])
@@ -40,7 +40,7 @@ def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: A
 
 
 def bent(settings: Mapping[str, float], frame: FrameInput) -> FrameInput:
-    """The frame with what the settings of a rival make of its storeys."""
+    """The frame with the storey springs of a rival's settings."""
     places = {int(name.partition("@")[2]) for name in settings if "@" in name}
     for j in sorted(places):
         frame = _bent(settings, frame, j)
@@ -56,7 +56,8 @@ def _bent(settings: Mapping[str, float], frame: FrameInput, j: int) -> FrameInpu
         stiffness = _at(frame.stiffness, j, k - lost, frame)
         return replace(frame, stiffness=stiffness, one_sided=_at(frame.one_sided, j, lost, frame))
     if f"outside_yield_share@{j}" in settings:
-        # A share of the spring slides, the more the nearer it is to a drift: dry friction that builds up over it.
+        # Part of the spring slides, the more the nearer it is to a drift: dry friction with a presliding
+        # distance.
         slides, drift = settings[f"outside_yield_share@{j}"] * k, settings[f"outside_yield_drift@{j}"]
         return replace(
             frame,

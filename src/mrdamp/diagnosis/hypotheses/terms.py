@@ -1,7 +1,7 @@
-"""What a diagnosis may change in a simulator: coordinates with ranges and priors, the effects' terms, hypotheses.
+"""Degrees of freedom of a diagnosis: coordinates with ranges and priors, the effects' terms, hypotheses.
 
-A coordinate is searched in its own unit: q = 0 is where it begins, q = 1 one `scale` further (of the logarithm, where
-it is a positive number over decades). A prior is a standard deviation in that unit and enters a fit as a residual.
+A coordinate has its own unit of search: q = 0 is its start, q = 1 one `scale` from it (of the logarithm for a
+positive number over decades). A prior is a standard deviation in that unit and enters a fit as a residual.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamp.model.core import Array
 
-#: Stages of the signal chain, in order; `structure` is a frame's.
+#: Stages of the signal chain, in order; `structure` belongs to a frame.
 STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor", "structure")
 
 Settings = dict[str, float]
@@ -22,11 +22,11 @@ Settings = dict[str, float]
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One free number: setting `name`, its start and bounds in SI units.
+    """A free parameter: setting `name`, its start and bounds in SI units.
 
-    scale: size of a unit of search (in the setting's unit; of its logarithm where `log`). prior: standard deviation
-    about the start, in units of search; None: none. rugged: the cost jumps along it (whether an event counts), so that
-    differences over a small step say nothing: a fit looks along it between its steps in the others.
+    scale: unit of search (in the setting's unit; of its logarithm if `log`). prior: standard deviation about
+    the start, in units of search; None: none. rugged: the cost has jumps along it (an event occurs or not),
+    so that finite differences are meaningless; a fit scans it between its steps in the other coordinates.
     """
 
     name: str
@@ -45,20 +45,20 @@ class Coordinate:
         return min(max(self.start + q * self.scale, self.low), self.high)
 
     def point(self, value: float) -> float:
-        """The way back of `value`; outside the bounds the nearer one."""
+        """Inverse of `value`; limited to the bounds."""
         value = min(max(value, self.low), self.high)
         return math.log(value / self.start) / self.scale if self.log else (value - self.start) / self.scale
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """In units of search."""
+        """Bounds in units of search."""
         return self.point(self.low), self.point(self.high)
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What the records span: RMS force (N), stroke amplitude (m), RMS velocity (m/s) and acceleration (m/s2),
-    largest command, most heat dissipated in a record (J), sample time (s)."""
+    """Ranges of the records: RMS force (N), stroke amplitude (m), RMS velocity (m/s) and acceleration (m/s2),
+    largest command, largest energy dissipated in a record (J), sample time (s)."""
 
     force: float
     stroke: float
@@ -70,7 +70,7 @@ class Sizes:
 
 
 def positive(name: str, start: float, low: float, high: float, scale: float = 0.5) -> Coordinate:
-    """A positive setting, searched by its logarithm."""
+    """A positive setting with a logarithmic search."""
     return Coordinate(name, start, low, high, scale, log=True)
 
 
@@ -82,10 +82,10 @@ def linear(name: str, scale: float, low: float, high: float, start: float = 0.0)
 class Term:
     """An effect of the catalogue in one of its forms.
 
-    starts: values of the coordinates (starts, coordinates) that a fit and a screening begin from, SI units; the
-    coordinates' own start is their middle. fixed: settings that make the form. neutral: what switches it off
-    without a jump (for signatures): the settings that differ from an absent term, empty for plain absence. later: tried
-    only in place of another form of its cause.
+    starts: values of the coordinates (starts, coordinates), SI units, from which fits and screenings begin;
+    the coordinates' own start is their middle. fixed: settings that select the form. neutral: settings that
+    switch the effect off without a jump (for signatures), if they differ from an absent term; empty for plain
+    absence. later: tried only in place of another form of its cause.
     """
 
     effect: str
@@ -99,7 +99,7 @@ class Term:
 
     @property
     def two_sided(self) -> bool:
-        """True where the effect has two signs, as its first number has."""
+        """True if the effect has two signs, as its first parameter has."""
         first = self.coordinates[0]
         return not first.log and first.low < first.start < first.high
 
@@ -114,12 +114,12 @@ class Term:
         return f"{self.cause}:{self.form}" if self.form else self.cause
 
 
-#: Range to either side of a setting that is known, as a share of it, and in units of search about zero.
+#: Range about a known setting, as a share of it, and in units of search about zero.
 _KNOWN = 0.02
 
 
 def near(term: Term, settings: Mapping[str, float]) -> Term:
-    """The term with its coordinates known to a few per cent: their ranges are narrow, and there is one start."""
+    """The term with its coordinates known to a few per cent: narrow ranges and a single start."""
     coordinates = []
     for c in term.coordinates:
         value = settings[c.name]
@@ -141,7 +141,7 @@ class Hypothesis:
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Different causes, in the order in which they were added."""
+        """Causes without repetition, in the order in which they were added."""
         return tuple(dict.fromkeys(term.cause for term in self.terms))
 
     @property
@@ -155,7 +155,7 @@ class Hypothesis:
         return Hypothesis(self.nominal, tuple(t for t in self.terms if t.cause != cause))
 
     def settings(self, q: Array) -> Settings:
-        """Settings (those that are free, and those the forms fix) at a point (coordinates,)."""
+        """Settings (free ones and those fixed by the forms) at a point (coordinates,)."""
         out: Settings = {}
         for term in self.terms:
             out |= term.fixed
@@ -164,7 +164,8 @@ class Hypothesis:
         return out
 
     def start(self, starts: Sequence[int] = ()) -> Array:
-        """The point with the nominal parameters at their own and each term at one of its starts."""
+        """The point with the nominal parameters at their nominal values and each term at one of its starts.
+        """
         chosen = starts or (0,) * len(self.terms)
         q = [0.0] * len(self.nominal)
         for term, k in zip(self.terms, chosen, strict=True):
@@ -172,10 +173,10 @@ class Hypothesis:
         return np.array(q)
 
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper ends (coordinates,) in units of search."""
+        """Lower and upper bounds (coordinates,) in units of search."""
         pairs = np.array([c.bounds for c in self.coordinates]).reshape(-1, 2)
         return pairs.min(axis=1), pairs.max(axis=1)
 
     def prior(self) -> Array:
-        """One over the prior's standard deviation (coordinates,), 0 where there is none."""
+        """Inverse standard deviation of the prior (coordinates,); 0 without a prior."""
         return np.array([1 / c.prior if c.prior else 0.0 for c in self.coordinates])

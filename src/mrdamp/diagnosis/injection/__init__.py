@@ -1,1 +1,2 @@
-"""Fault injection: a known effect of the catalogue put exactly into measured records, and found again or not."""
+"""Fault injection: a known effect of the catalogue is inserted exactly into measured records and diagnosed.
+"""

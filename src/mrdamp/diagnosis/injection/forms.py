@@ -1,9 +1,15 @@
-"""The effects that can be put into measured records exactly: no law is simulated, so the base stays the rig's own.
+"""Effects that can be inserted exactly into measured records. No law is simulated, so that the base remains
+the rig's own.
 
-Four ways are exact. A force that depends on the motion alone is added. A reading is filtered, scaled or moved. The
-rod's displacement follows from the piston's and the force between them (`x + F / k`). The command that a saturated,
-late or hysteretic circuit would have needed for the current that flowed is logged in place of the one that was sent.
-Forms differ from the simulator's own where they can: a bench in those would be an inverse crime.
+Four methods are exact:
+
+- a force that depends on the motion alone is added;
+- a reading is filtered, scaled or delayed;
+- the rod's displacement is computed from the piston's and the force between them (`x + F / k`);
+- the logged command is replaced by the one that a saturated, delayed or hysteretic circuit would have needed
+  for the actual current.
+
+The forms differ from the simulator's own if possible; the same forms would be an inverse crime.
 """
 
 from __future__ import annotations
@@ -23,16 +29,17 @@ from mrdamp.records import Record
 
 Parameters = Mapping[str, float]
 Put = Callable[[Signals, Parameters, Scales], Record]
-#: From a strength of about the effect's share of the force to its parameters.
+#: From a strength (about the effect's share of the force) to the effect's parameters.
 Sized = Callable[[float], dict[str, float]]
 Draw = Callable[[np.random.Generator, Scales, Model], Sized]
 
 
 @dataclass(frozen=True)
 class Form:
-    """An effect in one exact form: its stage, its parameters as drawn at a strength, and how it is put in.
+    """An effect in one exact form: its stage, how its parameters are drawn at a strength, and how it is
+    inserted.
 
-    varies: needs a command that varies within a record. levels: how many levels of the command it needs at least.
+    varies: requires a command that varies within a record. levels: least number of command levels.
     """
 
     effect: str
@@ -44,13 +51,13 @@ class Form:
 
 
 def _added(s: Signals, force: Array) -> Record:
-    """A force (n,) in line with the rod: what every sensor of it reads besides."""
+    """Adds a force (n,) on the rod, which every force sensor reads."""
     found = {c: s.record.channel(c) + force for c in FORCES if c in s.record.channels}
     return s.record.with_channels(found)
 
 
 def _read(s: Signals, change: Callable[[Array], Array]) -> Record:
-    """The damper's own sensor with its reading changed; a load cell beside it reads what it read."""
+    """Changes the reading of the damper's own sensor; a separate load cell is unchanged."""
     return s.record.with_channels({FORCES[0]: change(np.asarray(s.record.channel(FORCES[0])))})
 
 
@@ -67,7 +74,7 @@ def _draw_spring(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _spring(s: Signals, p: Parameters, _: Scales) -> Record:
-    """Polytropic accumulator, without its preload."""
+    """Polytropic accumulator without its preload."""
     squeezed = np.maximum(1 + s.x / p["length"], 0.2)
     return _added(s, p["f0"] * (1 - squeezed ** -p["exponent"]))
 
@@ -82,9 +89,10 @@ def _draw_friction(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _friction(s: Signals, p: Parameters, _: Scales) -> Record:
-    """LuGre's bristle (Canudas de Wit et al. 1995, 10.1109/9.376053): exact over each sample's path at its level."""
+    """LuGre bristle (Canudas de Wit et al. 1995, 10.1109/9.376053): exact over each sample's path at constant
+    level."""
     v = 0.5 * (s.v[1:] + s.v[:-1])
-    level = 1 + (p["breakaway"] - 1) * np.exp(-((v / p["stribeck"]) ** 2))  # of the Coulomb force
+    level = 1 + (p["breakaway"] - 1) * np.exp(-((v / p["stribeck"]) ** 2))  # relative to the Coulomb force
     path = v * s.record.sample_time / p["presliding"]
     kept = np.exp(-np.abs(path) / level)
     bristle = np.zeros(len(s.v))
@@ -109,7 +117,8 @@ def _draw_thinning(r: np.random.Generator, c: Scales, model: Model) -> Sized:
 
 
 def _thinning(s: Signals, p: Parameters, _: Scales) -> Record:
-    """What Cross's fluid lacks of the simulator's dashpot, which stands beside the rest in these laws."""
+    """Difference between Cross's fluid and the simulator's dashpot, which is parallel to the rest in these
+    laws."""
     u = np.asarray(s.record.command)
     dashpot = np.maximum(p["c0a"] + p["c0b"] * u + p["c0c"] * u**2, 0.0) * s.v
     return _added(s, dashpot * (1 / (1 + np.abs(s.v / p["v_s"]) ** (1 - p["m"])) - 1))
@@ -119,7 +128,7 @@ def _thinning(s: Signals, p: Parameters, _: Scales) -> Record:
 
 
 def _scaled(s: Signals, factor: Array, c: Scales) -> Record:
-    """The fluid's force times a factor (n,); the preload and the seal are not the fluid's."""
+    """The fluid's force times a factor (n,); preload and seal friction are unchanged."""
     names = [n for n in FORCES if n in s.record.channels]
     return s.record.with_channels({n: c.preload + (s.record.channel(n) - c.preload) * factor for n in names})
 
@@ -144,15 +153,15 @@ def _draw_gas(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _gas(s: Signals, p: Parameters, c: Scales) -> Record:
-    """Force lost at the start of a stroke in one direction, over the path since the turn."""
+    """Force lost at the start of a stroke in one direction, as a function of the path since the reversal."""
     path = since_turn(s.x, 0.01 * c.stroke)
     side = 0.5 * (1 + np.tanh(p["direction"] * s.v / p["width"]))
     return _scaled(s, 1 - p["d"] * side / (1 + (path / p["length"]) ** 2) ** 2, c)
 
 
 def since_turn(x: Array, least: float) -> Array:
-    """Path (n,) since the last turn of a motion x (n,) in m, from the turn itself on; one from which the motion does
-    not come back by `least` is none."""
+    """Path (n,) since the last reversal of a motion x (n,) in m. Reversals of less than `least` are ignored.
+    """
     turns, extreme, direction = [0], 0, 0.0
     for k in range(len(x)):
         back = direction * (x[extreme] - x[k])
@@ -168,11 +177,11 @@ def since_turn(x: Array, least: float) -> Array:
     return np.asarray(np.abs(x - x[last]))
 
 
-# --- what the machine reads of the motion ------------------------------------------------------------------------
+# --- displacement of the machine ------------------------------------------------------------------------------------
 
 
 def _moved(record: Record, x: Array) -> Record:
-    """Another displacement (n,) in m; measured derivatives of the old one would contradict it and are left out."""
+    """Another displacement (n,) in m, without measured derivatives, which would contradict it."""
     old = ("velocity_m_s", "acceleration_m_s2")
     kept = {n: c for n, c in record.channels.items() if n not in old}
     return Record(record.name, record.path, record.sample_time, {**kept, "displacement_m": x}, record.ignored)
@@ -184,7 +193,7 @@ def _draw_mount(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _mount(s: Signals, p: Parameters, _: Scales) -> Record:
-    """The rod is ahead of the piston by the mount's stretch, whose rate rises with the force."""
+    """The rod leads the piston by the mount's deflection, whose rate increases with the force."""
     stretch = p["hardening"] / p["k"] * np.arcsinh(s.force / p["hardening"])
     return _moved(s.record, np.asarray(s.record.displacement) + stretch)
 
@@ -195,7 +204,7 @@ def _draw_backlash(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _backlash(s: Signals, p: Parameters, _: Scales) -> Record:
-    """The pin lies on the side that the force presses it to; contact: N, over which it changes sides."""
+    """The pin lies on the side to which the force presses it. contact: N, over which it changes sides."""
     pin = 0.5 * p["gap"] * s.force / np.hypot(s.force, p["contact"])
     return _moved(s.record, np.asarray(s.record.displacement) + pin)
 
@@ -206,7 +215,7 @@ def _draw_shift(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
-    """The displacement read d late; samples that would come from outside the record are left out."""
+    """The displacement delayed by d; samples that would lie outside the record are left out."""
     record, lost = s.record, int(np.ceil(abs(p["d"]) / s.record.sample_time))
     spline = CubicSpline(record.time, record.displacement)
     moved = _moved(record, spline(record.time - p["d"]))
@@ -214,7 +223,7 @@ def _shift(s: Signals, p: Parameters, _: Scales) -> Record:
     return moved.part(record.time[keep][0], record.time[keep][-1])
 
 
-# --- the force's sensor ------------------------------------------------------------------------------------------
+# --- force sensor ---------------------------------------------------------------------------------------------------
 
 
 def _draw_gain(r: np.random.Generator, c: Scales, _: Model) -> Sized:
@@ -240,7 +249,7 @@ def _draw_leakage(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _leakage(s: Signals, p: Parameters, _: Scales) -> Record:
-    """High-pass of the charge, exact for a force that runs straight between samples."""
+    """High-pass of the charge, exact for a force that is linear between samples."""
 
     def change(f: Array) -> Array:
         decay = np.exp(-s.record.sample_time / p["tau"])
@@ -256,7 +265,8 @@ def _draw_lag(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _lag(s: Signals, p: Parameters, _: Scales) -> Record:
-    """Bessel low-pass of group delay tau, from rest at the first reading; first-order hold between samples."""
+    """Bessel low-pass of group delay tau, from rest at the first reading; first-order hold between samples.
+    """
 
     def change(f: Array) -> Array:
         b, a = bessel(int(p["order"]), 1 / p["tau"], analog=True, norm="delay")
@@ -266,7 +276,7 @@ def _lag(s: Signals, p: Parameters, _: Scales) -> Record:
     return _read(s, change)
 
 
-# --- what a command means ----------------------------------------------------------------------------------------
+# --- logged command -------------------------------------------------------------------------------------------------
 
 
 def _logged(s: Signals, command: Array) -> Record:
@@ -274,7 +284,8 @@ def _logged(s: Signals, command: Array) -> Record:
 
 
 def _sent(s: Signals, command: Array) -> Record:
-    """The same where the coil's current is the command and the field is not: a measured current goes with it."""
+    """The same if the coil's current follows the command and the field does not: a measured current is
+    replaced as well."""
     names = [n for n in ("command", "current_A") if n in s.record.channels]
     return s.record.with_channels(dict.fromkeys(names, command))
 
@@ -285,7 +296,8 @@ def _draw_saturation(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _saturation(s: Signals, p: Parameters, _: Scales) -> Record:
-    """The field as a share of that at the largest command, by Froehlich or an arctangent; logged: its inverse."""
+    """The field relative to that at the largest command, by Froehlich or an arctangent; the inverse is
+    logged."""
     u = np.asarray(s.record.command) / p["span"]
     bend = p["bend"]
     # Froehlich: b = (1 + bend) u / (1 + bend u).
@@ -298,13 +310,13 @@ def _draw_driver(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _driver(s: Signals, p: Parameters, _: Scales) -> Record:
-    """The command whose first-order lag is the current that flowed."""
+    """The command whose first-order lag is the actual current."""
     rate = CubicSpline(s.record.time, smoothed_command(s))(s.record.time, 1)
     return _logged(s, s.record.command + p["tau"] * rate)
 
 
 def smoothed_command(s: Signals) -> Array:
-    """The command without its converter's steps."""
+    """The command without quantisation steps."""
     return smoothed(np.asarray(s.record.command))
 
 
@@ -313,7 +325,7 @@ def _draw_delay(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _delay(s: Signals, p: Parameters, _: Scales) -> Record:
-    """The command logged d early; the last d of the record is left out."""
+    """The command logged early by d; the last d of the record is left out."""
     record = s.record
     lost = int(np.ceil(p["d"] / record.sample_time))
     early = record.with_channels({"command": np.interp(record.time + p["d"], record.time, record.command)})
@@ -326,7 +338,8 @@ def _draw_remanence(r: np.random.Generator, c: Scales, _: Model) -> Sized:
 
 
 def _remanence(s: Signals, p: Parameters, _: Scales) -> Record:
-    """i = b + width h, h' = (b' / reach)(1 - sign(b') h): the field on the way down is above that on the way up."""
+    """i = b + width h, h' = (b' / reach)(1 - sign(b') h): a decreasing field is larger than an increasing
+    one."""
     b = smoothed_command(s)
     step = np.diff(b) / p["reach"]
     kept, end = np.exp(-np.abs(step)), np.sign(step)

@@ -1,4 +1,4 @@
-"""An effect of a given size in the records of a rig, or why these records cannot have it."""
+"""An effect of a given size in the records of a rig, or the reason why these records cannot have it."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.simulation.predict import free_run
 
-#: Effects of a damper that cannot be put into a record exactly, and why.
+#: Effects of a damper that cannot be inserted exactly into a record, and why.
 NOT_EXACT: Mapping[str, str] = {
     "heating": "heat takes the fluid's viscosity and its yield down by different shares, which a record does not part",
 }
-#: Effects that are refused for want of an exact form, not because the records could not show them.
+#: Effects that are refused for lack of an exact form, although the records might show them.
 OF_FORM = (*NOT_EXACT, "shear_thinning")
-#: Laws whose dashpot stands beside the rest, so that its share of the force is known from the motion.
+#: Laws whose dashpot is parallel to the rest, so that its force follows from the motion.
 _PARALLEL = ("bingham", "bouc_wen")
-#: Share of the largest command by which levels of it must differ to count as two (as in the identification).
+#: Share of the largest command by which two levels must differ (as in the identification).
 _SAME_LEVEL = 0.02
-#: A logged command may leave the rig's range by this share of the range: beyond, no driver would have been sent it.
+#: A logged command may exceed the rig's range by this share of the range.
 _OVERSHOOT = 0.25
-#: Share of what an injected command differs by that a curve through the levels must leave; less is a static curve.
+#: Least share of an injected change of the command that a curve through the levels must leave; below it the
+#: change is a static curve.
 _STATIC = 0.1
-#: s, the start of a record that does not count, as in the diagnosis.
+#: s, excluded at the start of a record, as in the diagnosis.
 SKIP = 0.1
-#: Strengths between which a size is looked for, and trial points between them.
+#: Range of strengths for a given size, and number of trial points.
 _WEAKEST, _STRONGEST, _TRIALS = 2e-3, 4.0, 12
-#: Iterations of the regula falsi within the bracket: a size is met within 1 %.
+#: Iterations of the regula falsi within the bracket; the size is met within 1 %.
 _ITERATIONS, _MET = 12, 0.01
 
 
@@ -40,7 +41,8 @@ _ITERATIONS, _MET = 12, 0.01
 class Injection:
     """An effect drawn for a rig: records with it at any strength.
 
-    form: what is put in. sized: parameters at a strength. scales: of the records that the sizes were drawn for.
+    form: what is inserted. sized: parameters at a strength. scales: of the records that the sizes were drawn
+    for.
     """
 
     form: Form
@@ -51,22 +53,23 @@ class Injection:
     def draw(
         cls, effect: str, model: Model, records: Sequence[Record], rng: np.random.Generator
     ) -> Injection:
-        """Sides and shapes at random, scaled by the records."""
+        """Random sides and shapes, scaled by the records."""
         scales = Scales.of(records, model)
         form = FORMS[effect]
         return cls(form, form.draw(rng, scales, model), scales)
 
     def parameters(self, strength: float) -> dict[str, float]:
-        """As put in at a strength, SI units."""
+        """Parameters at a strength, SI units."""
         return self.sized(strength)
 
     def put(self, record: Record, strength: float) -> Record:
-        """The record as the rig with the effect would have given it."""
+        """The record of the rig with the effect."""
         return self.form.put(Signals(record), self.parameters(strength), self.scales)
 
 
 def refusal(effect: str, model: Model, records: Sequence[Record]) -> str:
-    """Why an effect cannot be put into these records, or could not be told in them by anyone; empty where it can."""
+    """Reason why an effect cannot be inserted into these records or cannot be identified from them; empty if
+    it can."""
     if effect in NOT_EXACT:
         return NOT_EXACT[effect]
     form = FORMS[effect]
@@ -90,7 +93,7 @@ def refusal(effect: str, model: Model, records: Sequence[Record]) -> str:
 
 
 def _of_command(injection: Injection, records: Sequence[Record]) -> str:
-    """Of an effect between command and current, at a middle strength."""
+    """Refusal of an effect between command and current, at a middle strength."""
     low, high = (f(f(r.command) for r in records) for f in (min, max))
     beyond, left, all_of_it = 0.0, 0.0, 0.0
     for record in records:
@@ -98,7 +101,7 @@ def _of_command(injection: Injection, records: Sequence[Record]) -> str:
         u = np.asarray(record.command)[: logged.n]
         change = np.asarray(logged.command) - u
         beyond = max(beyond, low - float(logged.command.min()), float(logged.command.max()) - high)
-        powers = np.vander(u, 4)  # two levels have fewer numbers than that: least squares of least norm
+        powers = np.vander(u, 4)  # two levels give fewer equations than unknowns: least-norm solution
         left += float(np.sum((change - powers @ np.linalg.lstsq(powers, change)[0]) ** 2))
         all_of_it += float(np.sum((change - change.mean()) ** 2))
     if beyond > _OVERSHOOT * (high - low):
@@ -112,7 +115,7 @@ def _of_command(injection: Injection, records: Sequence[Record]) -> str:
 
 
 def count_levels(records: Sequence[Record]) -> int:
-    """How many different commands the records hold, counted up to 9: levels that take up 1 % of the samples."""
+    """Number of different commands in the records, up to 9; a level counts from 1 % of the samples."""
     command = np.concatenate([r.command for r in records])
     span = float(np.abs(command).max())
     if not span > 0:
@@ -122,7 +125,7 @@ def count_levels(records: Sequence[Record]) -> int:
 
 
 def residual(model: Model, record: Record) -> Array:
-    """What a simulator leaves of a record's own force sensor, (n,) N."""
+    """Error (n,) N of a simulator for a record's own force sensor."""
     return np.asarray(record.channel(FORCES[0])) - free_run(model, record)[FORCES[0]]
 
 
@@ -136,10 +139,11 @@ def gap(model: Model, records: Sequence[Record]) -> float:
 
 
 def change_of(model: Model, records: Sequence[Record]) -> Callable[[Injection, float], float]:
-    """By injection and strength: RMS change of the simulator's residual over the RMS of the force, records pooled.
+    """Size as a function of injection and strength: RMS change of the simulator's error over the RMS of the
+    force, records pooled.
 
-    For a force that is added that is its share of the force; for a motion or a command that is read otherwise, what
-    it makes of the simulated force.
+    For an added force, this is its share of the force. For a changed motion or command, it is the change of
+    the simulated force.
     """
     before = [residual(model, r) for r in records]
 
@@ -157,7 +161,7 @@ def change_of(model: Model, records: Sequence[Record]) -> Callable[[Injection, f
 
 
 def strength_of(size: Callable[[float], float], target: float) -> float | None:
-    """The least strength at which a size is `target`; None where no strength reaches it."""
+    """The least strength at which a size is `target`; None if no strength reaches it."""
     grid = np.geomspace(_WEAKEST, _STRONGEST, _TRIALS)
     before, size_before = 0.0, 0.0
     for trial in grid:
@@ -187,8 +191,8 @@ def _between(
 
 
 def widened(model: Model, records: Sequence[Record]) -> Model:
-    """The model with a command range that holds the logged commands: the range is that of the records it was
-    identified on, not a property of the rig."""
+    """The model with a command range that contains the logged commands. The range is that of the
+    identification records and not a property of the rig."""
     if "command_max" not in model.parameters:
         return model
     low = min(model.parameters["command_min"], *(float(r.command.min()) for r in records))

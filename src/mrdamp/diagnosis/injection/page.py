@@ -1,4 +1,4 @@
-"""The page of a sensitivity study."""
+"""Page of a sensitivity study."""
 
 from __future__ import annotations
 

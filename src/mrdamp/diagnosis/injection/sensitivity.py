@@ -1,7 +1,7 @@
-"""What a diagnosis of a rig's own records would find: every effect put into them in several sizes, each diagnosed.
+"""Sensitivity of a diagnosis of a rig's own records: every effect is inserted in several sizes and diagnosed.
 
-The records keep the rig's own law, noise and tests, so that the answer is about this rig and these tests. Results are
-kept one by one; a run that was interrupted goes on.
+The records keep the rig's own law, noise and tests, so that the result holds for this rig and these tests.
+Results are stored one by one; an interrupted run is resumed.
 """
 
 from __future__ import annotations
@@ -34,33 +34,34 @@ from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes, write_atomic
 from mrdamp.parallel import mapped
 
-#: Effects of a damper that can be asked for.
+#: Effects of a damper that can be selected.
 EFFECTS = (*FORMS, *NOT_EXACT)
-#: RMS change of the simulator's residual over the RMS of the force: from what a good rig repeats to what anyone sees.
+#: RMS change of the simulator's error over the RMS of the force: from the repeatability of a good rig to an
+#: obvious fault.
 SIZES = (0.02, 0.05, 0.15, 0.4)
-#: What the records say as they are.
+#: Name of the trial without an inserted effect.
 AS_THEY_ARE = "as they are"
 Tell = Callable[[str, float], None]
 
 
 class Trial(NamedTuple):
-    """One effect in one size (see `SIZES`); `AS_THEY_ARE` with size 0 for the records without any."""
+    """One effect in one size (see `SIZES`); `AS_THEY_ARE` with size 0: the records without an effect."""
 
     effect: str
     size: float
 
     @property
     def name(self) -> str:
-        """Of its file."""
+        """Name of its file."""
         return f"{self.effect.replace(' ', '_')}_{self.size:g}"
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis said of a trial.
+    """The diagnosis of a trial.
 
-    parameters: of the effect as put in; empty where no strength of it reaches the size (`reached`). named: effects.
-    error: one line, where the diagnosis failed.
+    parameters: of the inserted effect; empty if no strength of it reaches the size (`reached`). named:
+    effects in the answer. error: one line if the diagnosis failed.
     """
 
     effect: str
@@ -80,8 +81,8 @@ class Answer:
 
 @dataclass(frozen=True)
 class Study:
-    """What is tried on a case. never: effects that its records can never show, with the reason. untried: effects that
-    they might show and that cannot be put in exactly."""
+    """Trials on a case. never: effects that its records cannot show, with the reason. untried: effects that
+    they might show but that cannot be inserted exactly."""
 
     case: Case
     trials: tuple[Trial, ...]
@@ -93,7 +94,7 @@ class Study:
     def of(
         cls, case: Case, effects: Sequence[str] = (), sizes: Sequence[float] = SIZES, seed: int = 0
     ) -> Study:
-        """effects: names, empty for all. Raises InputError: a frame, an unknown effect, a size that is none."""
+        """effects: names; empty: all. Raises InputError: a frame, an unknown effect, an invalid size."""
         where = case.folder / "case.json"
         if case.model.rig != "damper":
             raise InputError(
@@ -114,7 +115,7 @@ class Study:
         asked = [e for e in EFFECTS if not effects or e in effects]
         reasons = {e: refusal(e, case.model, case.records) for e in asked}
         possible = [e for e in asked if not reasons[e]]
-        # Large sizes first: what is not found there need not be looked for in small ones by who reads along.
+        # Large sizes first: an effect that is not found there will not be found in small sizes.
         trials = [Trial(e, s) for s in sorted(set(sizes), reverse=True) for e in possible]
         never, untried = (
             {e: r for e, r in reasons.items() if r and (e in OF_FORM) is of_form} for of_form in (False, True)
@@ -123,13 +124,14 @@ class Study:
 
     @property
     def key(self) -> str:
-        """Of the case, the seed and the version: results of another one are void."""
+        """Hash of the case, the seed and the version; results with another key are ignored."""
         text = f"{content_key(self.case)} {self.seed} {__version__}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def injected(study: Study, trial: Trial) -> tuple[Case, dict[str, float]] | None:
-    """The case with an effect of that size in all of its records, and its parameters; None where none has the size."""
+    """The case with an effect of that size in all of its records, and its parameters; None if the effect
+    cannot have the size."""
     case = study.case
     if trial.effect == AS_THEY_ARE:
         return case, {}
@@ -147,7 +149,7 @@ def injected(study: Study, trial: Trial) -> tuple[Case, dict[str, float]] | None
 
 
 def answer(study: Study, trial: Trial, folder: Path) -> Answer:
-    """Puts the effect in, diagnoses, and keeps what comes of it in the folder."""
+    """Inserts the effect, diagnoses, and stores the answer in the folder."""
     from mrdamp.diagnosis import run
 
     begun = time.monotonic()
@@ -177,14 +179,14 @@ def answer(study: Study, trial: Trial, folder: Path) -> Answer:
             )
         store.remove()
     found = replace(found, seconds=time.monotonic() - begun)
-    if not found.error:  # a failed one is tried again
+    if not found.error:  # failed trials are repeated
         text = json.dumps({"key": study.key, **asdict(found)}, indent=1)
         write_atomic(folder / f"{trial.name}.json", text + "\n")
     return found
 
 
 def kept(study: Study, trial: Trial, folder: Path) -> Answer | None:
-    """What an earlier run found of a trial; None where there is nothing, or of another case."""
+    """Stored answer of a trial from an earlier run; None if there is none or it belongs to another case."""
     path = folder / f"{trial.name}.json"
     try:
         data = json.loads(decode(str(path), read_bytes(path)))
@@ -194,13 +196,14 @@ def kept(study: Study, trial: Trial, folder: Path) -> Answer | None:
         data["tied"] = tuple(tuple(t) for t in data["tied"])
         return Answer(**data)
     except (InputError, ValueError, KeyError, TypeError, AttributeError):
-        return None  # none yet, or one that a stopped machine left damaged
+        return None  # no file, or one damaged by an abort
 
 
 def run_study(
     study: Study, out: Path, jobs: int = 1, tell: Tell = lambda what, share: None
 ) -> Iterator[list[Answer]]:
-    """Yields all answers so far, after each new one and at least once. out: folder; `runs` in it keeps them."""
+    """Yields all answers so far, after each new one and at least once. out: folder, with the answers in
+    `runs`."""
     folder = out / "runs"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -222,7 +225,7 @@ def run_study(
 
 
 def lasting(seconds: float) -> str:
-    """A time in words: `40 s`, `12 min`, `2 h 5 min`."""
+    """A duration: `40 s`, `12 min`, `2 h 5 min`."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

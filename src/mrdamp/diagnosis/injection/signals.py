@@ -1,4 +1,4 @@
-"""A record's motion and force without their noise, as an injected effect needs them."""
+"""A record's motion and force without noise, for the injection of effects."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import lowpass
 
-#: Share of the half rate at which derivatives are cut off, zero-phase: what is faster is the interpolation's.
+#: Cut-off of the derivatives as a share of half the sampling rate, zero-phase: faster parts come from the
+#: interpolation.
 _CUT = 0.35
 FORCES = ("force_N", "reference_force_N")
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Of one record: smooth motion and force, (n,) each, SI units. Derivatives are those of the smoothed motion, so
-    that no noise is differentiated."""
+    """Smooth motion and force of one record, (n,) each, SI units. Derivatives are those of the smoothed
+    motion."""
 
     record: Record
 
@@ -44,7 +45,7 @@ class Signals:
 
     @cached_property
     def force(self) -> Array:
-        """The load cell's force, where there is one, else the damper's own, N."""
+        """Force of the load cell if there is one, else of the damper's own sensor, N."""
         return smoothed(np.asarray(self.record.channel(force_channel(self.record))))
 
     def _derivative(self, order: int) -> Array:
@@ -55,8 +56,9 @@ class Signals:
 
 @dataclass(frozen=True)
 class Scales:
-    """What the records span: RMS force without the preload (N), stroke amplitude (m), RMS velocity (m/s) and
-    acceleration (m/s2), largest command (A or V), longest sample time (s), and the simulator's preload (N)."""
+    """Ranges of the records: RMS force without the preload (N), stroke amplitude (m), RMS velocity (m/s) and
+    acceleration (m/s2), largest command (A or V), longest sample time (s), and the simulator's preload (N).
+    """
 
     force: float
     stroke: float
@@ -82,10 +84,10 @@ class Scales:
 
 
 def force_channel(record: Record) -> str:
-    """The load cell's channel where there is one, else the damper's own."""
+    """Channel of the load cell if there is one, else of the damper's own sensor."""
     return FORCES[1] if FORCES[1] in record.channels else FORCES[0]
 
 
 def rms(values: Array) -> float:
-    """Root of the mean square."""
+    """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

@@ -1,4 +1,4 @@
-"""From the answers of a sensitivity study to what it says: by effect, what was taken for what, and in words."""
+"""Summary of a sensitivity study: results by effect, confusions, and sentences."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from typing import Any
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study
 
-#: Outcomes of a trial, best first. `already`: the records as they are give that answer too, so that nothing is shown.
-#: `unsure`: named in a tie of two or three. `wrong`: another effect that the rig as it is does not have.
+#: Outcomes of a trial, best first. `already`: the unchanged records give the same answer, so that nothing is
+#: shown. `unsure`: named in a tie of two or three. `wrong`: an effect that was not inserted and that the
+#: unchanged records do not show.
 OUTCOMES = ("named", "unsure", "already", "unknown", "parameters", "none", "wrong", "failed", "out of reach")
-#: Largest tie that still says something (as in the scoring of cases).
+#: Largest tie that counts as informative (as in the scoring of cases).
 _TIE = 3
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Of one effect: outcome by size, the least size from which on it is named, and what it was taken for."""
+    """Result for one effect: outcome by size, the least size from which on it is named, and the effects named
+    instead."""
 
     effect: str
     stage: str
@@ -42,7 +44,7 @@ class Finding:
 
 
 def own_effects(answers: Sequence[Answer]) -> tuple[str, ...] | None:
-    """What the records as they are have named; None before that is known."""
+    """Effects named for the unchanged records; None before that trial."""
     for a in answers:
         if a.effect == AS_THEY_ARE and not a.error:
             return a.named
@@ -62,11 +64,11 @@ def outcome(a: Answer, own: Sequence[str]) -> str:
         return "unsure"
     if new:
         return "wrong"
-    return "none" if a.verdict == "effect" else a.verdict  # the rig's own effects, and nothing new
+    return "none" if a.verdict == "effect" else a.verdict  # the rig's own effects and no new one
 
 
 def findings(answers: Sequence[Answer]) -> list[Finding]:
-    """By effect, in the order of the chain."""
+    """Findings by effect, in the order of the chain."""
     own = own_effects(answers) or ()
     out = []
     for effect in FORMS:
@@ -97,7 +99,7 @@ def findings(answers: Sequence[Answer]) -> list[Finding]:
 
 
 def taken_for(a: Answer, own: Sequence[str]) -> tuple[str, ...]:
-    """What a trial was answered with in place of its effect, or beside it; empty where it was named alone."""
+    """Effects named instead of, or in addition to, the inserted one; empty if it was named alone."""
     if outcome(a, own) in ("failed", "out of reach"):
         return ()
     new = tuple(e for e in a.named if e not in own and e != a.effect)
@@ -105,7 +107,7 @@ def taken_for(a: Answer, own: Sequence[str]) -> tuple[str, ...]:
 
 
 def confusion(answers: Sequence[Answer]) -> tuple[list[str], list[str], list[list[int]]]:
-    """Rows (put in), columns (answered; the rows first, then what no row is), and counts over the sizes."""
+    """Rows (inserted), columns (named; the rows first, then the other answers), and counts over the sizes."""
     own = own_effects(answers) or ()
     rows = [f.effect for f in findings(answers)]
     counts: Counter[tuple[str, str]] = Counter()
@@ -120,7 +122,7 @@ def confusion(answers: Sequence[Answer]) -> tuple[list[str], list[str], list[lis
 
 
 def sentence(study: Study, answers: Sequence[Answer]) -> str:
-    """What would be found on this rig, in one sentence or two."""
+    """Summary of the study in one or two sentences."""
     found = findings(answers)
     named = sorted((f for f in found if f.named_from is not None), key=lambda f: f.named_from or 0.0)
     parts = [f"{f.effect} from {percent(f.named_from or 0.0)}" for f in named]
@@ -140,7 +142,7 @@ def sentence(study: Study, answers: Sequence[Answer]) -> str:
 
 
 def table(study: Study, answers: Sequence[Answer]) -> str:
-    """For a terminal."""
+    """Table for a terminal."""
     found = findings(answers)
     sizes = sorted({s for f in found for s in f.outcomes})
     head = "".join(f"{percent(s):>13s}" for s in sizes)
@@ -157,7 +159,7 @@ def table(study: Study, answers: Sequence[Answer]) -> str:
 
 
 def to_dict(study: Study, answers: Sequence[Answer]) -> dict[str, Any]:
-    """What sensitivity.json holds."""
+    """Content of sensitivity.json."""
     rows, columns, counts = confusion(answers)
     return {
         "case": study.case.name,

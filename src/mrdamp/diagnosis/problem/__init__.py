@@ -1,1 +1,1 @@
-"""Simulators, records and residuals of a rig."""
+"""Simulator, records and residuals of a rig."""

@@ -1,7 +1,8 @@
-"""What remembers the command's path is led along it as it was before the log's filter (`mrdamp.records.log_filter`).
+"""Stages with memory of the command follow its path before the filter of the log
+(`mrdamp.records.log_filter`).
 
-A log may as well tell of what was sent, waves and all (a command that was made band-limited): that is a form of the
-same cause, between which the fits tell.
+The ringing in a log may also be part of the actual command (a band-limited command). That is a second form of
+the same cause, and the fits decide between the two.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.log_filter import AS_SENT, LOG, rings_before_jumps, without_waves
 
-#: The setting that is not zero where a magnetic circuit remembers, and the one that leads it along the log's waves.
+#: The setting that is nonzero for a magnetic circuit with memory, and the one that makes it follow the log's
+#: ringing.
 MEMORY, ALONG = "remanence_b", f"{PREFIX}along_the_log"
 
 #: Channels (sets, channels, m) of settings under a command (m,).
@@ -26,7 +28,7 @@ Run = Callable[[Sequence[Settings], Array], Array]
 
 
 def with_waves(terms: Sequence[Term], records: Sequence[Record]) -> tuple[Term, ...]:
-    """The terms, and those with a memory along the log too where a record's command rings."""
+    """The terms, and forms whose memory follows the log if the command of a record has ringing."""
     if not any(rings_before_jumps(np.asarray(r.command)) for r in records):
         return tuple(terms)
     out = []
@@ -39,19 +41,20 @@ def with_waves(terms: Sequence[Term], records: Sequence[Record]) -> tuple[Term, 
 
 
 def base_settings(model: Model) -> dict[str, float]:
-    """The nominal simulator's settings, with what its file says of the log."""
+    """The nominal simulator's settings, including its file's entry on the log."""
     along = {ALONG: 1.0} if model.extra.get(LOG) == AS_SENT else {}
     return dict(model.attributes) | along
 
 
 def told_by_the_log(settings: Mapping[str, float]) -> dict[str, str]:
-    """What a model's file says of the log beside its settings, for `mrdamp.simulation.predict`."""
+    """Entry of a model's file on the log, for `mrdamp.simulation.predict`."""
     return {LOG: AS_SENT} if ALONG in settings else {}
 
 
 @dataclass
 class CommandMemory:
-    """Runs of a rig, those with a memory of the command without its log's waves. base: the nominal settings."""
+    """Runs of a rig; stages with memory see the command without the log's ringing. base: the nominal
+    settings."""
 
     base: Mapping[str, float]
     _held: dict[Hashable, Array | None] = field(default_factory=dict)
@@ -60,10 +63,11 @@ class CommandMemory:
     def channels(
         self, run: Run, settings: Sequence[Settings], logged: Array, fine: Array, clock: Hashable
     ) -> Array:
-        """Simulated channels (sets, channels, m) under a command, as logged (n,) and on the clock of the run (m,).
+        """Simulated channels (sets, channels, m) under a command, as logged (n,) and at the time steps of the
+        run (m,).
 
-        What the waves do to the channels all the same, since those went through the same filter, is added as the
-        simulator without a memory has it. clock: names the record and the run's steps.
+        The channels contain the same filter's ringing. It is added as the simulator without memory gives it.
+        clock: key of the record and the run's steps.
         """
         as_logged = ALONG in self.base
         rows = [

@@ -1,4 +1,5 @@
-"""The rig `damper`: a record's motion imposed on the damper, its force read by its own sensor and a load cell."""
+"""The rig `damper`: a record's motion is imposed, the force is read by the damper's own sensor and a load
+cell."""
 
 from __future__ import annotations
 
@@ -36,26 +37,27 @@ from mrdamp.records.upsampling import upsampled
 
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
 _NOISE_SEED = 20
-#: Hz, of the sines of a proposed test.
+#: Hz, range of the sines of a proposed test.
 _BAND = 0.3, 10.0
-#: s, the chain's step while searching, the same for rough runs and where a mount or gas is solved for in every step,
-#: and in the last fit.
+#: s, steps of the chain: in a search, in a search for coarse runs or with an implicit stage (mount, gas), and
+#: in the last fit.
 _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
-#: Share of what the nominal simulator leaves with a smoothed motion, below which the logged one is taken.
+#: The logged motion is used if it reduces the nominal simulator's error to below this share of that with a
+#: smoothed motion.
 _LOGGED = 0.9
-#: How many times as wide the range is of a number that may be further off.
+#: Factor on the range of a parameter that may be further off.
 _WIDER = 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class DamperRig:
-    """A damper case's simulator and records, as the diagnosis needs them (see `mrdamp.diagnosis.problem.rig.Rig`).
+    """Simulator and records of a damper case (see `mrdamp.diagnosis.problem.rig.Rig`).
 
-    rough: in a search steps are as long as those behind a mount, and a mount is solved for once a step, not twice.
-    threads: that run settings side by side. wider: names of the law's numbers that may be further off than others.
-    spans: what the whole records span, where these are excerpts of them. step: s, of the chain while searching.
-    as_logged: the motion is taken with its noise, as `mrdamp predict` takes it. known: a term by name with its settings
-    as channels that see the same thing give them, which leave little to be fitted.
+    rough: in a search the step is as long as with a mount, and a mount is solved once per step instead of
+    twice. threads: number of simulations in parallel. wider: names of nominal parameters with a wider range.
+    spans: ranges of the whole records if these are excerpts. step: s, of the chain in a search. as_logged:
+    the motion is used with its noise, as `mrdamp predict` does. known: terms by name, with settings known
+    from channels of one quantity; only small changes of these are fitted.
     """
 
     nominal_model: Model
@@ -75,7 +77,7 @@ class DamperRig:
 
     @cached_property
     def motions(self) -> tuple[tuple[Array, Array | None, Array | None], ...]:
-        """Displacement (m), velocity (m/s) and acceleration (m/s2) where measured, of each record."""
+        """Displacement (m), and velocity (m/s) and acceleration (m/s2) if measured, of each record."""
         out = []
         for r in self.records:
             x = mended_ends(np.asarray(r.displacement))
@@ -84,18 +86,18 @@ class DamperRig:
         return tuple(out)
 
     def velocity(self, record: int) -> Array:
-        """(n,) m/s, measured or of the smoothed displacement."""
+        """(n,) m/s, measured or from the smoothed displacement."""
         x, v, _ = self.motions[record]
         return derivative(x, self.records[record].sample_time) if v is None else v
 
     @cached_property
     def filtered(self) -> bool:
-        """True where a command's jumps tell that the log went through a filter: one logger takes all records."""
+        """True if jumps of a command show that the log was filtered; all records have the same logger."""
         return any(rings_before_jumps(np.asarray(r.command)) for r in self.records)
 
     @cached_property
     def sizes(self) -> Sizes:
-        """What the records span."""
+        """Ranges of the records."""
         if self.spans is not None:
             return self.spans
         force = [r.channel(self.channels[-1]) for r in self.records]
@@ -113,14 +115,14 @@ class DamperRig:
 
     @cached_property
     def heat(self) -> tuple[float, ...]:
-        """J dissipated in each record."""
+        """J, dissipated in each record."""
         return tuple(
             float(np.sum(np.abs(r.channel(self.channels[-1]) * self.velocity(k))) * r.sample_time)
             for k, r in enumerate(self.records)
         )
 
     def searched(self) -> DamperRig:
-        """The rig that a search runs: with excerpts of long records."""
+        """The rig for a search: with excerpts of long records."""
         short = excerpts(self.records, self.heat, thinned=not self.as_logged)
         if short == self.records:
             return self
@@ -129,7 +131,7 @@ class DamperRig:
         return replace(self, records=short, spans=self.sizes, step=step, leads=leads)
 
     def _lead(self, record: int, excerpt: Record) -> Lead:
-        """What the nominal simulator says of a record before its excerpt."""
+        """Simulation of a record by the nominal simulator up to its excerpt."""
         whole = self._fine(record, STEP)
         force = self._run([{}], whole, ("force",))[0, 0]
         dt = self.records[record].sample_time
@@ -137,9 +139,11 @@ class DamperRig:
         return Lead(force[: first + 1], dt)
 
     def with_motion(self) -> DamperRig:
-        """The rig with the motion that the nominal simulator meets the records better with: freed of its noise, or as
-        logged. A law that was identified with a logged motion has its noise in the numbers: a hysteresis that
-        is shaken gives way earlier."""
+        """The rig with the motion, smoothed or as logged, for which the nominal simulator's error is smaller.
+
+        The parameters of a law that was identified with a logged motion depend on the noise in it: vibration
+        makes a hysteresis yield earlier.
+        """
         logged = replace(self, as_logged=True)
         costs = [float(np.sum(Problem(rig, coarse=True).of_settings([{}])[0] ** 2)) for rig in (self, logged)]
         return logged if costs[1] < _LOGGED * costs[0] else self
@@ -183,7 +187,7 @@ class DamperRig:
             solved and not self.filtered
         )  # a filter needs samples between those of its log
         step = (_ROUGH if longest else self.step) if coarse else _FINE
-        # The chain halves a step behind a mount.
+        # The chain halves the step with a mount.
         pieces = 0.5 if coarse and mount and (self.rough or self.filtered) else 1.0
         fine = self._fine(record, step)
 
@@ -206,8 +210,8 @@ class DamperRig:
         return np.vstack([simulated[c] for c in self.channels])
 
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
-        """The same with longer steps in a search; None where the records' own samples are no further apart, and where
-        the command is late: by how much less than a step counts at its jumps."""
+        """The same rig with longer steps in a search. None if the records' samples are no further apart, or
+        with a command delay: a fraction of a step matters at the jumps of the command."""
         longer = any(r.sample_time > 1.5 * _COARSE for r in self.records)
         if any(t.stage == "mount" for t in terms):
             return self._rough
@@ -220,9 +224,11 @@ class DamperRig:
     def through(
         self, record: int, command: Array, settings: Settings, moved: Array | None = None
     ) -> dict[str, Array]:
-        """Forces (n,) N of a record's motion with another command: `force` of the own sensor, `reference`.
+        """Forces (n,) N of a record's motion with another command: `force` of the own sensor, and
+        `reference`.
 
-        moved: (n,) m, what is added to the motion."""
+        moved: (n,) m, added to the motion.
+        """
         r = self.records[record]
         x, v, a = self.motions[record]
         if moved is not None:
@@ -235,7 +241,7 @@ class DamperRig:
         return dict(zip(columns, out, strict=True))
 
     def _fine(self, record: int, step: float) -> Fine:
-        """A record's inputs on a clock of about this step (s); kept."""
+        """A record's inputs at about this step (s), cached."""
         factor = max(1, round(self.records[record].sample_time / step))
         if (record, factor) not in self._inputs:
             r = self.records[record]
@@ -278,7 +284,7 @@ class DamperRig:
         return np.ascontiguousarray(logged(out, inputs.filtered, inputs.factor))
 
     def input_noise(self, settings: Settings, record: int) -> Array:
-        """(channels,) N: what the noise of the displacement, as far as smoothing leaves it, does to the force."""
+        """(channels,) N: RMS force error due to the displacement noise that remains after smoothing."""
         r = self.records[record]
         x = self.motions[record][0]
         level = noise_level(r.displacement)
@@ -294,7 +300,7 @@ class DamperRig:
 
     @cached_property
     def envelope(self) -> Envelope:
-        """Limits of the next test: what the records span; the command from 0 to the simulator's own limit."""
+        """Limits of the next test: the ranges of the records; the command from 0 to the simulator's limit."""
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
         largest = self.nominal_model.parameters.get("command_max")
         return Envelope.of(
@@ -302,17 +308,17 @@ class DamperRig:
         )
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        """Simulated channels (sets, channels, n) of a proposed test."""
         factor = max(1, round(self.sizes.sample_time / _ROUGH))
         inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor)
         return self._run(settings, inputs)
 
     def noise_share(self, record: int) -> float:
-        """1: all records are compared as they are."""
+        """1: records are compared without averaging."""
         return 1.0
 
     def conditions(self, record: int) -> dict[str, Array]:
-        """What the gap is mapped over: name with unit -> (n,)."""
+        """Variables for the regimes of the gap: name with unit -> (n,)."""
         r, v = self.records[record], self.velocity(record)
         return {
             "velocity (m/s)": v,

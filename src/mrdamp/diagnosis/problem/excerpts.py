@@ -1,6 +1,6 @@
-"""Middle parts of long records for a search; the last fit and every figure that is reported use the whole records.
+"""Excerpts of long records for a search; the last fit and all reported figures use the whole records.
 
-Tests at constant command repeat the same cycle dozens of times: a search learns from the first few what all say.
+Tests at constant command repeat the same cycle dozens of times, and the first cycles contain the information.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import memory
 
-#: s of records above which a search goes by excerpts: a commissioning programme of eight tests takes 66 s,
-#: and such a case is searched whole.
+#: s, total length of records above which a search uses excerpts. A commissioning programme of eight tests
+#: takes 66 s and is searched whole.
 WHOLE = 80.0
-#: s of each record in a search, and of the one in which most heat is dissipated, since what warms up or leaks away
-#: shows in a long record alone.
+#: s, length of each excerpt, and of that of the record with the most dissipated energy: heating and leakage
+#: show in long records only.
 EACH, LONGEST = 3.5, 15.0
-#: s between the samples of excerpts at least, and the chain's step there: with 2 ms the nominal gaps of utfsm and utfpr
-#: are those of 1 ms within .1 % of the force.
+#: s, least sample time of excerpts and the chain's step for them. With 2 ms the nominal gaps of utfsm and
+#: utfpr differ from those with 1 ms by less than .1 % of the force.
 STEP = 2e-3
 
 
 def excerpts(records: Sequence[Record], heat: Sequence[float], *, thinned: bool = True) -> tuple[Record, ...]:
-    """The records with their middle parts (a machine starts and stops at the ends) where they are long together.
+    """The middle parts of the records if their total length is large; a machine starts and stops at the ends.
 
-    heat: J dissipated, by record. thinned: in samples STEP apart, where they are nearer.
+    heat: J dissipated, by record. thinned: decimate to a sample time of STEP.
     """
     if sum(r.n * r.sample_time for r in records) <= WHOLE:
         return tuple(records)
@@ -48,17 +48,18 @@ def _middle(record: Record, seconds: float, thinned: bool) -> Record:
 
 @dataclass(frozen=True)
 class Lead:
-    """force (n,) N: simulated from a record's start to the start of its excerpt, sample_time s apart. A charge that
-    leaks remembers it for several of its time constants."""
+    """Simulation before an excerpt: force (n,) N from a record's start to the excerpt's, with step
+    sample_time (s). A leaking charge amplifier remembers it for several time constants."""
 
     force: Array = field(repr=False)
     sample_time: float
 
     def leaked(self, settings: Settings, excerpt: Record) -> Array:
-        """(n,) N that the own sensor of an excerpt reads less than one that starts with it, by what leaked before.
+        """(n,) N, difference of a leaking sensor's reading in an excerpt from that of a sensor that starts
+        with it.
 
-        A high-pass is the force less its low-pass, which starts from zero with the record; what that holds at the
-        excerpt's start dies away in it.
+        A high-pass is the force minus its low-pass, which is zero at the record's start. The value of the
+        low-pass at the excerpt's start decays in the excerpt.
         """
         gain, share = settings.get("sensor_gain_g", 1.0), settings.get("sensor_leakage_share", 0.0)
         parts = ((1 - share, "sensor_leakage_tau"), (share, "sensor_leakage_tau2"))

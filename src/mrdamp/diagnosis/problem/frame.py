@@ -1,7 +1,7 @@
-"""The rig `frame`: a shear frame on a shaken table, one damper in it, its floors' accelerometers and displacements.
+"""The rig `frame`: a shear frame on a shaking table with one damper, accelerometers and displacement sensors.
 
-Settings with a place carry it behind an `@`: `storey_stiffness_e@2`, `sensor_lag_tau@3`, and the structure's own
-numbers `mass@1`, `stiffness@1`, `damping@1` (SI).
+Settings with a place have it after an `@`: `storey_stiffness_e@2`, `sensor_lag_tau@3`, and the structural
+parameters `mass@1`, `stiffness@1`, `damping@1` (SI).
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before
 from mrdamp.records.sampling import derivative
 from mrdamp.structures import ShearFrame
 
-#: s, the chain's inner step while searching and for the last fit, where a finer one is not called for; the frame is
-#: stepped with half of it.
+#: s, inner step of the chain in a search and, unless a smaller one is needed, in the last fit; the frame's
+#: step is half of it.
 COARSE, FINE = 2e-3, 1e-3
-#: s, the longest step that a fit finds its way by, and how many times the one of a search it may be.
+#: s, longest step of a coarse run, and its largest multiple of the search's step.
 _ROUGH, _ROUGHER = 4e-3, 4.0
-#: The law's numbers are free within so many times the damper's ranges.
+#: Factor on the ranges of the nominal parameters relative to a damper's.
 _WIDER = 2.0
-#: Hz, of the sines of a proposed test.
+#: Hz, range of the sines of a proposed test.
 _BAND = 0.8, 16.0
 _STRUCTURE = ("mass", "stiffness", "damping")
 
 
 @dataclass(frozen=True, eq=False)
 class FrameRig:
-    """A frame case's simulator and records (see `mrdamp.diagnosis.problem.rig.Rig`).
+    """Simulator and records of a frame case (see `mrdamp.diagnosis.problem.rig.Rig`).
 
-    raw: the records as measured, which the simulator is driven with. block: so many samples are averaged into one for
-    the comparison, of what is measured and of what is simulated alike: a frame moves below some 20 Hz, noise is white.
-    full_rate: records whose command jumps are compared as they are: there a damper rings with its floor, near 100 Hz.
-    clean: names of the blocks (`attribution.frame_blocks`) that are not at fault; nothing is sought there.
-    quiet: no block is at fault, so that what there is is small; storeys are asked after all, since a resonance shows
-    in a free run what their own balance has in its noise.
-    free_structure: the structure's numbers are free beside the law's. placed: only causes with a place are sought.
-    coarse_step: s, the chain's inner step while searching; jump_step: the same in records whose command jumps.
-    threads: that run settings side by side.
+    raw: the records as measured, which drive the simulator. block: number of samples averaged for the
+    comparison, in measured and simulated channels alike: a frame moves below about 20 Hz, and noise is white.
+    full_rate: records whose command jumps are compared without averaging, because a damper then oscillates
+    with its floor near 100 Hz. clean: names of the blocks (`attribution.frame_blocks`) without a fault, where
+    no cause is sought. quiet: no block is faulty, so that any fault is small; storeys are then searched as
+    well, since resonance in a free run shows faults below the noise of a storey's balance. free_structure:
+    the structural parameters are free together with the nominal ones. placed: only causes with a place are
+    sought. coarse_step: s, inner step of the chain in a search; jump_step: the same for records whose command
+    jumps. threads: number of simulations in parallel.
     """
 
     nominal_model: Model
@@ -88,14 +88,15 @@ class FrameRig:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Accelerations, then displacements of the floors, the ground up, then the force: those all records have."""
+        """Accelerations, then displacements of the floors from the ground up, then the force: channels of all
+        records."""
         floors = range(1, self.structure.storeys + 1)
         names = [f"floor{j}_acceleration_m_s2" for j in floors] + [f"floor{j}_displacement_m" for j in floors]
         return tuple(c for c in (*names, "force_N") if all(c in r.channels for r in self.raw))
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The C entry's names of the channels."""
+        """Names of the channels in the C entry."""
         return tuple(
             "force" if c == "force_N" else f"{c.split('_')[1]}_{c.split('_')[0].removeprefix('floor')}"
             for c in self.channels
@@ -103,20 +104,20 @@ class FrameRig:
 
     @cached_property
     def _filtered(self) -> tuple[bool, ...]:
-        """Of each record, whether its command's jumps went through a filter."""
+        """For each record, True if jumps of its command were filtered."""
         return tuple(rings_before_jumps(np.asarray(r.command)) for r in self.raw)
 
     @cached_property
     def _fine(self) -> tuple[tuple[Array, Array], ...]:
-        """Ground acceleration and command of each record between its samples."""
+        """Interpolated ground acceleration and command of each record."""
         return tuple(
             finer(np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command), filtered)
             for r, filtered in zip(self.raw, self._filtered, strict=True)
         )
 
     def _driven(self, record: int, coarse: bool) -> tuple[int, Array, Array]:
-        """Samples in one of the record's, ground acceleration and command that the simulator is driven with. In
-        longer steps than a search's nothing is put between samples but where a filter's wave is."""
+        """Samples per sample of the record, ground acceleration and command that drive the simulator. For
+        steps longer than a search's, inputs are interpolated only to resolve the ringing of a filter."""
         rough = coarse and self.coarse_step > COARSE and not self._filtered[record]
         if self.nominal_model.law == "narx" or rough:
             r = self.raw[record]
@@ -125,12 +126,12 @@ class FrameRig:
 
     @cached_property
     def _free_runs(self) -> list[dict[str, Array]]:
-        """Of the nominal simulator, one for each record."""
+        """Free runs of the nominal simulator, one for each record."""
         return [self._run([{}], k, coarse=True)[0] for k in range(len(self.raw))]
 
     @cached_property
     def sizes(self) -> Sizes:
-        """What the damper goes through in the nominal simulator's free runs."""
+        """Ranges of the damper's variables in the nominal simulator's free runs."""
         runs = self._free_runs
         x, v, f = (np.concatenate([o[c] for o in runs]) for c in ("stroke", "stroke_velocity", "true"))
         steps = [r.sample_time / self._driven(k, True)[0] for k, r in enumerate(self.raw)]
@@ -148,12 +149,12 @@ class FrameRig:
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
-        """The law's numbers, then the structure's where they are free."""
+        """The nominal parameters, then the structural ones if they are free."""
         s = self.sizes
         law = nominal_coordinates(
             self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
         )
-        # At small drifts a frame asks little of some numbers and all of others, which may then be far off.
+        # At small drifts a frame's response depends little on some parameters, which may then be far off.
         law = widened(law, _WIDER, lambda name: name != "n")
         own = effect_coordinates(self.nominal_model.effects, self.catalogue)
         return (*law, *own, *(structure_coordinates(self.structure) if self.free_structure else ()))
@@ -165,9 +166,11 @@ class FrameRig:
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        """The catalogue without what clean blocks rule out. Of a damper only its force sensor is ruled out, where the
-        storeys that it stands in are in balance with what it reads: a frame's free run shows a damper's effects better
-        than its own block does."""
+        """The catalogue without causes that clean blocks rule out.
+
+        Of the damper only the force sensor can be ruled out, if the balance of its storeys with its reading
+        closes. A frame's free run shows the damper's other effects better than its own block does.
+        """
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
         out = []
@@ -187,7 +190,7 @@ class FrameRig:
 
     @cached_property
     def rivals(self) -> tuple[Term, ...]:
-        """Causes outside the catalogue, where blocks are at fault that they act in."""
+        """Causes outside the catalogue that act in faulty blocks."""
         floors = range(1, self.structure.storeys + 1)
         places = [j for j in floors if f"storey {j}" not in self.clean]
         x = np.hstack([[o[f"displacement_{j}"] for j in floors] for o in self._free_runs])
@@ -227,7 +230,7 @@ class FrameRig:
         return block_means(np.vstack([simulated[c] for c in self.channels]), self._blocks[record])
 
     def rougher(self, terms: Sequence[Term]) -> FrameRig | None:
-        """The same with longer steps in a search."""
+        """The same rig with longer steps in a search."""
         return self._rough
 
     @cached_property
@@ -237,15 +240,15 @@ class FrameRig:
         return replace(self, **longer) if longer != steps else None
 
     def input_noise(self, settings: Settings, record: int) -> Array:
-        """(channels,), nothing: a table's motion and the command are taken as they were sent."""
+        """(channels,), zero: the table's motion and the command are taken as exact."""
         return np.zeros(len(self.channels))
 
     def noise_share(self, record: int) -> float:
-        """White noise of a record over what it is in means of `block` samples."""
+        """Ratio of the noise after averaging over `block` samples to the white noise of a record."""
         return float(np.sqrt(self.block / self._blocks[record]))
 
     def conditions(self, record: int) -> dict[str, Array]:
-        """What the gap is mapped over: name with unit -> (n,)."""
+        """Variables for the regimes of the gap: name with unit -> (n,)."""
         r, (low, high) = self.records[record], self.structure.damper_between
         stroke = self._floor(record, high) - self._floor(record, low)
         out = {
@@ -280,20 +283,21 @@ class FrameRig:
         )
 
     def _floor(self, record: int, floor: int) -> Array:
-        """Measured displacement (n,) of a floor, at the rate of the comparison; nothing where it was not measured."""
+        """Measured displacement (n,) of a floor at the rate of the comparison; zeros if it was not measured.
+        """
         r = self.records[record]
         return np.asarray(r.channels.get(f"floor{floor}_displacement_m", np.zeros(r.n)))
 
     @cached_property
     def envelope(self) -> Envelope:
-        """Limits of the next test: no more acceleration of the ground than the records have."""
+        """Limits of the next test: the ground acceleration of the records."""
         ground = "ground_acceleration_m_s2"
         strongest = max(float(np.abs(r.channel(ground)).max()) for r in self.raw)
         largest = self.nominal_model.parameters.get("command_max")
         return Envelope.of(ground, strongest, None, _BAND, self.raw, largest, self.sizes.sample_time)
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        """Simulated channels (sets, channels, n) of a proposed test."""
         channels = {"ground_acceleration_m_s2": signal.motion, "command": signal.command}
         record = Record("trial", None, self.sizes.sample_time, channels)
         trial = replace(self._rough or self, raw=(record,), block=1)
@@ -311,7 +315,8 @@ class FrameRig:
     def _run(
         self, settings: Sequence[Settings], record: int, *, coarse: bool, command: Array | None = None
     ) -> list[dict[str, Array]]:
-        """Columns of each of the settings on the clock of the run. command: on it, in place of the record's."""
+        """Columns for each of the settings at the run's time steps. command: at these steps, in place of the
+        record's."""
         factor, ground, own_command = self._driven(record, coarse)
         command = own_command if command is None else command
         sample_time = self.raw[record].sample_time / factor
@@ -342,7 +347,7 @@ class FrameRig:
         return out
 
     def _step(self, record: int, coarse: bool) -> float:
-        """s, the chain's inner step in a record."""
+        """s, inner step of the chain in a record."""
         jump = self._jumps[record]
         step = self.jump_step if jump else self.coarse_step
         return step if coarse else min(step / 2 if jump else step, FINE)
@@ -366,19 +371,19 @@ def block_means(values: Array, block: int) -> Array:
 
 
 def averaged(record: Record, block: int) -> Record:
-    """A record of block means; as it is for a block of 1."""
+    """A record of block means; unchanged for a block of 1."""
     if block == 1:
         return record
     channels = {name: block_means(np.asarray(x), block) for name, x in record.channels.items()}
     return Record(record.name, record.path, block * record.sample_time, channels, record.ignored)
 
 
-#: `Model.frame` asks for a law; the frame does not depend on it.
+#: `Model.frame` requires a law, on which the frame does not depend.
 _NO_DAMPER = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), 0.0)
 
 
 def placed_effects(settings: Mapping[str, float]) -> list[Effect]:
-    """The effects that have a place, of settings `EFFECT_PARAMETER@PLACE`."""
+    """Effects with a place, from settings `EFFECT_PARAMETER@PLACE`."""
     found: dict[tuple[str, int], dict[str, float]] = {}
     for key, value in settings.items():
         head, _, place = key.partition("@")

@@ -9,6 +9,6 @@ from mrdamp.diagnosis.problem.rig import Rig
 
 
 def make_rig(case: Case, threads: int = 1) -> Rig:
-    """The rig of a case. threads: that run settings side by side."""
+    """The rig of a case. threads: number of simulations in parallel."""
     kind = FrameRig if case.model.rig == "frame" else DamperRig
     return kind(case.model, case.records, threads=threads)

@@ -1,4 +1,4 @@
-"""What two runs of one test differ by: the noise floor of every block of residuals."""
+"""Noise floor of every block of residuals, from repeated tests."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.model.core import Array
 
-#: Gap of noise at which a block counts 0.7: errors of form are of this size.
+#: Gap due to noise at which a block's weight is 0.7; model errors are of this size.
 _CLEAR = 0.012
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of each channel's noise (channels,), in its unit, and where it is known from.
+    """Standard deviation of each channel's noise (channels,), in its unit, and its source.
 
-    varying: the same without what differs by a constant from run to run. steady: False where two runs of one test
-    differ by more than their noise.
+    varying: the same without constant differences between runs. steady: False if two runs of one test differ
+    by more than their noise.
     """
 
     levels: Array
@@ -33,10 +33,10 @@ class Noise:
 
 
 def channel_noise(case: Case, rig: Rig) -> Noise:
-    """From the repeats where there are any, else from what no smooth signal holds: the fifth differences.
+    """Noise from the repeats or, without any, from the fifth differences, which vanish for smooth signals.
 
-    Two runs differ by both their noises; the mean square is halved. A constant difference (an offset that drifts
-    between tests) counts as noise.
+    The difference of two runs contains the noise of both; its mean square is halved. A constant difference
+    (an offset that drifts between tests) counts as noise.
     """
     pairs = [(case.records[k], r) for r, k in case.repeats if k is not None]
     levels, varying = np.empty(len(rig.channels)), np.empty(len(rig.channels))
@@ -52,9 +52,12 @@ def channel_noise(case: Case, rig: Rig) -> Noise:
 
 
 def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Noise, list[str]]:
-    """The noise, no more than the high band's where two runs of a test differ by more, and notes on what does not
-    repeat: what changes from run to run is a gap and no noise. case: as measured; block: samples that the rig
-    averages into one."""
+    """The noise, limited to that of the high band if two runs of a test differ by more, and notes on what
+    does not repeat.
+
+    A change from run to run is a gap and not noise. case: as measured. block: number of samples that the rig
+    averages.
+    """
     levels, notes = noise.levels.copy(), []
     for c, name in enumerate(rig.channels):
         white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(block)
@@ -68,7 +71,8 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
 
 
 def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
-    """Gap (blocks,) that the noise alone leaves: the outputs' own, and the inputs' carried through the simulator."""
+    """Gap (blocks,) due to noise alone: of the outputs, and of the inputs propagated through the simulator.
+    """
     carried = {k: problem.rig.input_noise(settings, k) for k in problem.records}
     share = {k: problem.rig.noise_share(k) for k in problem.records}
     return np.array(
@@ -80,13 +84,14 @@ def floors(problem: Problem, noise: Noise, settings: Settings) -> Array:
 
 
 def trust(problem: Problem, floor: Array) -> dict[tuple[int, int], float]:
-    """What each block counts, by (record, channel): less, the more of it is noise (floor (blocks,), as gaps)."""
+    """Weight of each block, by (record, channel): it decreases with the share of noise. floor (blocks,): gaps
+    due to noise."""
     counts = 1 / np.hypot(1.0, floor / _CLEAR)
     return {(b.record, b.channel): float(c) for b, c in zip(problem.blocks, counts, strict=True)}
 
 
 def baseline_gap(problem: Problem | None, rig: Rig) -> Array:
-    """(channels,) RMS gap that the nominal simulator leaves of the baseline's records, 0 without any."""
+    """(channels,) RMS gap of the nominal simulator on the baseline's records; 0 without any."""
     if problem is None:
         return np.zeros(len(rig.channels))
     gaps = problem.gaps(problem.of_settings([{}])[0])
@@ -95,5 +100,5 @@ def baseline_gap(problem: Problem | None, rig: Rig) -> Array:
 
 
 def own_cost(problem: Problem, base: Array) -> float:
-    """Cost that gaps (channels,) of the rig's baseline stand for."""
+    """Cost that corresponds to gaps (channels,) of the rig's baseline."""
     return problem.cost(np.array([base[b.channel] for b in problem.blocks]))

@@ -1,4 +1,4 @@
-"""Residuals of a rig's records under many settings at once, each record and channel over its own size."""
+"""Residuals of a rig's records for many settings at once, normalised by record and channel."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
-#: s at the start of a record, where the unknown start state fades: they do not count.
+#: s, excluded at the start of a record: the unknown initial state decays.
 SKIP = 0.1
-#: Samples at a record's end, where a converter's filter bends the motion: they do not count either.
+#: Samples excluded at the end of a record, where a converter's filter distorts the motion.
 END = 8
-#: Step of the differences, in units of search.
+#: Step of the finite differences, in units of search.
 _STEP = 0.02
-#: What a diverged run counts as: an error so many times the record's size.
+#: Error assigned to a diverged run, as a multiple of the record's size.
 _DIVERGED = 1e3
 
 
 @dataclass(frozen=True)
 class Block:
-    """Where a record's channel stands in the residuals.
+    """Position of a record's channel in the residuals.
 
-    size: what its error is divided by (channel unit); trust: what it then counts, 0 to 1.
+    size: divisor of its error (channel unit). trust: weight, 0 to 1.
     """
 
     record: int
@@ -39,11 +39,11 @@ class Block:
 
 
 class Problem:
-    """Residuals of some records of a rig; a block's sum of squares is its gap squared times its share.
+    """Residuals of some records of a rig; a block's sum of squares is its squared gap times its share.
 
-    A gap is the RMS error over the RMS of the measurement. share: blocks of a record with two channels count half
-    each, so that a sum of squares over all blocks is a sum over records. trust: by (record, channel), what a block's
-    residuals are multiplied by; one that is mostly noise would hide the others.
+    A gap is the RMS error over the RMS of the measurement. share: blocks of a record with two channels count
+    half each, so that a sum over all blocks is a sum over records. trust: by (record, channel), factor on a
+    block's residuals; a block of noise would otherwise dominate.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class Problem:
             self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
 
     def rougher(self, hypothesis: Hypothesis) -> Problem:
-        """The same residuals in cheaper runs, to find the way by: those of a search instead of the full step's, with
-        longer steps yet where this hypothesis takes long; this problem itself where there are none."""
+        """The same residuals from cheaper runs for the descent: with a search's step instead of the full one,
+        or with a longer step if this hypothesis is slow. The problem itself if there are none."""
         rig = self.rig.rougher(hypothesis.terms)
         if rig is None and self.coarse:
             return self
@@ -89,7 +89,7 @@ class Problem:
         return out
 
     def outputs(self, settings: Sequence[Settings]) -> Array:
-        """Simulated channels of all records in a row (sets, samples), in the channels' units."""
+        """Simulated channels of all records, concatenated (sets, samples), in the channels' units."""
         out = np.empty((len(settings), self.samples))
         at = 0
         for k, whole in zip(self.records, self._all_simulated(settings), strict=True):
@@ -100,7 +100,7 @@ class Problem:
         return out
 
     def _all_simulated(self, settings: Sequence[Settings]) -> list[Array]:
-        """Runs of each record, side by side: a fit alone keeps all threads busy too."""
+        """Runs of each record in parallel, so that a single fit uses all threads."""
         self.runs += len(settings) * len(self.records)
         if self.rig.threads == 1 or len(self.records) == 1:
             return [self._simulated(settings, k) for k in self.records]
@@ -108,7 +108,7 @@ class Problem:
             return list(pool.map(lambda k: self._simulated(settings, k), self.records))
 
     def _simulated(self, settings: Sequence[Settings], record: int) -> Array:
-        """Runs (sets, channels, n), NaN for settings that the chain does not take (a hysteresis without bound)."""
+        """Runs (sets, channels, n); NaN for settings outside the chain's limits (an unbounded hysteresis)."""
         try:
             return self.rig.simulate(settings, record, coarse=self.coarse)
         except InputError:
@@ -118,11 +118,11 @@ class Problem:
             return np.concatenate([self._simulated([one], record) for one in settings])
 
     def taken(self, record: int) -> slice:
-        """Which samples of a record are in the residuals."""
+        """Samples of a record that are in the residuals."""
         return slice(self._skip[record], self.rig.records[record].n - END, self.stride)
 
     def measured(self) -> Array:
-        """Measured channels of all records in a row (samples,)."""
+        """Measured channels of all records, concatenated (samples,)."""
         return np.concatenate([self._measured[k].ravel() for k in self.records])
 
     def of_settings(self, settings: Sequence[Settings]) -> Array:
@@ -138,7 +138,8 @@ class Problem:
     def jacobian(
         self, hypothesis: Hypothesis, q: Array, residual: Array, columns: Sequence[int] | None = None
     ) -> Array:
-        """Forward differences within the bounds (samples, columns), all in one call; columns: which coordinates."""
+        """Forward differences within the bounds (samples, columns), all in one call. columns: which
+        coordinates."""
         chosen = list(range(len(q)) if columns is None else columns)
         low, high = hypothesis.bounds()
         points = np.repeat(q[None], len(chosen), axis=0)
@@ -158,6 +159,6 @@ class Problem:
         return np.array([np.sqrt(channels * np.sum(residual[b.span] ** 2)) / b.trust for b in self.blocks])
 
     def cost(self, gaps: Array) -> float:
-        """Sum of squares of the weighted residuals that gaps (blocks,) stand for."""
+        """Sum of squares of the weighted residuals that corresponds to gaps (blocks,)."""
         trust = np.array([b.trust for b in self.blocks])
         return float(np.sum((trust * gaps) ** 2)) / len(self.rig.channels)

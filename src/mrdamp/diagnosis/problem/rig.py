@@ -1,4 +1,4 @@
-"""What the diagnosis needs of a rig: its records, its free nominal parameters, its catalogue and its simulator."""
+"""Interface of a rig: its records, its free nominal parameters, its catalogue and its simulator."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from mrdamp.records import Record
 
 
 class Rig(Protocol):
-    """A damper on a machine, or a frame; picklable, for workers.
+    """A damper on a testing machine, or a frame; picklable.
 
-    channels: names of the measured channels that the simulator answers for. nominal: coordinates of the nominal
+    channels: names of the measured channels that the simulator computes. nominal: coordinates of the nominal
     parameters, free in every hypothesis. terms: the catalogue.
     """
 
     @property
     def threads(self) -> int:
-        """How many simulate side by side."""
+        """Number of simulations in parallel."""
         ...
 
     @property
@@ -40,7 +40,7 @@ class Rig(Protocol):
 
     @property
     def rivals(self) -> tuple[Term, ...]:
-        """Causes outside the catalogue that its effects are held against."""
+        """Causes outside the catalogue, with which its effects are compared."""
         ...
 
     def measured(self, record: int) -> Array:
@@ -48,52 +48,52 @@ class Rig(Protocol):
         ...
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
-        """(sets, channels, n): free runs with settings in place of (or beside) the nominal ones.
+        """(sets, channels, n): free runs with settings in place of, or in addition to, the nominal ones.
 
-        coarse: a longer inner step will do, as in a search. May raise InputError; NaN where a run diverged.
+        coarse: a longer inner step suffices, as in a search. May raise InputError; NaN if a run diverged.
         """
         ...
 
     def driven(self, record: int) -> Record:
-        """The record as measured, which `mrdamp predict` is given."""
+        """The record as measured: the input of `mrdamp predict`."""
         ...
 
     def compared(self, simulated: Mapping[str, Array], record: int) -> Array:
-        """(channels, n): simulated channels of a record as measured, at the rate of the comparison."""
+        """(channels, n): simulated channels of a measured record at the rate of the comparison."""
         ...
 
     def rougher(self, terms: Sequence[Term]) -> Rig | None:
-        """The same with longer steps yet in a search, where runs with these terms take long; None where they do not."""
+        """The same rig with longer steps in a search if runs with these terms are slow; else None."""
         ...
 
     def input_noise(self, settings: Settings, record: int) -> Array:
-        """(channels,): RMS change of the simulated channels by the noise that is on the measured inputs."""
+        """(channels,): RMS change of the simulated channels due to noise of the measured inputs."""
         ...
 
     def noise_share(self, record: int) -> float:
-        """What the levels of the channels' noise are multiplied by in a record."""
+        """Factor on the noise levels of the channels in a record."""
         ...
 
     @property
     def envelope(self) -> Envelope:
-        """Limits that a test stays within."""
+        """Limits of a test."""
         ...
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Simulated channels (sets, channels, n) of a test that has not been made."""
+        """Simulated channels (sets, channels, n) of a proposed test."""
         ...
 
     def conditions(self, record: int) -> dict[str, Array]:
-        """What the gap is mapped over: name with unit -> (n,)."""
+        """Variables for the regimes of the gap: name with unit -> (n,)."""
         ...
 
     def model(self, settings: Mapping[str, float]) -> Model:
-        """The simulator with these settings, as a file holds it."""
+        """The simulator with these settings, as a file contains it."""
         ...
 
 
 def models_of(rig: Rig, settings: Iterable[Settings], most: int) -> tuple[Model, ...]:
-    """The first `most` simulators that the law takes: a hysteresis is bounded only where its numbers allow it."""
+    """The first `most` simulators that the law accepts: a hysteresis is bounded only for some parameters."""
     out: list[Model] = []
     for one in settings:
         if len(out) == most:

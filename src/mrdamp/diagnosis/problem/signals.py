@@ -1,4 +1,4 @@
-"""Tests that a rig can run: sines together or a triangle as the motion, and a command beside it, within its limits."""
+"""Tests that a rig can run: sines or a triangle as the motion, and a command, within its limits."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ SECONDS = 6.0
 #: Share of the limits that a test uses.
 _USED = 0.9
 _SINES = 4  # at most
-_FADE = 0.5  # s, in which the motion swells from rest
-#: s, shortest and longest time that a command stays or takes (shorter, and a delay is one period as well as the next);
-#: Hz of a triangle.
+_FADE = 0.5  # s, in which the motion is faded in
+#: s, shortest and longest time that a command stays or takes (with shorter times, a delay is ambiguous by a
+#: period); Hz, of a triangle.
 _HOLD, _TRIANGLE = (0.25, 2.5), (0.1, 0.6)
 _COMMANDS = ("constant", "steps", "levels", "ramp", "sines")
 
 
-#: A command below zero by less than this share of the largest is a filter's overshoot.
+#: A negative command below this share of the largest is a filter's overshoot.
 _OVERSHOOT = 0.05
 
 
 def lowest(command: Array) -> float:
-    """The least command of a rig: any can be switched off, few reverse their current."""
+    """Least command of a rig: any can be switched off, few reverse their current."""
     low = float(command.min())
     return low if low < -_OVERSHOOT * float(command.max()) else 0.0
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits of the rig, as the records span them.
+    """Limits of the rig, from the records.
 
-    channel: what is moved, `displacement_m` of a damper or `ground_acceleration_m_s2` of a frame. largest: of its
-    values; rate: of its slope (1/s), None where nothing limits it. lowest, highest: Hz. sample_time: s.
+    channel: the input, `displacement_m` of a damper or `ground_acceleration_m_s2` of a frame. largest: of its
+    values. rate: of its slope (1/s), None without a limit. lowest, highest: Hz. sample_time: s.
     """
 
     channel: str
@@ -60,7 +60,7 @@ class Envelope:
         command_max: float | None,
         sample_time: float,
     ) -> Envelope:
-        """Limits from records. band: Hz; command_max: A or V, the largest of the records where None."""
+        """Limits from records. band: Hz. command_max: A or V; None: the largest of the records."""
         command = np.concatenate([r.command for r in records])
         high = float(command.max()) if command_max is None else command_max
         return cls(channel, largest, rate, *band, lowest(command), high, sample_time)
@@ -76,11 +76,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class Design:
-    """A test by its numbers.
+    """Parameters of a test.
 
-    hz, weight, phase: of the sines, one hz alone with `triangle` of a triangle. command: one of constant, steps
-    (between two levels), levels (drawn from `seed`), ramp (up and down between two levels), sines. low, high: levels
-    as shares of the command's range. hold: s that a level stays, a ramp takes, or a sine's period.
+    hz, weight, phase: of the sines; a single hz with `triangle`: of a triangle. command: constant, steps
+    (between two levels), levels (drawn from `seed`), ramp (up and down between two levels) or sines. low,
+    high: levels as shares of the command's range. hold: s, duration of a level or ramp, or a sine's period.
     """
 
     hz: tuple[float, ...]
@@ -126,7 +126,7 @@ class Design:
         return np.asarray((low + high) / 2 + (high - low) * wave)
 
     def text(self, e: Envelope) -> str:
-        """The test in words."""
+        """Description of the test."""
         kind = "triangle" if self.triangle else "sine" if len(self.hz) == 1 else "sines together"
         what = f"{kind} of {', '.join(f'{f:.2g}' for f in sorted(self.hz))} Hz"
         low, high = (e.command_low + s * (e.command_high - e.command_low) for s in (self.low, self.high))
@@ -143,7 +143,7 @@ class Design:
 
 
 def drawn(rng: np.random.Generator, e: Envelope) -> Design:
-    """A test at random: one to four sines or a triangle, any kind of command."""
+    """A random test: one to four sines or a triangle, any kind of command."""
     triangle = e.rate is not None and rng.random() < 0.15
     count = 1 if triangle else int(rng.integers(1, _SINES + 1))
     ends = _TRIANGLE if triangle else (e.lowest, e.highest)
@@ -164,7 +164,8 @@ def drawn(rng: np.random.Generator, e: Envelope) -> Design:
 
 
 def neighbour(rng: np.random.Generator, one: Design, other: Design, e: Envelope) -> Design:
-    """A test near one: its motion or its command taken from another, then frequencies, levels and times moved."""
+    """A test near another: its motion or its command from a second test, then changed frequencies, levels and
+    times."""
     pick = rng.random()
     if pick < 0.3:
         one = replace(one, hz=other.hz, weight=other.weight, phase=other.phase, triangle=other.triangle)
@@ -182,6 +183,6 @@ def neighbour(rng: np.random.Generator, one: Design, other: Design, e: Envelope)
 
 
 def columns(signal: Signal, e: Envelope) -> Mapping[str, Array]:
-    """The signal's CSV, with the contract's names."""
+    """Columns of the signal's CSV file, with the contract's names."""
     t = np.asarray(e.sample_time * np.arange(len(signal.motion)), dtype=np.float64)
     return {"time_s": t, e.channel: signal.motion, "command": signal.command}

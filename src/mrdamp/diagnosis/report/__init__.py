@@ -1,1 +1,1 @@
-"""The answer, its sentence, its page and the corrected simulator."""
+"""The answer, its summary sentence, its page and the corrected simulator."""

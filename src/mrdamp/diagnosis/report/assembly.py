@@ -1,4 +1,5 @@
-"""From a search and its final fit to the answer: figures on whole records, causes with numbers, where the gap lies."""
+"""From a search and its final fit to the answer: figures on whole records, causes with parameters, location
+of the gap."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ from mrdamp.diagnosis.report.next_test import next_test
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, Where
 from mrdamp.model.core import Array
 
-#: Simulators with parameters drawn within their intervals.
+#: Number of simulators with parameters drawn within their intervals.
 _DRAWN = 20
 _RESAMPLES, _SEED = 2000, 3
 
@@ -164,13 +165,13 @@ def assemble(
 
 
 def _on_whole(search: Search, whole: Problem, found: Fit) -> Fit:
-    """A fit of a search's excerpts, as it stands, with the residuals of the whole records."""
+    """A fit of excerpts, unchanged, with the residuals of the whole records."""
     return found if whole.rig is search.problem.rig else fit(whole, found.hypothesis, found.point, most=0)
 
 
 def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
-    """The cause outside the catalogue that the gap looks like, where the verdict went by one; gaps on the records that
-    it and the catalogue's nearest causes (`chosen`) were fitted to."""
+    """The cause outside the catalogue that explains the gap, if it decided the verdict; gaps on the records
+    of the search for it and for the catalogue's best causes (`chosen`)."""
     found = search.looks_like
     if found is None:
         return None
@@ -186,12 +187,12 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
 
 
 def _predictable(final: FinalFit, floor: float) -> float:
-    """Share of what the corrected simulator leaves beyond the noise that a model of any form would predict."""
+    """Share of the corrected simulator's error beyond the noise that a model of any form would predict."""
     return of_fit(final.problem, final.fit.residual, floor).predictable
 
 
 def _ceiling(final: FinalFit, predictable: float, noise: float) -> float:
-    """Gap that a model of any form would leave on records left out. noise: gap of it."""
+    """Gap of a model of any form on left-out records. noise: its gap due to noise."""
     left = pooled(final.heldout)
     return float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
 
@@ -204,7 +205,7 @@ def _remainder(
     rms: Mapping[str, float],
     predictable: float,
 ) -> Remainder | None:
-    """What is left beyond the noise; None where that is no gap."""
+    """The remaining error beyond the noise; None if the corrected simulator reaches the noise."""
     left, noise = rms["heldout"], rms["floor"]
     if left**2 <= NONE_ABOVE * noise**2:
         return None
@@ -256,19 +257,19 @@ def _candidate_gap(search: Search, fits: list[Fit], causes: tuple[str, ...]) -> 
         return pooled(search.problem.gaps(search.residual))
     wanted = set() if causes == ("parameters",) else set(causes)
     alike = [f for f in fits if set(f.hypothesis.causes) == wanted]
-    if not wanted:  # the nominal simulator as it is, or recalibrated
+    if not wanted:  # the nominal simulator, unchanged or recalibrated
         alike = [f for f in alike if bool(f.hypothesis.nominal) == bool(causes)]
     found = min(alike, key=lambda f: f.cost)
     return pooled(heldout(search.problem, found))
 
 
 def pooled(gaps: Array) -> float:
-    """Gap of all blocks together: records and channels count the same."""
+    """Gap of all blocks together; records and channels have equal weight."""
     return float(np.sqrt(np.mean(gaps**2)))
 
 
 def _step(name: str, gaps: Array) -> Step:
-    """A bar with its interval by resampling blocks of records."""
+    """A bar with its interval by bootstrap over records."""
     rng = np.random.default_rng(_SEED)
     picks = rng.integers(0, len(gaps), (_RESAMPLES, len(gaps)))
     low, high = np.percentile(np.sqrt(np.mean(gaps[picks] ** 2, axis=1)), [2.5, 97.5])
@@ -276,7 +277,8 @@ def _step(name: str, gaps: Array) -> Step:
 
 
 def _conditions(problem: Problem) -> tuple[dict[str, Array], Array]:
-    """Conditions in the order of the residuals (samples,), and one half of the samples: every other second."""
+    """Variables of the regimes in the order of the residuals (samples,), and one half of the samples: every
+    other second."""
     parts: dict[str, list[Array]] = {}
     halves = []
     for b in problem.blocks:

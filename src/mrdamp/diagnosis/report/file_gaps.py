@@ -1,4 +1,4 @@
-"""What the handed-over file itself leaves: every figure that is reported is predicted with it once more."""
+"""Gaps of the written files: every reported figure is computed again with the files."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.simulation.predict import free_run
 
-#: The gap inside the fit and the file's differ by no more than this share of the measurement's RMS.
+#: Largest difference between the gap of the fit and that of the file, as a share of the measurement's RMS.
 AGREEMENT = 0.01
 
 
 def with_file_gaps(
     found: Diagnosis, case: Case, problem: Problem, residual: Array, base: Array | None = None
 ) -> Diagnosis:
-    """The answer with the gaps that `mrdamp predict` gives with case.json and corrected.json on the case's records.
+    """The answer with the gaps that `mrdamp predict` gives with case.json and corrected.json on the case's
+    records.
 
-    problem, residual (samples,): of the last fit, with the whole records; its own figures are held against the files',
-    and a note tells where they part by more than AGREEMENT. What is reported is always the file's. base: (channels,)
-    gap that the nominal simulator leaves of the rig's baseline, where there are such records.
+    problem, residual (samples,): of the last fit, with the whole records. Its figures are compared with the
+    files', and a note reports differences above AGREEMENT. The reported figures are always the files'. base:
+    (channels,) gap of the nominal simulator on the rig's baseline, if there are such records.
     """
     nominal = predicted_gap(case.model, problem)
     corrected = predicted_gap(found.corrected, problem)
@@ -52,7 +53,8 @@ def with_file_gaps(
 
 
 def predicted_gap(model: Model, problem: Problem) -> float:
-    """RMS error over the measurement's RMS, records and channels counting the same, by the path of `mrdamp predict`."""
+    """RMS error over the measurement's RMS, by the path of `mrdamp predict`; records and channels have equal
+    weight."""
     rig = problem.rig
     squares = []
     for k in problem.records:

@@ -1,4 +1,4 @@
-"""The corrected simulator as it is handed over: MJCF that steps in MuJoCo as the diagnosis computed it."""
+"""The corrected simulator as MJCF, and a check that MuJoCo reproduces the diagnosis's simulation with it."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from mrdamp.records import Record
 from mrdamp.simulation.mjcf import write_mjcf
 from mrdamp.simulation.predict import as_logged, played
 
-#: The two gaps agree within this share of the measurement's RMS.
+#: Largest difference of the two gaps, as a share of the measurement's RMS.
 AGREEMENT = 0.01
-#: Records that the MJCF is stepped on, those whose command changes most.
+#: Number of records in the check, those whose command changes most.
 _STEPPED = 3
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """One record, simulated by the C entry (as in the diagnosis) and by the written MJCF in MuJoCo.
+    """One record, simulated by the C entry (as in the diagnosis) and with the written MJCF in MuJoCo.
 
-    offline, mujoco: gaps, channels pooled; difference: RMS of what the two answer differently; all over the RMS of
-    the measurement.
+    offline, mujoco: gaps, channels pooled. difference: RMS difference of the two simulations. All are
+    relative to the RMS of the measurement.
     """
 
     record: str
@@ -39,7 +39,7 @@ class Agreement:
 
     @property
     def within(self) -> bool:
-        """True where the two gaps are the same within 1 % of the RMS."""
+        """True if the two gaps agree within 1 % of the RMS."""
         return abs(self.mujoco - self.offline) <= AGREEMENT
 
     def to_dict(self) -> dict[str, Any]:
@@ -47,13 +47,14 @@ class Agreement:
         return {"record": self.record, **gaps}
 
     def line(self) -> str:
-        """What is told where they do not."""
+        """Note for a disagreement."""
         gaps = f"{100 * self.mujoco:.2f} % in MuJoCo, {100 * self.offline:.2f} % offline"
         return f"MJCF stepped on {self.record}: the gap is {gaps}"
 
 
 def hand_over(found: Diagnosis, records: Sequence[Record], folder: Path) -> Diagnosis:
-    """Writes the corrected simulator's MJCF into a folder and steps it on three records; what came of it is told."""
+    """Writes the corrected simulator's MJCF into a folder, steps it on three records and adds the result to
+    the answer."""
     model = found.corrected
     chosen = sorted(records, key=lambda r: -float(np.std(r.command)))[:_STEPPED]
     try:
@@ -66,8 +67,8 @@ def hand_over(found: Diagnosis, records: Sequence[Record], folder: Path) -> Diag
 
 
 def agreement(model: Model, record: Record) -> Agreement:
-    """Both answers for a record's inputs, over its measured channels. Raises InputError."""
-    from mrdamp.simulation.stepping import drive_frame, drive_rig  # MuJoCo comes with it
+    """Both simulations of a record, over its measured channels. Raises InputError."""
+    from mrdamp.simulation.stepping import drive_frame, drive_rig  # imports MuJoCo
 
     factor, sample_time, inputs = played(model, record)
     drive = drive_rig if model.rig == "damper" else drive_frame

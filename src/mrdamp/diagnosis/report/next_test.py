@@ -1,8 +1,9 @@
-"""The next test: the signal within the rig's limits that would part best what these records leave tied or unseen.
+"""The next test: the signal within the rig's limits that best separates what these records leave tied or
+hidden.
 
-T-optimality (Atkinson, Fedorov 1975, doi:10.1093/biomet/62.1.57): the distance between what one simulator answers and
-what its rival can be fitted to answer at best. The rival's fit is linearised, and the records there are hold its
-parameters as firmly as they do. Where several pairs are to be parted, the product of their distances counts.
+Criterion: T-optimality (Atkinson, Fedorov 1975, doi:10.1093/biomet/62.1.57), the distance between one
+simulator's response and the best fit of its rival to it. The rival's fit is linearised, and the existing
+records constrain its parameters. For several pairs the product of their distances is maximised.
 """
 
 from __future__ import annotations
@@ -25,27 +26,27 @@ from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
 _SEED = 11
-#: Tests drawn, those of them whose rivals are fitted, tests tried near the best ones; the same where nothing is tied
-#: and nothing unseen, and a test only makes sure.
+#: Numbers of random tests, of tests with a refitted rival, and of variations of the best ones; the same for a
+#: confirmation test, if nothing is tied or hidden.
 _EFFORT, _LITTLE = (24, 6, 8), (10, 3, 2)
-#: Pairs that a test is made for, at most; a distance beyond which a pair counts as parted.
+#: Largest number of pairs; distance beyond which a pair counts as separated.
 _PAIRS, _PARTED = 4, 10.0
-#: A pair nearer than this cannot be parted.
+#: Distance below which a pair cannot be separated.
 _APART = 0.1
-#: Step of the differences, in units of search.
+#: Step of the finite differences, in units of search.
 _STEP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Settings with one coordinate after the other moved, by `sizes` (coordinates,) in units of search."""
+    """Settings with one coordinate changed at a time, by `sizes` (coordinates,) in units of search."""
 
     settings: tuple[Settings, ...]
     sizes: Array
 
     @classmethod
     def of(cls, hypothesis: Hypothesis, point: Array, which: slice) -> Steps:
-        """Steps from a point, away from an end of a range; which: of the coordinates."""
+        """Steps from a point, away from a limit of the range. which: slice of the coordinates."""
         high = hypothesis.bounds()[1]
         sizes = np.where(point + _STEP <= high, _STEP, -_STEP)
         moved = [
@@ -55,18 +56,18 @@ class Steps:
         return cls(tuple(moved[which]), sizes[which])
 
     def columns(self, runs: Array, at: Array) -> Array:
-        """Derivatives (coordinates, samples) of runs (coordinates, samples) about the one at the point; 0 where one
-        diverged."""
+        """Derivatives (coordinates, samples) from runs (coordinates, samples) and the run at the point; 0 for
+        a diverged run."""
         return np.nan_to_num((runs - at) / self.sizes[:, None], posinf=0.0, neginf=0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two simulators to part: `one` may be true; `rival` is fitted to it.
+    """Two simulators to be separated: `one` may be true, and `rival` is fitted to it.
 
-    names: of both. own: of the rival's own coordinates. known (columns, samples): derivatives of what the rival
-    answers on the records there are, for the law's numbers and its own; apart (samples,): what the two differ by
-    there. Both over the noise.
+    names: of both. own: of the rival's own coordinates. known (columns, samples): derivatives of the rival's
+    response to the existing records with respect to the nominal parameters and its own. apart (samples,):
+    difference of the two there. Both are relative to the noise.
     """
 
     names: tuple[str, str]
@@ -78,17 +79,17 @@ class Pair:
 
     @cached_property
     def curvature(self) -> Array:
-        """(columns, columns): how firmly the records there are hold the numbers."""
+        """(columns, columns): information of the existing records about the parameters."""
         out = self.known @ self.known.T
         return np.asarray(out + 1e-9 * max(float(np.trace(out)), 1e-12) * np.eye(len(out)))
 
     @cached_property
     def pull(self) -> Array:
-        """(columns,): where these records move the numbers."""
+        """(columns,): gradient of the existing records."""
         return np.asarray(self.known @ self.apart)
 
     def gained(self, j: Array, apart: Array) -> float:
-        """What a test adds to the smallest sum of squares that the rival can be fitted to leave.
+        """Increase, by a test, of the least sum of squares to which the rival can be fitted.
 
         j (columns, samples), apart (samples,): as `known` and `apart`, for the test.
         """
@@ -100,8 +101,8 @@ class Pair:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A rig to try tests on. law: steps of the law's numbers from `middle`. noise (channels,): what a difference has
-    to exceed."""
+    """A rig on which tests are simulated. law: steps of the nominal parameters from `middle`. noise
+    (channels,): standard deviations."""
 
     rig: Rig
     middle: Settings
@@ -109,7 +110,7 @@ class Bench:
     noise: Array
 
     def distances(self, signal: Signal, pairs: Sequence[Pair], *, fitted: bool) -> Array:
-        """RMS distance of each pair over the noise (pairs,); fitted: with the rival fitted again, to all records."""
+        """RMS distance of each pair over the noise (pairs,). fitted: the rival is refitted to all records."""
         wanted = [s for p in pairs for s in (p.one, p.rival)]
         if fitted:
             wanted += [self.middle, *self.law.settings, *(s for p in pairs for s in p.own.settings)]
@@ -134,7 +135,8 @@ class Bench:
         return np.array(out)
 
     def _tried(self, settings: Sequence[Settings], signal: Signal) -> Array:
-        """Runs (sets, channels, n); NaN for settings that the chain does not take, a step beyond what it allows."""
+        """Runs (sets, channels, n); NaN for settings that the chain rejects, such as steps beyond its limits.
+        """
         try:
             return self.rig.try_signal(settings, signal)
         except InputError:
@@ -145,7 +147,7 @@ class Bench:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A test with the distances (pairs,) that it should bring."""
+    """A test with its predicted distances (pairs,)."""
 
     design: Design
     signal: Signal
@@ -155,8 +157,11 @@ class Proposal:
 def best(
     bench: Bench, pairs: Sequence[Pair], envelope: Envelope, effort: tuple[int, int, int] = _EFFORT
 ) -> Proposal:
-    """The best of some dozens of tests: all by the plain distance, the better ones with the rival fitted again, then
-    tests near the best. effort: how many of each."""
+    """The best of some dozens of tests.
+
+    All are ranked by the distance without refitting, the better ones with the rival refitted; then variations
+    of the best are tried. effort: how many of each.
+    """
     rng = np.random.default_rng(_SEED)
     designs = [drawn(rng, envelope) for _ in range(effort[0])]
     plain = [_value(bench.distances(d.signal(envelope), pairs, fitted=False)) for d in designs]
@@ -176,7 +181,7 @@ def best(
 
 
 def _value(distances: Array) -> float:
-    """Sum of logarithms: a pair that is parted already counts no more."""
+    """Sum of logarithms; a pair beyond the limit counts no more."""
     return float(np.sum(np.log(np.clip(distances, 1e-6, _PARTED))))
 
 
@@ -189,7 +194,8 @@ def next_test(
     hidden: Sequence[dict[str, Any]],
     noise: Array,
 ) -> tuple[dict[str, Any], dict[str, Array] | None]:
-    """What to test next, for the report, and the columns of its CSV. noise (channels,): standard deviations."""
+    """The next test for the report, and the columns of its CSV file. noise (channels,): standard deviations.
+    """
     rig = search.problem.rig
     make = _Pairs(search, chosen, np.maximum(np.maximum(noise, _left(search, chosen)), 1e-12))
     pairs: list[Pair] = []
@@ -232,8 +238,8 @@ def next_test(
 
 
 def rival(chosen: Fit, fits: Sequence[Fit]) -> Fit | None:
-    """The first fit whose causes are neither a part nor an extension of the chosen one's; of a fit without causes, the
-    first that has any."""
+    """The first fit whose causes are neither a subset nor a superset of the chosen one's; for a chosen fit
+    without causes, the first fit with any."""
     own = set(chosen.hypothesis.causes)
     for found in fits:
         causes = set(found.hypothesis.causes)
@@ -243,7 +249,7 @@ def rival(chosen: Fit, fits: Sequence[Fit]) -> Fit | None:
 
 
 class _Pairs:
-    """Makes pairs about the chosen fit, and the bench to try tests on. noise (channels,) as in `Bench`."""
+    """Pairs about the chosen fit, and the bench to simulate tests. noise (channels,) as in `Bench`."""
 
     def __init__(self, search: Search, chosen: Fit, noise: Array) -> None:
         self.search, self.chosen, problem = search, chosen, search.problem
@@ -262,7 +268,7 @@ class _Pairs:
         self.law = chosen.jacobian[:, law] if chosen.hypothesis.nominal else search.base.jacobian
 
     def tied(self, tie: Sequence[str]) -> list[Fit]:
-        """The best fits with another cause of a tie in the place of the named one."""
+        """The best fits with another cause of a tie in place of the named one."""
         own = set(self.chosen.hypothesis.causes)
         named = next(c for c in tie if c in own)
         out = []
@@ -276,7 +282,7 @@ class _Pairs:
         return out
 
     def against(self, rival: Fit) -> Pair:
-        """The chosen simulator and a rival to it."""
+        """The chosen simulator and a rival."""
         hypothesis = rival.hypothesis
         own = slice(len(hypothesis.nominal), None)
         names = (self.chosen.hypothesis.name, hypothesis.name)
@@ -285,7 +291,7 @@ class _Pairs:
         return Pair(names, self.chosen.settings, rival.settings, steps, self._known(rival), apart)
 
     def unseen(self, term: Term) -> Pair:
-        """The chosen simulator with an effect that the records hardly show, at its usual size, and without."""
+        """The chosen simulator with and without an effect that the records hardly show, at its usual size."""
         added = Hypothesis((), (term,))
         with_it = self.chosen.settings | added.settings(added.start())
         apart = self.scale * (self.search.problem.of_settings([with_it])[0] - self.chosen.residual)
@@ -298,7 +304,7 @@ class _Pairs:
 
 
 def _first_of_stages(terms: Sequence[Term]) -> list[Term]:
-    """The first cause of every stage, at most as many as a test is made for."""
+    """The first cause of every stage, up to the largest number of pairs."""
     first: dict[str, Term] = {}
     for term in terms:
         first.setdefault(term.stage, term)
@@ -306,7 +312,7 @@ def _first_of_stages(terms: Sequence[Term]) -> list[Term]:
 
 
 def _left(search: Search, chosen: Fit) -> Array:
-    """RMS residual (channels,) of the chosen fit in the channels' units: errors of form count as noise."""
+    """RMS residual (channels,) of the chosen fit in the channels' units: model errors count as noise."""
     problem = search.problem
     squares: list[list[Array]] = [[] for _ in problem.rig.channels]
     for b in problem.blocks:

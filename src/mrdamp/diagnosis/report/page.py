@@ -1,4 +1,4 @@
-"""The page of a diagnosis that a person reads: one plain sentence, then the pictures and the tables."""
+"""Page of a diagnosis: a summary sentence, then figures and tables."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ _SHOWN = 2  # records with residuals
 
 
 def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[pictures.ResidualData]:
-    """Each record's force, or the floor acceleration with the largest gap, measured and simulated twice."""
+    """Each record's force, or the floor acceleration with the largest gap, measured and simulated with both
+    models."""
     return [_frame_view(nominal, corrected, r) if nominal.rig == "frame" else _damper_view(nominal, corrected, r)
             for r in records]  # fmt: skip
 
 
 def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_unit: str = "A") -> Page:
-    """The whole page; `nominal`: the simulator as its owner believes it, records: all of the case.
+    """The whole page. nominal: the nominal simulator; records: all of the case.
 
-    What a person acts on comes first: the stage, how far the gap shrinks, what remains, what to do next.
+    Actionable results come first: the stage, the reduction of the gap, the remainder, the next step.
     """
     out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
     shown = views(nominal, found.corrected, records)
@@ -59,7 +60,7 @@ def _stages(out: Page, found: Diagnosis) -> None:
 
 
 def _next(out: Page, found: Diagnosis) -> None:
-    """What a person does with the answer."""
+    """Recommended next steps."""
     steps = []
     if found.verdict in ("effect", "parameters"):
         steps.append(
@@ -177,7 +178,7 @@ _REMAINDER = {
 
 
 def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]) -> None:
-    """What the corrected simulator leaves, drawn for the records with the largest nominal gap."""
+    """Error of the corrected simulator, drawn for the records with the largest nominal gap."""
     rest = found.remainder
     if rest is None:
         said = f"The corrected simulator meets the noise: {100 * found.gap.corrected:.2g} % of the RMS."

@@ -1,4 +1,4 @@
-"""What a diagnosis finds, and its JSON."""
+"""Result of a diagnosis, and its JSON form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mrdamp.model import Model
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that is named: its share of the gap's excess over the noise, parameters in SI units."""
+    """A named effect: its share of the gap's excess over the noise, parameters in SI units."""
 
     effect: str
     stage: str
@@ -36,7 +36,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A set of causes that was fitted: probability, gap on records its parameters were not fitted to."""
+    """A fitted set of causes: probability, and gap on left-out records."""
 
     causes: tuple[str, ...]
     probability: float
@@ -52,7 +52,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Step:
-    """A bar of the waterfall: what was added, the gap after it on held-out records, and its interval (95 %)."""
+    """A bar of the waterfall: what was added, the gap after it on left-out records, and its 95 % interval."""
 
     name: str
     gap: float
@@ -64,7 +64,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Where:
-    """Shares of the gap by stage (adding up to 1), by record, and the regimes that stand out; intervals 95 %."""
+    """Shares of the gap by stage (adding up to 1), by record, and conspicuous regimes; 95 % intervals."""
 
     stages: Mapping[str, float]
     records: Mapping[str, float] = field(default_factory=dict)
@@ -90,7 +90,7 @@ class Where:
 class Gap:
     """RMS error over the RMS of the measurement, records pooled.
 
-    nominal, corrected: what `mrdamp predict` gives with case.json and corrected.json on the case's records. left_out,
+    nominal, corrected: of `mrdamp predict` with case.json and corrected.json on the case's records. left_out,
     recalibrated and the interval: each record left out of the fit in turn.
     """
 
@@ -99,7 +99,7 @@ class Gap:
     corrected: float
     noise_floor: float
     interval: tuple[float, float]
-    ceiling: float | None = None  # what a model of any form would leave
+    ceiling: float | None = None  # of a model of any form
     baseline: float | None = None  # nominal, on the rig's baseline records
     left_out: float | None = None  # corrected, each record left out of the fit in turn
 
@@ -110,11 +110,11 @@ class Gap:
 
 @dataclass(frozen=True)
 class Remainder:
-    """What no cause explains: its gap in the corrected simulator, its share of the nominal excess over the noise, and
-    what it is of.
+    """Error that no cause explains: its gap in the corrected simulator, its share of the nominal excess over
+    the noise, and its kind.
 
-    of: `law`, where a model of the same inputs would predict more of it; `unpredictable`, where none would; `outside`,
-    where a cause outside the catalogue explains it. regimes: where it is largest.
+    of: `law` if a model of the same inputs would predict part of it, `unpredictable` if none would, `outside`
+    if a cause outside the catalogue explains it. regimes: where it is largest.
     """
 
     gap: float
@@ -146,37 +146,37 @@ class Diagnosis:
     corrected: Model
     unseen: tuple[
         Mapping[str, Any], ...
-    ] = ()  # effects these records cannot show, and the size they could hide
+    ] = ()  # effects that these records cannot show, with the size that may be present
     notes: tuple[str, ...] = ()  # audit, bounds, failed fits
-    corrections: tuple[str, ...] = ()  # terms in the corrected model that mend a form and are not named
+    corrections: tuple[str, ...] = ()  # terms in the corrected model that correct a form and are not named
     probabilities: Mapping[str, float] = field(
         default_factory=dict
     )  # by cause, and of none, parameters, unknown
     intervals: Mapping[str, tuple[float, float]] = field(
         default_factory=dict
-    )  # 95 %, of every setting that the corrected simulator's last fit had free
-    compared: tuple[Mapping[str, Any], ...] = ()  # channels that see the same thing
-    remainder: Remainder | None = None  # None where the corrected simulator meets the noise
-    standing: Mapping[str, Any] | None = None  # log odds of the causes where nothing meets the noise
+    )  # 95 %, of every free setting of the corrected simulator's last fit
+    compared: tuple[Mapping[str, Any], ...] = ()  # channels of one quantity
+    remainder: Remainder | None = None  # None if the corrected simulator reaches the noise
+    standing: Mapping[str, Any] | None = None  # log odds of the causes if no fit reaches the noise
     outside: Mapping[str, Any] | None = (
-        None  # what an unknown cause looks like: a cause outside the catalogue
+        None  # cause outside the catalogue that explains an unknown gap
     )
     stepped: tuple[
         Mapping[str, Any], ...
-    ] = ()  # records that the MJCF was stepped on: gaps offline and in MuJoCo
+    ] = ()  # check of the MJCF on records: gaps offline and in MuJoCo
     seconds: float = 0.0
     next_signal: Mapping[str, Any] | None = field(default=None, repr=False)  # columns of the next test's CSV
     drawn: tuple[Model, ...] = field(
         default=(), repr=False
-    )  # the corrected model with parameters drawn together
+    )  # the corrected model with jointly drawn parameters
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def with_sentence(self, text: str) -> Diagnosis:
-        """The same with its sentence."""
+        """The same answer with its sentence."""
         return replace(self, sentence=text)
 
     def to_dict(self) -> dict[str, Any]:
-        """What `diagnosis.json` holds."""
+        """Content of `diagnosis.json`."""
         return {
             "case": self.case,
             "format": 1,

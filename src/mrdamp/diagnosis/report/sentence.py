@@ -1,4 +1,4 @@
-"""The sentence and the table that a person reads first."""
+"""Summary sentence and table of a diagnosis."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _PLAIN = {
 }
 
 
-#: The same of a floor's accelerometer, in a frame.
+#: The same for a floor's accelerometer in a frame.
 _PLAIN_FLOOR = {
     "sensor_gain": "that floor's accelerometer has another sensitivity",
     "sensor_offset": "that floor's accelerometer has a bias",
@@ -51,7 +51,7 @@ def percent(x: float) -> str:
 
 
 def sentence(d: Diagnosis) -> str:
-    """What was found, in plain words: the cause, how far the gap shrinks, what remains."""
+    """Result in a few sentences: the cause, the reduction of the gap, the remainder."""
     g = d.gap
     shrink = f"the gap goes from {percent(g.nominal)} to {percent(g.corrected)}"
     if g.left_out is not None and abs(g.left_out - g.corrected) > 0.1 * g.corrected:
@@ -80,7 +80,7 @@ def sentence(d: Diagnosis) -> str:
 
 
 def _rest(d: Diagnosis) -> str:
-    """What the corrected simulator still misses."""
+    """The remaining error of the corrected simulator."""
     if d.remainder is None:
         return ""
     left = percent(d.remainder.gap)
@@ -140,7 +140,7 @@ def share(value: float, interval: tuple[float, float] | None) -> str:
 
 
 def table(d: Diagnosis) -> str:
-    """The waterfall, the effects, the candidates and what is tied."""
+    """Waterfall, effects, candidates and ties as text."""
     lines = ["  gap on records left out of the fit (RMS error over RMS)"]
     for s in d.waterfall:
         low, high = (percent(end) for end in s.interval)
