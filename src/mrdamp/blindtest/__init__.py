@@ -1,5 +1,6 @@
-"""A sealed check of the diagnosis: a reference rig written apart from the plugin makes cases whose causes are withheld.
+"""Blind test of the diagnosis: an independent reference rig makes cases whose causes are sealed.
 
-The rig (`rig.c`, another integrator, other exact forms of each effect), its sensors and its excitations stand in for
-a laboratory. Nothing here uses the plugin's code, and nothing of it is imported by `mrdamp.diagnosis`.
+The rig (`rig.c`, with another integrator and other exact forms of each effect), its sensors and its
+excitations represent a laboratory. Nothing here uses the plugin's code, and `mrdamp.diagnosis` imports
+nothing from here.
 """

@@ -1,10 +1,14 @@
-"""Simpler methods beside the diagnosis, judged on the same cases by the same figures.
+"""Simpler methods, scored on the same cases with the same figures as the diagnosis.
 
-They share the diagnosis's simulator, catalogue and fits, and leave out what makes it a diagnosis: `nominal only`
-changes nothing; `recalibration only` fits the nominal parameters and names nothing; `greedy` adds the effect that
-lowers the error on the records most, as long as it falls; `no re-tuning` does so with the nominal parameters held;
-`sparse regression` fits the residual by functions of motion and command (`sparse.py`). None of them can say that a
-cause is outside the catalogue, and what a method says of itself is no probability.
+They share the diagnosis's simulator, catalogue and fits, without its evidence and verdict:
+
+- `nominal only` changes nothing;
+- `recalibration only` fits the nominal parameters and names nothing;
+- `greedy` adds the effect that reduces the error on the records most, as long as it decreases;
+- `no re-tuning` does the same with fixed nominal parameters;
+- `sparse regression` fits the residual by functions of motion and command (`sparse.py`).
+
+None of them can report a cause outside the catalogue, and none states probabilities.
 """
 
 from __future__ import annotations
@@ -37,17 +41,17 @@ Progress = Callable[[str, float], None]
 Answer = tuple[dict[str, Any], score.Predict]
 Method = Callable[[Case], Answer]
 
-#: An effect is added as long as it lowers the sum of squares by this share, three at most.
+#: Least relative reduction of the sum of squares for another effect; at most three effects.
 _WORTH, _MOST = 0.1, 3
-#: The best terms of a screening that are fitted in each round.
+#: Number of best terms of a screening that are fitted in each round.
 _TRIED = 4
-#: Below so many times the noise floor there is no gap.
+#: Largest multiple of the noise floor that counts as no gap.
 _NO_GAP = 1.5
 _SAMPLES = 10_000
 
 
 def nominal_only(case: Case) -> Answer:
-    """Believes the simulator."""
+    """The unchanged nominal simulator."""
     return _answer("none", []), _predict(case.model)
 
 
@@ -60,19 +64,19 @@ def recalibration_only(case: Case) -> Answer:
 
 
 def greedy(case: Case) -> Answer:
-    """Adds what lowers the error on the records most, with the nominal parameters free."""
+    """Adds the effects that reduce the error on the records most, with free nominal parameters."""
     search = _search(case)
     return _forward(case, search, search.base)
 
 
 def no_retuning(case: Case) -> Answer:
-    """The same with the nominal parameters held."""
+    """The same with fixed nominal parameters."""
     search = _search(case)
     return _forward(case, search, search.fits[False, frozenset()])
 
 
 def sparse_regression(case: Case) -> Answer:
-    """A sparse sum of functions of motion and command on top of the simulator (pysindy's STLSQ)."""
+    """Adds a sparse sum of functions of motion and command to the simulator (pysindy's STLSQ)."""
     if case.model.rig != "damper":
         raise InputError("sparse regression is for the rig damper alone")
     found = sparse.regress(case)
@@ -82,7 +86,7 @@ def sparse_regression(case: Case) -> Answer:
 
 
 def _forward(case: Case, search: Search, start: Fit) -> Answer:
-    """Forward steps by the error on the records they are fitted to."""
+    """Forward selection by the error on the records of the fit."""
     if _no_gap(search):
         return nominal_only(case)
     held = search.fits[False, frozenset()]
@@ -90,7 +94,8 @@ def _forward(case: Case, search: Search, start: Fit) -> Answer:
     for _ in range(_MOST):
         taken = set(best.hypothesis.causes)
         terms = [t for t in search.problem.rig.terms if t.cause not in taken]
-        # A recalibration that stands at its bounds hides what the nominal numbers would show: both are asked.
+        # A recalibration at its bounds can hide an effect: effects are screened with nominal and with fitted
+        # parameters.
         asked = [best, held] if best is search.base else [best]
         promising = {p.term.name: (p.term, p.start) for f in asked for p in screen(search, f, terms)[:_TRIED]}
         tries = []
@@ -108,7 +113,7 @@ def _forward(case: Case, search: Search, start: Fit) -> Answer:
 
 
 def _search(case: Case) -> Search:
-    """The nominal simulator and its recalibration."""
+    """Fits of the nominal simulator and its recalibration."""
     rig = make_rig(case)
     total = sum(r.n for r in case.records) * len(rig.channels)
     problem = Problem(rig, stride=max(1, round(total / _SAMPLES)), coarse=True)
@@ -138,7 +143,7 @@ METHODS: Mapping[str, Method] = {
 
 
 def run_all(out: Folders, jobs: int, progress: Progress) -> dict[str, list[Row]]:
-    """Rows of every method on the opened cases of a blind test; a finished case is kept and not run again."""
+    """Rows of every method on the opened cases of a blind test; finished cases are not repeated."""
     labels: dict[str, Any] = json.loads((out.root / "labels.json").read_text())
     names = [name for name in METHODS if name != "sparse regression of the residual" or sparse.available()]
     tasks = [(method, case) for method in names for case in labels]
@@ -153,7 +158,7 @@ def run_all(out: Folders, jobs: int, progress: Progress) -> dict[str, list[Row]]
 
 
 def _one(out: Folders, method: str, name: str, label: Mapping[str, Any]) -> Row | None:
-    """The row of a method on a case; None where it is not for this rig."""
+    """The row of a method on a case; None if the method does not apply to the rig."""
     if method == "sparse regression of the residual" and label["rig"] != "damper":
         return None
     kept = out.root / "baselines" / method.replace(" ", "_").replace(",", "") / f"{name}.json"

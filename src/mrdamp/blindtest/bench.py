@@ -1,4 +1,4 @@
-"""The bench around the rig: command line, rod, sensors, and the logger that writes 500 samples a second."""
+"""The test bench: command line, rod, sensors, and a logger with 500 samples per second."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ SAMPLE_RATE_HZ = 500.0
 
 @dataclass(frozen=True)
 class Truth:
-    """A rig with its causes: numbers of `rig.c`, and those of the bench by `command.`, `rod.`, `sensor.`, `reading.`.
+    """A rig with its causes: parameters of `rig.c`, and those of the bench by `command.`, `rod.`, `sensor.`,
+    `reading.`.
 
-    filtered: the logger has an anti-alias filter (all channels the same), otherwise it takes samples as they are.
-    storeys, between: of a frame.
+    filtered: the logger has an anti-alias filter on all channels; otherwise it samples without one. storeys,
+    between: of a frame (parameters of its storeys; floors between which the damper acts).
     """
 
     numbers: Numbers
@@ -32,7 +33,7 @@ class Truth:
     between: tuple[int, int] = (0, 1)
 
     def having(self, changes: Numbers) -> Truth:
-        """The same rig with a cause switched on. `storey2.damping` is relative for mass, stiffness and damping."""
+        """The same rig with a cause added. `storey2.damping` is relative for mass, stiffness and damping."""
         storeys = [dict(s) for s in self.storeys]
         inner, outside = dict(self.numbers), dict(self.outside)
         for name, value in changes.items():
@@ -52,7 +53,7 @@ class Truth:
 
 
 def damper_channels(truth: Truth, test: Excitation, rng: np.random.Generator) -> dict[str, Array]:
-    """Channels of one test on the damper, free of noise, at 500 Hz; `rng` is for what differs from run to run."""
+    """Channels of one test on the damper, without noise, at 500 Hz. rng: for differences between runs."""
     motion = test.spline()
     x, v, u = motion(test.time), motion(test.time, 1), test.fine(test.command)
     current = _interrupted(truth, driven(truth, u, rng), v, rng)
@@ -73,14 +74,16 @@ def damper_channels(truth: Truth, test: Excitation, rng: np.random.Generator) ->
 
 
 def nominal_damper(nominal: Numbers, truth: Truth, test: Excitation) -> Array:
-    """Force (N) at 500 Hz of a damper without causes for what the transducers read, as its simulator would say."""
+    """Force (N) at 500 Hz of a damper without causes for the measured inputs, as its simulator would give it.
+    """
     x = as_read(truth, test)
     out = rig.run_damper(nominal, x, np.gradient(x, 1 / INPUT_RATE_HZ), test.fine(test.command))
     return logged(truth, out["force"])
 
 
 def as_read(truth: Truth, test: Excitation) -> Array:
-    """Displacement (m) at half steps as the transducer gives it: late, early, averaged, or on a clock of its own."""
+    """Displacement (m) at half steps as the transducer measures it: with delay, lead, averaging, or a clock
+    error."""
     motion = test.spline()
     if truth.get("reading.average") > 0:
         return _average(motion(test.time), round(2 * truth.get("reading.average") * INPUT_RATE_HZ))
@@ -91,7 +94,8 @@ def as_read(truth: Truth, test: Excitation) -> Array:
 
 
 def driven(truth: Truth, u: Array, rng: np.random.Generator) -> Array:
-    """The command (at half steps) as the coil is driven by it: late, coarse, with drop-outs, or of another size."""
+    """The command (at half steps) that reaches the coil: with delay, quantisation, drop-outs, or another
+    gain."""
     t = np.arange(len(u)) / INPUT_RATE_HZ
     out = np.interp(_sent(truth, t, rng), t, u)
     if truth.get("command.step") > 0:
@@ -104,7 +108,7 @@ def driven(truth: Truth, u: Array, rng: np.random.Generator) -> Array:
 
 
 def _sent(truth: Truth, t: Array, rng: np.random.Generator) -> Array:
-    """When (s) that was sent which arrives at t: each `command.beat` has a delay of its own, none overtakes another."""
+    """Time (s) at which the value arriving at t was sent: each `command.beat` has its own delay, in order."""
     delay, beat = truth.get("command.delay"), truth.get("command.beat")
     if not beat:
         return t - delay
@@ -113,7 +117,7 @@ def _sent(truth: Truth, t: Array, rng: np.random.Generator) -> Array:
 
 
 def _interrupted(truth: Truth, u: Array, v: Array, rng: np.random.Generator) -> Array:
-    """The current with a contact that opens in bursts while the rod moves fast."""
+    """The current with a loose contact that opens in bursts while the rod moves fast."""
     share = truth.get("command.contact")
     if not share:
         return u
@@ -127,7 +131,8 @@ def _interrupted(truth: Truth, u: Array, v: Array, rng: np.random.Generator) -> 
 def _spells(
     rng: np.random.Generator, end: float, rate: float, share: float, length: tuple[float, float]
 ) -> list[tuple[float, float]]:
-    """Start and end (s) of a share of the spells that come at a rate (1/s); those of a smaller share are among them."""
+    """Start and end (s) of a share of the intervals that occur at a rate (1/s); those of a smaller share are
+    a subset."""
     if not share:
         return []
     number = rng.poisson(end * rate)
@@ -136,7 +141,8 @@ def _spells(
 
 
 def sensor(truth: Truth, name: str, force: Array, rng: np.random.Generator) -> Array:
-    """A sensor's reading (at `RATE_HZ`): gain, range, leakage, low-pass, offset, hum, drifts; `name` is its prefix."""
+    """A sensor's reading (at `RATE_HZ`): gain, range, leakage, low-pass, offset, hum, drifts. name: prefix of
+    its parameters."""
 
     def get(key: str) -> float:
         return truth.get(f"{name}.{key}")
@@ -168,7 +174,7 @@ def sensor(truth: Truth, name: str, force: Array, rng: np.random.Generator) -> A
 
 
 def logged(truth: Truth, values: Array) -> Array:
-    """A channel at 500 Hz out of one at `RATE_HZ`."""
+    """A channel at 500 Hz from one at `RATE_HZ`."""
     every = round(RATE_HZ / SAMPLE_RATE_HZ)
     if truth.filtered:
         return np.asarray(resample_poly(values, 1, every, padtype="line")[: (len(values) - 1) // every])
@@ -176,7 +182,7 @@ def logged(truth: Truth, values: Array) -> Array:
 
 
 def _moving_mass(truth: Truth, acceleration: Array) -> Array | float:
-    """N; held rigidly, by one or two springs with little damping, or by something viscous."""
+    """N; attached rigidly, by one or two lightly damped springs, or viscously."""
     mass, hz, second = truth.get("rod.mass"), truth.get("rod.mass_hz"), truth.get("rod.mass_hz2")
     if not mass:
         return 0.0
@@ -197,7 +203,7 @@ def _sprung(acceleration: Array, hz: float) -> Array:
 
 
 def _now_and_then(rng: np.random.Generator, n: int) -> Array:
-    """1 for 0.3 to 1 s about every two seconds, 0 in between, with soft edges of 10 ms."""
+    """1 for 0.3 to 1 s about every two seconds, 0 in between, with smooth edges of 10 ms."""
     times = n // RATE_HZ + 2
     off, on = 0.05 + rng.exponential(1.2, times), rng.uniform(0.3, 1.0, times)
     ends = np.cumsum(np.column_stack([off, on]).ravel())
@@ -206,14 +212,14 @@ def _now_and_then(rng: np.random.Generator, n: int) -> Array:
 
 
 def _held(set_at: NDArray[np.intp], n: int, hold: float) -> NDArray[np.bool_]:
-    """Of n samples those no later than `hold` (s) after one of `set_at`."""
+    """Mask of the samples (n,) no later than `hold` (s) after one of `set_at`."""
     last = np.full(n, -n)
     last[set_at] = set_at
     return np.asarray(np.arange(n) - np.maximum.accumulate(last) <= hold * RATE_HZ)
 
 
 def _play(x: Array, half: float) -> Array:
-    """What is carried along by x with a play of twice `half`."""
+    """Play operator on x with a play of twice `half`."""
     out, at = np.empty_like(x), float(x[0])
     for k, here in enumerate(x.tolist()):
         at = min(max(at, here - half), here + half)
@@ -222,14 +228,14 @@ def _play(x: Array, half: float) -> Array:
 
 
 def _coarse_play(values: Array, half: float) -> Array:
-    """A play of a channel at `RATE_HZ`, reckoned at a tenth of that."""
+    """Play operator on a channel at `RATE_HZ`, computed at a tenth of that rate."""
     at = np.arange(len(values))
     lag = values[::10] - _play(values[::10], half)
     return np.asarray(values - np.interp(at, at[::10], lag))
 
 
 def _average(values: Array, width: int) -> Array:
-    """Mean of the last samples."""
+    """Moving average over the last samples."""
     width = max(1, width)
     total = np.cumsum(np.concatenate([np.full(width, values[0]), values]))
     return np.asarray((total[width:] - total[:-width]) / width)
@@ -241,13 +247,14 @@ def _one_pole(values: Array, tau: float) -> Array:
 
 
 def _high_pass(values: Array, tau: float) -> Array:
-    """Charge that leaks away with tau (s), from a charge that equals the first value."""
+    """High-pass of a charge amplifier with time constant tau (s), from a charge equal to the first value."""
     k = 1 / (1 + 1 / (tau * RATE_HZ))
     return np.asarray(lfilter([k, -k], [1, -k], values, zi=[values[0] * (1 - k)])[0])
 
 
 def _low_pass(values: Array, tau: float, form: int) -> Array:
-    """1: Butterworth of two poles; 2: moving average; 3: Bessel of four poles; each late by about tau (s)."""
+    """1: Butterworth of two poles; 2: moving average; 3: Bessel of four poles; each with a delay of about tau
+    (s)."""
     if form == 2:
         return _average(values, round(2 * tau * RATE_HZ))
     if form == 3:
@@ -264,8 +271,10 @@ def _slow_noise(rng: np.random.Generator, n: int) -> Array:
 
 
 def felt_ground(truth: Truth, test: Excitation) -> Array:
-    """Ground acceleration (m/s2) at half steps as its accelerometer gives it: askew, it feels the table's sway across,
-    a mode of 5 % damping that the drive excites."""
+    """Ground acceleration (m/s2) at half steps from a misaligned accelerometer.
+
+    It also measures the table's transverse motion, a mode with 5 % damping that the drive excites.
+    """
     ground, angle = test.fine(test.motion), truth.get("ground.angle")
     if not angle:
         return ground
@@ -277,9 +286,9 @@ def felt_ground(truth: Truth, test: Excitation) -> Array:
 def frame_channels(
     truth: Truth, test: Excitation, rng: np.random.Generator, ground: Array | None = None
 ) -> dict[str, Array]:
-    """Channels of one test of the frame, free of noise, at 500 Hz.
+    """Channels of one test of the frame, without noise, at 500 Hz.
 
-    ground: acceleration (m/s2) at half steps that shakes it, where that is not the test's.
+    ground: actual ground acceleration (m/s2) at half steps, if it differs from the test's.
     """
     ground, u = test.fine(test.motion) if ground is None else ground, test.fine(test.command)
     out = rig.run_frame(truth.numbers, truth.storeys, truth.between, ground, driven(truth, u, rng))

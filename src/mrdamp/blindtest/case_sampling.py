@@ -1,4 +1,5 @@
-"""Which cases a blind test consists of: every effect, pairs, weak ones, none, wrong numbers, unknown causes."""
+"""Composition of a blind test: single effects, pairs, weak effects, no gap, wrong parameters, unknown causes.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +13,11 @@ from mrdamp.blindtest.sizing import OWN, Task
 
 #: Shares of the cases of a rig.
 _SHARES = {"single": 0.5, "pair": 0.16, "weak": 0.08, "none": 0.07, "parameters": 0.08, "unknown": 0.11}
-#: The same where the law is not the rig's: one in five has nothing but that.
+#: The same if the law is not the rig's: one case in five has no other cause.
 _MISFIT_SHARES = {"single": 0.58, "weak": 0.1, "own": 0.2, "unknown": 0.12}
 #: Share of the frame among all cases.
 _FRAMES = 0.25
-#: Pairs of one mechanism, or of which one hides in the other whatever is tested.
+#: Pairs of one mechanism, or in which one effect always hides the other.
 _NOT_TOGETHER = (
     {"gas_spring", "sensor_offset"},
     {"channel_shift", "sensor_lag"},
@@ -25,7 +26,7 @@ _NOT_TOGETHER = (
 
 
 def draw(seed: np.random.SeedSequence, count: int, rig: str = "both", *, misfit: bool = False) -> list[Task]:
-    """`count` tasks in random order, named so that the name tells nothing.
+    """`count` tasks in random order, with names that do not depend on their content.
 
     rig: `damper`, `frame` or `both`. misfit: the law is not the rig's.
     """
@@ -58,14 +59,14 @@ def _rig(rng: np.random.Generator, rig: str, count: int, misfit: bool) -> list[T
 
 
 def _outside(rng: np.random.Generator, groups: Sequence[Sequence[str]], number: int) -> list[str]:
-    """From both groups of causes outside the catalogue in turn, whichever comes first."""
+    """Causes outside the catalogue, alternating between both groups."""
     orders = [_without_repetition(rng, group, number) for group in groups]
     first = int(rng.integers(2))
     return [f"~{orders[(first + k) % 2][k // 2]}" for k in range(number)]
 
 
 def _apportioned(count: int, shares: Mapping[str, float]) -> dict[str, int]:
-    """Whole numbers by largest remainder."""
+    """Whole numbers by the largest-remainder method."""
     exact = {kind: share * count for kind, share in shares.items()}
     whole = {kind: int(value) for kind, value in exact.items()}
     rest = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
@@ -75,7 +76,7 @@ def _apportioned(count: int, shares: Mapping[str, float]) -> dict[str, int]:
 
 
 def _without_repetition(rng: np.random.Generator, pool: Sequence[str], number: int) -> list[str]:
-    """Every label of the pool before any comes again."""
+    """Labels from the pool; none is repeated before all have occurred."""
     out: list[str] = []
     while len(out) < number:
         out += [pool[k] for k in rng.permutation(len(pool))]
@@ -83,7 +84,7 @@ def _without_repetition(rng: np.random.Generator, pool: Sequence[str], number: i
 
 
 def _pairs(singles: Sequence[str]) -> list[str]:
-    """Two effects of different stages."""
+    """Pairs of effects from different stages."""
 
     def stage(label: str) -> str:
         name = label.partition("@")[0]

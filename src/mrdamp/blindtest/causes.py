@@ -1,8 +1,9 @@
-"""Causes of the damper: each effect of the catalogue in the rig's own forms, at least two where that makes sense.
+"""Causes of the damper: each effect of the catalogue in the rig's own forms, with at least two forms if
+possible.
 
-A form is a function of the scale of the case: it draws what is random about it and returns how its numbers follow
-from one size, from 0 (neutral) to 1 (as strong as a rig would have it). Names with `sensor.`, `command.`,
-`reading.` and `rod.` are the bench's (`bench.py`); all others are the rig's own (`rig.c`).
+A form is a function of the case's scale. It draws its random parameters and returns the rig's parameters as a
+function of one size, from 0 (neutral) to 1 (as strong as in a real rig). Names with `sensor.`, `command.`,
+`reading.` and `rod.` belong to the bench (`bench.py`), all others to the rig (`rig.c`).
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from mrdamp.blindtest.scale import Form, Scale, Sized
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause as a label names it, with the stage that it sits in."""
+    """A cause by its label's name, and its stage."""
 
     label: str
     stage: str
     sized: Sized
 
 
-#: Effect -> its stage and its forms, each as likely as another.
+#: Effect -> its stage and its forms, which are equally likely.
 EFFECTS: Mapping[str, tuple[str, tuple[Form, ...]]] = {
     **current_forms.EFFECTS,
     **fluid_forms.EFFECTS,
@@ -42,7 +43,7 @@ def draw(rng: np.random.Generator, effect: str, scale: Scale) -> Cause:
 
 
 def merged(parts: list[Numbers]) -> dict[str, float]:
-    """Numbers of several causes; none of them sets another's."""
+    """Parameters of several causes; no two causes share one."""
     out: dict[str, float] = {}
     for part in parts:
         if out.keys() & part.keys():

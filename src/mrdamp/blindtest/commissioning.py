@@ -1,4 +1,4 @@
-"""The simulator of a rig as its owner has it: identified on commissioning records, by `mrdamp identify`'s own fit."""
+"""The nominal simulator of a rig: identified on commissioning records by the fit of `mrdamp identify`."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from mrdamp.model import Model
 from mrdamp.records import Record
 from mrdamp.simulation.predict import INPUTS, free_run
 
-#: What an identified simulator leaves on tests that it was not fitted to, least and most, of the RMS.
+#: Least and largest error of an identified simulator on tests that it was not fitted to, relative to the RMS.
 MISFIT = (0.03, 0.15)
-#: Size that leaves about a tenth with most recipes: where the search begins.
+#: Size at which most recipes give an error of about a tenth: start of the search.
 _TENTH = 0.7
-#: Sizes tried, and how near the drawn misfit is enough (a factor): the spread of the misfits is what counts.
+#: Largest number of sizes tried; factor by which the error may differ from the drawn one.
 _TRIES, _NEAR = 4, 1.5
-#: s, a commissioning record's length, and from when on the fit sees it: seven records, and a fit in seconds.
+#: s, length of a commissioning record and start of its fitted part: seven records, and a fit within seconds.
 _LENGTH, _FIT_FROM = 3.6, 0.3
 _STARTS = 2
 
 
 @dataclass(frozen=True)
 class Commissioned:
-    """A rig and its simulator: the size of its recipe, what is left, the records that it was identified on, and the
-    channels of the tests that the misfit was taken on."""
+    """A rig and its simulator: the size of its recipe, the remaining error, the identification records, and
+    the channels of the tests for the error."""
 
     truth: Truth
     model: Model
@@ -54,10 +54,10 @@ def commission(
     held_out: Callable[[Truth], Mapping[str, Mapping[str, Array]]],
     left: Callable[[Model, Mapping[str, Mapping[str, Array]]], float],
 ) -> Commissioned:
-    """A rig whose identified simulator leaves a misfit drawn from 3 to 6 or from 6 to 15 %.
+    """A rig whose identified simulator has an error drawn from 3 to 6 or from 6 to 15 %.
 
-    plain: the damper without the recipe. held_out: channels of tests that no fit sees, of a rig. left: what a
-    simulator leaves on them. Raises Faint where the misfit is out of reach.
+    plain: the damper without the recipe. held_out: channels of a rig's tests that are not used in the fit.
+    left: error of a simulator on them. Raises Faint if the error is out of reach.
     """
     low, high = (MISFIT[0], PARTED) if rng.random() < 0.5 else (PARTED, MISFIT[1])
     wanted = float(np.exp(rng.uniform(np.log(1.1 * low), np.log(0.95 * high))))
@@ -116,7 +116,7 @@ def predicted(model: Model, channels: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def nominal(model: Model) -> dict[str, Any]:
-    """As `case.json` holds it."""
+    """The simulator in the form of `case.json`."""
     effects = [{"name": e.name, "place": e.place, "parameters": dict(e.parameters)} for e in model.effects]
     return {
         "law": model.law,
@@ -126,13 +126,13 @@ def nominal(model: Model) -> dict[str, Any]:
 
 
 def in_frame(model: Model, structure: Mapping[str, Any]) -> Model:
-    """The damper's simulator in a frame; structure: as `case.json` holds it."""
+    """The damper's simulator in a frame. structure: in the form of `case.json`."""
     data = {"format": 1, "rig": "frame", "nominal": {**nominal(model), **structure}}
     return replace(Model.from_dict(data), sample_rate_hz=SAMPLE_RATE_HZ)
 
 
 def _short(test: Excitation) -> Excitation:
-    """The beginning of a test."""
+    """The first part of a test."""
     kept = round(_LENGTH * excitation.GRID_HZ) + 1
     return replace(test, motion=test.motion[:kept], command=test.command[:kept])
 

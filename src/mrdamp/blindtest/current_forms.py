@@ -25,14 +25,14 @@ def _lag_unequal(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _lag_controller(r: np.random.Generator, c: Scale) -> Sized:
-    """A coil under a proportional and integral current controller, whose supply has little voltage to spare."""
+    """A coil with a proportional-integral current controller and a supply voltage with little reserve."""
     gain, reset, spare = r.uniform(0.5, 1.5), r.uniform(0.3, 0.7), r.uniform(1.3, 2.5)
     fixed = {"lag_form": 4, "lag_gain": gain, "lag_span": spare * c.command}
     return lambda s: {**fixed, "lag_tau": 0.06 * s * gain / reset, "lag_tau2": 0.06 * s * gain}
 
 
 def _lag_diffusion(r: np.random.Generator, c: Scale) -> Sized:
-    """A coil around a solid core, into which the field diffuses against its own eddy currents."""
+    """A coil around a solid core, with field diffusion and eddy currents."""
     share = r.uniform(0.1, 0.4)
     return lambda s: {"lag_form": 5, "lag_tau": 0.06 * s, "lag_tau2": 0.06 * s * share}
 
@@ -42,7 +42,7 @@ def _delay(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _delay_network(r: np.random.Generator, c: Scale) -> Sized:
-    """A network: each packet is under way for a time of its own, and none overtakes another."""
+    """A network: each packet has its own delay, in order."""
     spread, beat = r.uniform(0.15, 0.4), r.uniform(0.01, 0.04)
     fixed = {"command.jitter": spread, "command.beat": beat}
     return lambda s: {**fixed, "command.delay": 0.06 * s}
@@ -62,7 +62,7 @@ def _relays(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _loop_closes(r: np.random.Generator, c: Scale) -> Sized:
-    """A loop that is widest at small currents and closes where the core saturates."""
+    """A hysteresis loop that is widest at small currents and closes at saturation."""
     fixed = {"rem_form": 3, "rem_share": 1.0, "rem_span": c.command}
     return lambda s: {**fixed, "rem_width": 0.7 * c.command * s}
 

@@ -1,4 +1,4 @@
-"""One damper case: truth, the simulator as its owner believes it, records with noise, tests without."""
+"""One damper case: the true rig, the nominal simulator, records with noise, tests without."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from mrdamp.blindtest.rig import RATE_HZ, Array, Numbers, run_damper
 from mrdamp.blindtest.scale import Scale
 from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, shares_shown, size_for
 
-#: Causes that only a second force channel tells from the law's own numbers.
+#: Causes that require a second force channel to be separated from the nominal parameters.
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range", "cell_hysteresis", "clipped_range")
-#: Tests that causes are sized on.
+#: Tests on which causes are sized.
 TELLING = ("steps", "random", "sine_random")
 
 
 def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
-    """Writes the case folder and the file of its tests; returns its label with what lies behind it."""
+    """Writes the case folder and the file of its tests; returns its label with the true parameters."""
     rng = np.random.default_rng(seed)
     device = dampers.draw(rng, mounted=task.mounted)
     heats = "heating" in task.parts
@@ -62,7 +62,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
 
 
 def measure(device: dampers.Device, inputs: Sequence[Excitation]) -> Scale:
-    """Scales of a plain damper on its tests with a random command."""
+    """Scales of a damper without causes on its tests with a random command."""
     force, power, stroke, acceleration = [], [], [], []
     for test in (t for t in inputs if t.kind in ("sine_random", "random")):
         motion = test.spline()
@@ -86,7 +86,7 @@ def _cause(rng: np.random.Generator, task: Task, part: str, scale: Scale) -> Cau
 
 
 def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
-    """The cause's size on a rig that has no other."""
+    """The size of the cause on a rig without other causes for a given gap."""
     predicted = [nominal_damper(plain.numbers, plain, test) for test in tests]
     reads = any(name.startswith("reading.") for name in cause.sized(1.0))
 
@@ -102,7 +102,8 @@ def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: fl
 
 
 def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
-    """The gap (of the RMS) that each of a case's causes opens on tests, by what the residual loses without it."""
+    """Gap (relative to the RMS) due to each of a case's causes on tests: the reduction of the residual
+    without it."""
 
     def residuals(names: Sequence[str]) -> list[tuple[Array, Array]]:
         truth = plain.having(causes.merged([parts[name] for name in names]))
@@ -128,7 +129,7 @@ def _believed(
 
 
 def chosen_channels(rng: np.random.Generator, task: Task) -> list[str]:
-    """Which of the optional channels this bench has."""
+    """Optional channels of this bench."""
     shares = {"reference_force_N": 0.4, "current_A": 0.15, "temperature_C": 0.1}
     names = [name for name, share in shares.items() if rng.random() < share]
     if "reference_force_N" not in names and any(part in _NEED_REFERENCE for part in task.parts):

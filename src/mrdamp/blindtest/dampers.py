@@ -1,4 +1,4 @@
-"""True dampers: the laws with parameters drawn around published and measured ones."""
+"""True dampers: the laws with parameters drawn around published and measured values."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from mrdamp.blindtest.excitation import Machine
 from mrdamp.blindtest.rig import ALL_LAWS, RATE_HZ, Numbers
 from mrdamp.blindtest.sizing import Task, goal, size_for
 
-#: Never drawn: shape numbers, and places rather than sizes.
+#: Never drawn: shape parameters, and positions.
 _FIXED = ("n", "x0", "v_ref", "m0")
 
-#: Dampers of about 1 kN on a bench, beside the published sets: law, parameters, largest command (A), stroke (m).
+#: Dampers of about 1 kN on a bench, in addition to the published sets: law, parameters, largest command (A),
+#: stroke (m).
 _BENCH: Mapping[str, tuple[str, dict[str, float], float, float]] = {
     "bench bouc_wen": (
         "bouc_wen",
@@ -67,7 +68,7 @@ _WEIGHTS = {
 
 @dataclass(frozen=True)
 class Device:
-    """A damper: law, its parameters by the contract's names, and what its machine can do."""
+    """A damper: law, its parameters by the contract's names, and the limits of its machine."""
 
     law: str
     parameters: dict[str, float]
@@ -75,12 +76,15 @@ class Device:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """As the rig takes them."""
+        """Parameters in the form of the rig."""
         return {"law": float(ALL_LAWS.index(self.law)), **self.parameters}
 
     def piston(self, force: float) -> float:
-        """Mass (kg) of a piston behind a mount whose contact takes an RMS force (N) at 10 um: for steps of the rig it
-        must outweigh damping and stiffness, that of the mount and that of the damper before it yields."""
+        """Mass (kg) of a piston behind a mount that deflects by 10 um under an RMS force (N).
+
+        The integration step of the rig requires a mass that outweighs the damping and stiffness of the mount
+        and of the damper before it yields.
+        """
         p, step = self.parameters, 1 / RATE_HZ
 
         def top(name: str) -> float:
@@ -92,8 +96,8 @@ class Device:
 
 
 def draw(rng: np.random.Generator, *, frame: bool = False, mounted: bool = False) -> Device:
-    """A damper around one of the sets; in a frame one that is free of force at rest, on a mount one that is no stiffer
-    than the rig's steps allow."""
+    """A damper around one of the sets. frame: with zero force at rest. mounted: no stiffer than the rig's
+    step allows."""
     names = [
         n
         for n in _WEIGHTS
@@ -122,10 +126,10 @@ def believed(
     gap: Callable[[Numbers], float],
     slight: tuple[float, float],
 ) -> dict[str, float]:
-    """The simulator's parameters: wrong where that is the label, slightly so in some of the other cases.
+    """The nominal parameters: wrong if that is the label, slightly wrong in some of the other cases.
 
-    gap: simulator's parameters -> its gap to the rig, of the RMS. slight: share of the other cases with slightly
-    wrong parameters, and their size (see `perturbed`).
+    gap: function from the simulator's parameters to its gap, relative to the RMS. slight: share of the other
+    cases with slightly wrong parameters, and their size (see `perturbed`).
     """
     way = direction(rng, device.parameters)
     if task.label == "parameters":
@@ -138,12 +142,12 @@ def believed(
 
 
 def perturbed(parameters: Numbers, direction: Mapping[str, float], size: float) -> dict[str, float]:
-    """Parameters moved by exp(size * direction); those without a direction stay."""
+    """Parameters multiplied by exp(size * direction); those without a direction are unchanged."""
     return {k: v * float(np.exp(size * direction.get(k, 0.0))) for k, v in parameters.items()}
 
 
 def direction(rng: np.random.Generator, parameters: Numbers) -> dict[str, float]:
-    """In which direction the numbers of a simulator are wrong: some of them, each by its own share."""
+    """Direction in which the parameters of a simulator are wrong: some of them, each by its own share."""
     names = [k for k, v in parameters.items() if k not in _FIXED and v != 0.0]
     wrong = rng.permutation(names)[: max(3, len(names) * 2 // 3)]
     return {str(k): float(rng.normal()) for k in wrong}

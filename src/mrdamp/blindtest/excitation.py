@@ -1,4 +1,4 @@
-"""What the rig is driven with: motions, ground motions and commands, drawn at random."""
+"""Excitation of the rig: random motions, ground motions and commands."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from scipy.signal import butter, chirp, sosfiltfilt
 
 from mrdamp.blindtest.rig import INPUT_RATE_HZ, Array
 
-#: Motions and commands are drawn on this grid and made continuous from there.
+#: s, sample time of the grid on which motions and commands are drawn.
 GRID_HZ = 2_000
 _UPDATE = 4  # grid points from one command of the controller to the next
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """One test's inputs on the grid: motion is the rod's displacement (m) or the ground's acceleration (m/s2).
+    """One test's inputs on the grid. motion: the rod's displacement (m) or the ground's acceleration (m/s2).
 
-    seed: of what differs from run to run.
+    seed: for differences between runs.
     """
 
     kind: str
@@ -32,7 +32,7 @@ class Excitation:
 
     @property
     def rng(self) -> np.random.Generator:
-        """The same whenever it is asked for."""
+        """A generator with the test's seed, always in the same state."""
         return np.random.default_rng(self.seed)
 
     @property
@@ -46,7 +46,7 @@ class Excitation:
         return np.arange(round(self.duration * INPUT_RATE_HZ) + 1) / INPUT_RATE_HZ
 
     def fine(self, channel: Array) -> Array:
-        """A channel of the grid at the rig's half steps, by straight lines."""
+        """A channel of the grid at the rig's half steps, by linear interpolation."""
         return np.interp(self.time, np.arange(len(channel)) / GRID_HZ, channel)
 
     def spline(self) -> CubicSpline:
@@ -74,7 +74,7 @@ def damper_tests(rng: np.random.Generator, machine: Machine, *, long: bool) -> l
 def held_out_damper_tests(
     rng: np.random.Generator, machine: Machine, *, long: bool
 ) -> dict[str, Excitation]:
-    """Tests that no case holds; long: a long one too, where the cause takes its time."""
+    """Tests outside all cases. long: includes a long test, for slow causes."""
     kinds = ("random", "sine_random", "steps", *(["long"] if long else []))
     return {f"h{k}_{kind}": _seeded(rng, _damper_test(rng, machine, kind)) for k, kind in enumerate(kinds, 1)}
 
@@ -86,7 +86,7 @@ def frame_tests(rng: np.random.Generator, command: float) -> list[Excitation]:
 
 
 def held_out_frame_tests(rng: np.random.Generator, command: float) -> dict[str, Excitation]:
-    """Ground motions that no case holds."""
+    """Ground motions outside all cases."""
     return {
         "h1_random": _seeded(rng, _frame_test(rng, command, "quake_random")),
         "h2_bang": _seeded(rng, _frame_test(rng, command, "quake_bang")),
@@ -126,12 +126,12 @@ def _seeded(rng: np.random.Generator, test: Excitation) -> Excitation:
 
 
 def again(test: Excitation) -> Excitation:
-    """The same test, run once more."""
+    """The same test with another seed for the run."""
     return replace(test, seed=test.seed + 1)
 
 
 def _updated(command: Array) -> Array:
-    """A command as a controller of 500 Hz puts it out, with straight lines between its updates."""
+    """A command as a 500 Hz controller outputs it, linear between its updates."""
     at = np.arange(len(command))
     return np.interp(at, at[::_UPDATE], command[::_UPDATE])
 
@@ -155,10 +155,10 @@ def _frame_test(rng: np.random.Generator, command: float, kind: str) -> Excitati
 
 
 def quake(rng: np.random.Generator, t: Array) -> Array:
-    """Ground acceleration (m/s2): white noise through Kanai and Tajimi's soil, under an envelope.
+    """Ground acceleration (m/s2): white noise filtered by the Kanai-Tajimi soil model, with an envelope.
 
-    Kanai 1957, Tajimi 1960; soil frequency and damping drawn around those of firm ground; the envelope rises as
-    t exp(-t) does (Shinozuka, Sato 1967).
+    Kanai 1957, Tajimi 1960; soil frequency and damping are drawn around those of firm ground. Envelope t
+    exp(-t) (Shinozuka, Sato 1967).
     """
     frequency, ratio = rng.uniform(2.0, 5.0), rng.uniform(0.3, 0.7)
     f = np.fft.rfftfreq(len(t), t[1])
@@ -175,14 +175,14 @@ def _grid(duration: float) -> Array:
 
 
 def _rounded(path: Callable[[Array], Array], t: Array) -> Array:
-    """A path with corners as a machine runs it: 3 ms wide."""
+    """A path with its corners smoothed over 3 ms, as by a testing machine."""
     margin = 60
     wide = np.arange(-margin, len(t) + margin) / GRID_HZ
     return np.asarray(gaussian_filter1d(path(wide), 6.0)[margin:-margin])
 
 
 def _noise(rng: np.random.Generator, t: Array, low: float, high: float) -> Array:
-    """Noise of a band (Hz) with unit standard deviation."""
+    """Band-limited noise (Hz) with unit standard deviation."""
     margin = 2 * GRID_HZ
     sos = butter(2, [low, high], "bandpass", fs=GRID_HZ, output="sos")
     out = sosfiltfilt(sos, rng.standard_normal(len(t) + 2 * margin))[margin:-margin]

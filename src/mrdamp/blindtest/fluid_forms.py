@@ -10,7 +10,7 @@ from mrdamp.blindtest.scale import Form, Scale, Sized
 
 
 def _heat_arrhenius(r: np.random.Generator, c: Scale) -> Sized:
-    # a rise of about 30 K in half a minute, less what the body takes
+    # a rise of about 30 K in half a minute, without losses to the housing
     fluid, body = c.power * r.uniform(0.2, 0.4), c.power * r.uniform(0.6, 1.2)
     return lambda s: {
         "heat_form": 1,
@@ -44,13 +44,13 @@ def _asymmetry(form: int) -> Form:
 
 
 def _asymmetry_faster(r: np.random.Generator, c: Scale) -> Sized:
-    """A bleed that works one way, and the more the faster the piston is."""
+    """A bleed in one direction whose effect increases with the velocity."""
     side, speed = r.choice([-1.0, 1.0]), r.uniform(0.02, 0.08)
     return lambda s: {"asym_form": 3, "asym_share": 0.5 * s * side, "asym_v": speed}
 
 
 def _asymmetry_check(r: np.random.Generator, c: Scale) -> Sized:
-    """A check valve that the pressure moves, in the plate's own time."""
+    """A pressure-driven check valve with the dynamics of its plate."""
     side, time, width = r.choice([-1.0, 1.0]), r.uniform(0.005, 0.025), c.force * r.uniform(0.05, 0.3)
     fixed = {"asym_form": 4, "asym_time": time, "asym_width": width}
     return lambda s: {**fixed, "asym_share": 0.35 * s * side}
@@ -71,7 +71,7 @@ def _thin_plateau(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _thin_crowded(r: np.random.Generator, c: Scale) -> Sized:
-    """Particles that crowd each other, by Quemada."""
+    """Crowding of particles (Quemada)."""
     rest = r.uniform(0.03, 0.15)
     return lambda s: {"thin_form": 4, "thin_v": 0.015 / (s**2 * rest), "thin_rest": rest}
 
@@ -85,13 +85,13 @@ def _gas(form: int) -> Form:
 
 
 def _gas_series(r: np.random.Generator, c: Scale) -> Sized:
-    """A polytropic pocket between piston and fluid: the fluid flows once the gas is pressed together."""
+    """A polytropic gas pocket between piston and fluid: the fluid flows once the gas is compressed."""
     side, stroke, force = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.8, 1.6), c.force * r.uniform(0.1, 0.4)
     return lambda s: {"gas_form": 3, "gas_sign": side, "gas_stroke": stroke * s, "gas_force": force}
 
 
 def _gas_play(r: np.random.Generator, c: Scale) -> Sized:
-    """An empty length that the piston runs through before the fluid takes hold, softly."""
+    """A free length of the piston's path before the fluid carries force, with a smooth transition."""
     side, stroke, free = r.choice([-1.0, 1.0]), c.stroke * r.uniform(0.4, 1.0), r.uniform(0.2, 0.6)
     fixed = {"gas_form": 4, "gas_sign": side, "gas_free": free}
     return lambda s: {**fixed, "gas_stroke": stroke * s**0.5, "gas_loss": s**0.5}

@@ -1,4 +1,5 @@
-"""One frame case: a shear frame of three storeys with a damper on a shaking table, and what its owner believes."""
+"""One frame case: a shear frame of three storeys with a damper on a shaking table, and its nominal simulator.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ _TELLING = ("quake_off", "quake_random", "quake_bang")
 
 
 def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
-    """Writes the case folder and the file of its tests; returns its label with what lies behind it."""
+    """Writes the case folder and the file of its tests; returns its label with the true parameters."""
     rng = np.random.default_rng(seed)
     device = dampers.draw(rng, frame=True, mounted=task.mounted)
     plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), drawn_storeys(rng), drawn_damper_floors(rng))
@@ -64,7 +65,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
 
 
 def measure(device: dampers.Device, plain: Truth, inputs: Sequence[Excitation]) -> FrameScale:
-    """Scales of a plain frame on some of its tests."""
+    """Scales of a frame without causes on some of its tests."""
     runs = []
     for test in inputs:
         u = test.fine(test.command)
@@ -121,7 +122,7 @@ def structure_of(plain: Truth) -> dict[str, Any]:
 
 
 def telling(inputs: Sequence[Excitation]) -> list[Excitation]:
-    """One of each kind that shows something."""
+    """One test of each kind that shows causes."""
     return [next(test for test in inputs if test.kind == kind) for kind in _TELLING]
 
 
@@ -141,7 +142,8 @@ def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: fl
 
 
 def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
-    """The gap (of the RMS) that each of a case's causes opens on tests, by what the residual loses without it."""
+    """Gap (relative to the RMS) due to each of a case's causes on tests: the reduction of the residual
+    without it."""
 
     def residuals(names: Sequence[str]) -> list[tuple[Array, Array]]:
         truth = plain.having(causes.merged([parts[name] for name in names]))

@@ -1,4 +1,4 @@
-"""Causes of a frame: its storeys, its accelerometers, and those of the damper that stands in it."""
+"""Causes of a frame: its storeys, its accelerometers, and its damper."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mrdamp.blindtest.causes import Cause
 from mrdamp.blindtest.scale import Form, Scale, Sized
 
 STOREYS = (1, 2, 3)
-#: Effects of the damper that a frame case may have.
+#: Effects of the damper in a frame case.
 DAMPER = (
     "driver_lag",
     "command_delay",
@@ -27,8 +27,8 @@ SENSORS = ("sensor_gain", "sensor_offset", "sensor_leakage", "sensor_lag")
 
 @dataclass(frozen=True)
 class FrameScale:
-    """What sizes are measured by: the damper's, and RMS drift (m), drift rate (m/s), acceleration (m/s2), storey
-    force (N), by storey or floor; storey stiffness (N/m), damping (N s/m) and floor mass (kg)."""
+    """Scales of a frame's causes: those of the damper; by storey or floor, RMS drift (m), drift rate (m/s),
+    acceleration (m/s2) and storey force (N), stiffness (N/m), damping (N s/m) and mass (kg)."""
 
     damper: Scale
     drift: tuple[float, ...]
@@ -48,7 +48,7 @@ def _stiffness(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
 
 
 def _stiffness_bent(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """Softer, and a little more so where the drift is large."""
+    """Softer, and slightly more so at large drifts."""
     return lambda s: {f"storey{j}.stiffness": -0.5 * s, f"storey{j}.k3": -0.01 * s / c.drift[j - 1] ** 2}
 
 
@@ -70,14 +70,14 @@ def _friction(form: int) -> PlacedForm:
 
 
 def _friction_slipping(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """A bolted joint that slips bit by bit (Iwan 1966)."""
+    """A bolted joint with gradual slip (Iwan 1966)."""
     top, travel = 0.3 * c.stiffness[j - 1] * c.drift[j - 1], c.drift[j - 1] * r.uniform(0.1, 0.3)
     fixed = {f"storey{j}.friction_form": 3, f"storey{j}.friction_travel": travel}
     return lambda s: {**fixed, f"storey{j}.friction": top * s}
 
 
 def _friction_bristles(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """LuGre: what holds it is more than what slides."""
+    """LuGre friction with a breakaway force above the sliding force."""
     fixed = {
         f"storey{j}.friction_form": 4,
         f"storey{j}.friction_travel": r.uniform(2e-5, 6e-5),
@@ -93,13 +93,13 @@ def _mass(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
 
 
 def _mass_held(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """Held by something stiff: with the floor up to far above the frame's own frequencies."""
+    """A stiffly attached mass: moves with the floor up to far above the frame's own frequencies."""
     hz = r.uniform(45.0, 70.0)
     return lambda s: {f"storey{j}.hung_mass": 50 * s, f"storey{j}.hung_hz": hz, f"storey{j}.hung_ratio": 0.05}
 
 
 def _sensor(effect: str) -> tuple[PlacedForm, ...]:
-    """A force sensor's forms at an accelerometer, with the floor's acceleration for the force."""
+    """A force sensor's forms applied to an accelerometer."""
 
     def placed(form: Form) -> PlacedForm:
         def draw(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
@@ -152,13 +152,13 @@ def _cross_axis(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
 
 
 def _base_rocking(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """The foundation tilts, and with it each floor in proportion to its height."""
+    """The foundation rocks, and each floor moves in proportion to its height."""
     mass, ratio, k = r.uniform(20.0, 60.0), r.uniform(0.02, 0.06), 4 * c.stiffness[0]
     return lambda s: {"storey1.rock_mass": mass, "storey1.rock_k": k / s, "storey1.rock_ratio": ratio}
 
 
 def _loose_panel(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """A panel that lies on the floor between two edges, slides and hits them."""
+    """A loose panel on the floor that slides between two edges and hits them."""
     fixed = {
         f"storey{j}.hung_hz": r.uniform(25.0, 50.0),
         f"storey{j}.hung_ratio": r.uniform(0.1, 0.3),
@@ -169,37 +169,37 @@ def _loose_panel(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
 
 
 def _slack_brace(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """A brace with clearance: around rest the storey is softer."""
+    """A brace with clearance: the storey is softer around its rest position."""
     slack = c.drift[j - 1] * r.uniform(0.4, 0.9)
     return lambda s: {f"storey{j}.slack": slack, f"storey{j}.slack_share": 0.9 * s}
 
 
 def _ground_misaligned(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """The table's accelerometer stands askew and feels the table's sway across."""
+    """A misaligned accelerometer of the table that also measures its transverse motion."""
     side, hz = r.choice([-1.0, 1.0]), r.uniform(7.0, 14.0)
     return lambda s: {"ground.angle": side * 0.25 * s, "ground.hz": hz}
 
 
 def _sloshing(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """An open tank whose water sways near the frame's first frequency."""
+    """An open tank whose water sloshes near the frame's first frequency."""
     return _hung(j, 15.0, r.uniform(2.5, 5.5), r.uniform(0.005, 0.02))
 
 
 def _floppy_floor(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """A floor that is not rigid: part of its mass stands on a slab that bends."""
+    """A flexible floor: part of its mass is on a slab that bends."""
     hz, mass, part = r.uniform(10.0, 20.0), c.mass[j - 1], r.uniform(0.4, 0.6)
     fixed = {f"storey{j}.hung_hz": hz, f"storey{j}.hung_ratio": 0.02}
     return lambda s: {**fixed, f"storey{j}.mass": -part * s, f"storey{j}.hung_mass": part * mass * s}
 
 
 def _slipping_bolts(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """A bolted joint that slips in its holes when the storey is strained enough, and stays where it slipped to."""
+    """A bolted joint that slips within its holes at large storey forces and stays displaced."""
     hold = c.drift[j - 1] * r.uniform(0.6, 1.2)
     return lambda s: {f"storey{j}.bolt_hold": hold, f"storey{j}.bolt_gap": 1.5 * c.drift[j - 1] * s}
 
 
 def _clipped(r: np.random.Generator, c: FrameScale, j: int) -> Sized:
-    """An accelerometer whose range is too small."""
+    """An accelerometer with too small a range."""
     return lambda s: {f"floor{j}.clip": c.acceleration[j - 1] * (0.4 + 0.15 / s)}
 
 
@@ -238,7 +238,7 @@ GROUPS = (tuple(_FIRST), tuple(_SECOND))
 def labels() -> list[str]:
     """Every single effect of a frame with its place."""
     placed = [f"{name}@{j}" for name in PLACED for j in STOREYS]
-    return [*placed, *DAMPER, *DAMPER]  # the damper's twice: they have no places
+    return [*placed, *DAMPER, *DAMPER]  # the damper's effects twice: they have no places
 
 
 def draw(rng: np.random.Generator, label: str, scale: FrameScale, *, outside: bool) -> Cause:

@@ -21,16 +21,17 @@ from mrdamp.blindtest.sizing import Faint, Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 
-#: How often a case is drawn anew.
+#: Largest number of repeated draws of a case.
 _REDRAWS = 9
-#: The same beside that where the law is not the rig's: many a pair of laws leaves too much.
+#: The same if the law is not the rig's: many pairs of laws have too large an error.
 _MISFIT_REDRAWS = 20
 
 
 def make_one(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
-    """One case with its tests in the folders of each; returns its label.
+    """Makes one case with its tests in the given folders; returns its label.
 
-    Drawn anew from a seed of its own where its numbers are too stiff for the rig or one of its causes does not show.
+    Drawn again with another seed if its parameters are too stiff for the rig or one of its causes is not
+    visible.
     """
     from mrdamp.blindtest import frame_case
 
@@ -38,7 +39,7 @@ def make_one(task: Task, cases: Path, tests: Path, seed: np.random.SeedSequence)
     if task.misfit:
         from mrdamp.blindtest import (
             misfit_case,
-        )  # it identifies a simulator, and so loads the plugin's library
+        )  # imported here because it identifies a simulator and so loads the plugin's library
 
         maker = misfit_case.make
     draws = [seed, *seed.spawn(_REDRAWS)]
@@ -62,9 +63,10 @@ def make(
     jobs: int = 1,
     misfit: bool = False,
 ) -> Iterable[tuple[str, dict[str, Any]]]:
-    """Cases one after another as (name, label); the same for any number of jobs.
+    """Cases one after another as (name, label); they do not depend on the number of jobs.
 
-    only: labels to make instead of the usual mixture, in turn. misfit: rigs whose law is not the simulator's.
+    only: labels to make in turn instead of the usual composition. misfit: rigs whose law is not the
+    simulator's.
     """
     deal, draws = np.random.SeedSequence(seed).spawn(2)
     if only:

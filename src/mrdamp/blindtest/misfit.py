@@ -1,8 +1,8 @@
-"""Rigs whose law is not the simulator's: what their dampers have that no law of the simulator has.
+"""Rigs whose law is not the simulator's: parts of their dampers that no law of the simulator contains.
 
-A recipe is drawn for a damper and a scale; its parts grow with one size. Each part names the effects of the catalogue
-that it looks like or is (`also`): a friction that sticks and slips is one whether it is called the damper's law or a
-seal's, and to name it or not is both right.
+A recipe is drawn for a damper and a scale; its parts grow with one size. Each part lists the effects of the
+catalogue that it resembles (`also`): stick-slip friction may be called part of the law or seal friction, and
+naming it or not counts as right.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from mrdamp.blindtest.rig import Numbers
 from mrdamp.blindtest.scale import Scale, Sized
 from mrdamp.blindtest.sizing import Task
 
-#: Law of the rig -> laws of its simulator, its own among them where that can be wrong by other parts. Pairs that leave
-#: more than 15 % by themselves on most dampers are not in it (Bingham for any hysteresis, Bouc-Wen for a damper with
+#: Law of the rig -> laws of its simulator, its own included if other parts can make it wrong. Pairs with an
+#: error above 15 % on most dampers are excluded (Bingham for any hysteresis, Bouc-Wen for a damper with
 #: mass).
 NOMINAL: Mapping[str, tuple[str, ...]] = {
     "bouc_wen": ("hyperbolic_tangent", "bouc_wen", "modified_bouc_wen"),
@@ -29,9 +29,9 @@ NOMINAL: Mapping[str, tuple[str, ...]] = {
     "bingham": ("bouc_wen", "bingham"),
     "sigmoid": ("bouc_wen", "hyperbolic_tangent"),
 }
-#: Share of the dampers that have a law that the simulator knows none of.
+#: Share of the dampers with a law that the simulator does not have.
 _SIGMOID = 0.2
-#: Bench damper of about 1 kN by the law of Kwok et al. 2006, doi:10.1088/0964-1726/15/4/015.
+#: Bench damper of about 1 kN with the law of Kwok et al. 2006, doi:10.1088/0964-1726/15/4/015.
 _KWOK = {
     "c0a": 700,
     "c0b": 800,
@@ -42,13 +42,13 @@ _KWOK = {
     "hook_v": 0.006,
     "hook_x": 0.003,
 }
-#: Share of the RMS force from which on a stiffness that a Bingham simulator has not is an effect of its own.
+#: Share of the RMS force from which on a stiffness that a Bingham simulator lacks counts as an effect.
 _STIFF = 0.03
 
 
 @dataclass(frozen=True)
 class Part:
-    """Something that the rig's law has beside its form: numbers of `rig.c` by size, effects that it looks like."""
+    """An addition to the rig's law: parameters of `rig.c` by size, and the effects that it resembles."""
 
     name: str
     sized: Sized
@@ -57,10 +57,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What is wrong with the simulator of a rig.
+    """Errors of a rig's simulator.
 
-    law: of the simulator. extras, dependence: what `identify` frees beside the law's numbers. lag: the driver's own
-    (rig's numbers), which the simulator has too.
+    law: of the simulator. extras, dependence: what `identify` frees in addition to the law's parameters. lag:
+    of the driver (rig's parameters), which the simulator has too.
     """
 
     law: str
@@ -71,7 +71,7 @@ class Recipe:
     also: tuple[str, ...]
 
     def numbers(self, size: float) -> dict[str, float]:
-        """The rig's numbers beside its law's."""
+        """Parameters of the rig in addition to its law's."""
         out = dict(self.lag)
         for part in self.parts:
             out |= part.sized(size)
@@ -84,7 +84,7 @@ class Recipe:
 
 
 def device(rng: np.random.Generator, *, frame: bool, mounted: bool) -> Device:
-    """A damper of a law of the simulators, or of one that none of them has."""
+    """A damper with a law of the simulators, or with one that none of them has."""
     if mounted or rng.random() >= _SIGMOID:
         return dampers.draw(rng, frame=frame, mounted=mounted)
     drawn = {k: v * float(rng.uniform(0.8, 1.25)) for k, v in _KWOK.items()}
@@ -93,7 +93,7 @@ def device(rng: np.random.Generator, *, frame: bool, mounted: bool) -> Device:
 
 
 def draw(rng: np.random.Generator, task: Task, rig: Device, scale: Scale) -> Recipe:
-    """A simulator's law and one to three parts; none that looks like the effect that the case is about."""
+    """A simulator's law and one to three parts, none of which resembles the effect of the case."""
     wanted = {part.partition("@")[0] for part in task.parts}
     law = str(rng.choice(NOMINAL[rig.law]))
     parts = [form(rng, scale, rig) for form in (_map, _slip, _rate)]
@@ -112,7 +112,7 @@ def draw(rng: np.random.Generator, task: Task, rig: Device, scale: Scale) -> Rec
 
 
 def _of_law(rig: Device, law: str, scale: Scale) -> list[str]:
-    """Effects that the rig's law holds and the simulator's has no number for."""
+    """Effects in the rig's law for which the simulator's law has no parameter."""
     if law != "bingham" or rig.law == "bingham":
         return []
     p = rig.parameters
@@ -125,14 +125,16 @@ Drawn = Callable[[np.random.Generator, Scale, Device], Part]
 
 
 def _map(r: np.random.Generator, c: Scale, rig: Device) -> Part:
-    """The yield force follows the current along an S: a toe at small currents, a shoulder at large ones."""
+    """The yield force follows the current along an S: small slope at small currents, saturation at large
+    ones."""
     share, steep, centre = r.uniform(0.5, 1.0), r.uniform(5.0, 10.0), r.uniform(0.35, 0.65)
     fixed = {"map_form": 1, "map_span": c.command, "map_steep": steep, "map_centre": centre}
     return Part("current_map", lambda s: {**fixed, "map_share": min(share * s, 1.0)}, ("saturation",))
 
 
 def _slip(r: np.random.Generator, c: Scale, rig: Device) -> Part:
-    """Maxwell-slip elements beside the law: hysteresis in the stroke, of the fluid or of what rubs."""
+    """Maxwell-slip elements parallel to the law: hysteresis in the stroke, from the fluid or from friction.
+    """
     force, travel = c.force * r.uniform(0.2, 0.4), c.stroke * r.uniform(0.3, 1.2)
     field = float(r.choice([0.0, r.uniform(0.5, 1.0)]))
     fixed = {"slip_field": field, "slip_span": c.command, "slip_travel": travel}
@@ -140,7 +142,7 @@ def _slip(r: np.random.Generator, c: Scale, rig: Device) -> Part:
 
 
 def _rate(r: np.random.Generator, c: Scale, rig: Device) -> Part:
-    """A yield force that grows or falls with the rate of shear, at once or as the fluid's structure follows."""
+    """A yield force that grows or falls with the shear rate, at once or with the fluid's structure."""
     share, v = r.choice([-1.0, 1.0]) * r.uniform(0.25, 0.5), rig.machine.velocity * r.uniform(0.08, 0.3)
     form, time = int(r.integers(1, 3)), r.uniform(0.03, 0.15)
     fixed = {"rate_form": form, "rate_v": v, "rate_time": time}
@@ -150,5 +152,6 @@ def _rate(r: np.random.Generator, c: Scale, rig: Device) -> Part:
 
 
 def stages(also: Sequence[str], of: Mapping[str, str]) -> list[str]:
-    """Where a rig is not its simulator, for one with nothing else: in the fluid, and where what it looks like sits."""
+    """Stages at which a rig differs from its simulator without another cause: the fluid, and those of the
+    effects it resembles."""
     return sorted({"fluid", *(of[name] for name in also)})

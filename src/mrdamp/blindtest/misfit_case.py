@@ -1,4 +1,4 @@
-"""A case whose law is not the rig's: commissioned without the cause, recorded with it."""
+"""A case whose law is not the rig's: identified without the cause, recorded with it."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from mrdamp.blindtest.rig import ALL_LAWS, Array, Numbers
 from mrdamp.blindtest.sizing import OWN, Faint, Task, pooled, relative, total
 from mrdamp.model import Model
 
-#: The gap that a cause opens by itself, in parts of what the law itself leaves: near visibility, and at least where it
-#: is well above. As large as the misfit is what a gap of 1.4 times the base is.
+#: Gap due to a cause relative to the law's own error: near the limit of visibility, and the least value if
+#: well above. A cause as large as the law's error increases the gap to 1.4 times the base.
 _NEAR, _CLEAR = (0.4, 0.8), 1.0
-#: Least and most of it, of the RMS, and the least in parts of the noise.
+#: Least and largest gap due to a cause, relative to the RMS, and the least as a multiple of the noise.
 _LEAST, _MOST, _NOISE = 0.05, 0.35, 4.0
-#: Share of the least gap that must be there on tests that no case holds.
+#: Share of the least gap that must be present on tests outside the case.
 _SHOWN = 0.6
-#: How often another form of the cause is drawn where one does not show.
+#: Number of other forms that are drawn if a cause is not visible.
 _FORMS = 4
 #: Share of the cases with records of the rig in the commissioning state.
 BASELINE = 0.4
-#: Peak over RMS that a damper is commissioned up to, for use in a frame.
+#: Peak over RMS up to which a damper for a frame is commissioned.
 _PEAKS = 3.0
-#: Tests of a frame that are run in the commissioning state.
+#: Tests of a frame in the commissioning state.
 _BEFORE = ("sweep_off", "quake_random", "quake_bang")
 _FLOORS = tuple(f"floor{k}_acceleration_m_s2" for k in (1, 2, 3))
 
@@ -52,9 +52,10 @@ Run = Callable[[Truth, Excitation], dict[str, Array]]
 
 @dataclass(frozen=True)
 class Bench:
-    """A rig that cases are made on: its tests, its simulator, and how causes are drawn and measured on it.
+    """A rig for cases: its tests, its simulator, and functions that draw and measure causes.
 
-    held_out: tests that no case holds. level: noise of the RMS. outputs: channel -> the simulated one in a test file.
+    held_out: tests outside the case. level: noise relative to the RMS. outputs: channel -> the simulated one
+    in a test file.
     """
 
     made: Commissioned
@@ -72,7 +73,8 @@ class Bench:
 
 
 def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) -> dict[str, Any]:
-    """Writes the case folder and the file of its tests; returns its label with what lies behind it. Raises Faint."""
+    """Writes the case folder and the file of its tests; returns its label with the true parameters. Raises
+    Faint."""
     rng = np.random.default_rng(seed)
     bench = (_damper if task.rig == "damper" else _frame)(rng, task)
     stage, numbers, tested = _sized(rng, task, bench)
@@ -198,9 +200,9 @@ def _runs(run: Run, truth: Truth, tests: Mapping[str, Excitation]) -> Tested:
 
 
 def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dict[str, float], Tested]:
-    """Stage and numbers of the cause, neither where there is none, and the tests that no case holds with it.
+    """Stage and parameters of the cause (empty without one), and the tests outside the case with it.
 
-    Raises Faint where no form of it shows.
+    Raises Faint if no form of it is visible.
     """
     if task.label == OWN:
         return "", {}, bench.made.held_out
@@ -217,7 +219,7 @@ def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dic
 
 
 def _opened(bench: Bench, label: str, numbers: Numbers, tested: Tested) -> float:
-    """The gap that a cause opens by itself on the tests that no case holds, of the RMS."""
+    """The gap due to a cause on the tests outside the case, relative to the RMS."""
     if any(name.startswith(("reading.", "ground.")) for name in numbers):  # the simulator's inputs change too
         return bench.shown({label: numbers}, list(bench.held_out.values()))[label]
     plain = bench.made.held_out
@@ -225,8 +227,8 @@ def _opened(bench: Bench, label: str, numbers: Numbers, tested: Tested) -> float
 
 
 def _baseline(task: Task, bench: Bench, channels: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-    """Records of the rig in the commissioning state, with the case's channels: a damper's commissioning records, a
-    frame's of its own."""
+    """Records of the rig in the commissioning state, with the case's channels: a damper's commissioning
+    records, or separate ones of a frame."""
     if task.rig == "damper":
         return {
             file: {name: record[name] for name in channels} for file, record in bench.made.records.items()
@@ -237,7 +239,7 @@ def _baseline(task: Task, bench: Bench, channels: Mapping[str, Array]) -> dict[s
 
 
 def _clean(bench: Bench, channels: Mapping[str, Array]) -> dict[str, Array]:
-    """Channels of a test, free of noise, with what the nominal simulator says for its inputs."""
+    """Channels of a test, without noise, with the nominal simulator's output for its inputs."""
     kept = {n: v for n, v in channels.items() if n not in ("reference_force_N", "current_A", "temperature_C")}
     said = predicted(bench.model, kept)
     return {**kept, **{name: said[output] for output, name in bench.outputs.items()}}

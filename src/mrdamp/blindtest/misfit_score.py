@@ -1,4 +1,5 @@
-"""Figures of rigs whose law is not the simulator's: what is named, what is invented, what is left over the misfit."""
+"""Scores for rigs whose law is not the simulator's: named and invented causes, remaining gap relative to the
+law's error."""
 
 from __future__ import annotations
 
@@ -10,20 +11,23 @@ import numpy as np
 from mrdamp.blindtest import score
 from mrdamp.blindtest.score import Row, Share
 
-#: Where the cases are parted by what the simulator leaves without the cause, of the RMS: half are drawn below it.
+#: Boundary of two groups of cases by the simulator's error without the cause, relative to the RMS; half are
+#: drawn below it.
 PARTED = 0.06
-#: A corrected simulator is worse than the nominal one from this ratio of their gaps on, as the shared scorer has it.
+#: Ratio of the gaps from which on a corrected simulator counts as worse than the nominal one, as in the
+#: shared scorer.
 _WORSE = 1.02
 COLUMNS = ["figure", "all", "base misfit 3 to 6 %", "6 to 15 %", "damper", "frame", "to reach"]
 
 
 def is_misfit(rows: Sequence[Row]) -> bool:
-    """Whether these are cases of rigs whose law is not the simulator's."""
+    """True for cases of rigs whose law is not the simulator's."""
     return any(math.isfinite(r.misfit) for r in rows)
 
 
 def groups(rows: Sequence[Row]) -> list[list[Row]]:
-    """All, those below and above 6 % of base misfit, those of a damper and those of a frame: as in `COLUMNS`."""
+    """All cases; those below and above 6 % of base error; those of a damper and those of a frame: as in
+    `COLUMNS`."""
     return [
         list(rows),
         [r for r in rows if r.misfit < PARTED],
@@ -70,7 +74,8 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def worse(row: Row) -> bool:
-    """The handed-over simulator is worse than the nominal one on tests that no case holds; so is none at all."""
+    """True if the handed-over simulator is worse than the nominal one on tests outside the case, or missing.
+    """
     return not row.after <= _WORSE * row.before
 
 

@@ -19,7 +19,8 @@ from mrdamp.files import write_atomic
 
 @dataclass(frozen=True)
 class Noise:
-    """Of one channel: standard deviation, correlation from sample to sample, and the logger's step (0 is none)."""
+    """Noise of one channel: standard deviation, correlation between samples, and quantisation step (0: none).
+    """
 
     deviation: float
     correlation: float = 0.0
@@ -34,7 +35,7 @@ class Noise:
 
 
 def damper_noise(rng: np.random.Generator, force: float, command: float) -> dict[str, Noise]:
-    """Of a damper's channels, for an RMS force (N) and a largest command."""
+    """Noise of a damper's channels, for an RMS force (N) and a largest command."""
     level = force * float(np.exp(rng.uniform(np.log(0.003), np.log(0.013))))
     force_noise = Noise(level, rng.choice([0.0, 0.0, 0.3]), rng.choice([0.0, 0.0, 4 * force / 2**12]))
     motion = Noise(float(rng.uniform(5e-7, 1.1e-6)), 0.92, rng.choice([0.0, 0.0, 5e-7]))
@@ -48,7 +49,8 @@ def damper_noise(rng: np.random.Generator, force: float, command: float) -> dict
 
 
 def frame_noise(rng: np.random.Generator) -> dict[str, Noise]:
-    """Of a frame's channels: accelerometers of one type, displacement transducers, the damper's load cell."""
+    """Noise of a frame's channels: accelerometers of one type, displacement transducers, the damper's load
+    cell."""
     acceleration = float(rng.uniform(0.005, 0.015))
     noise = {f"floor{k}_acceleration_m_s2": Noise(acceleration) for k in (1, 2, 3)}
     noise |= {f"floor{k}_displacement_m": Noise(3e-6) for k in (1, 2, 3)}
@@ -56,7 +58,7 @@ def frame_noise(rng: np.random.Generator) -> dict[str, Noise]:
 
 
 def write_record(path: Path, channels: Mapping[str, Array]) -> None:
-    """A record with its clock in front; `.gz` in the name packs it."""
+    """Writes a record with its time column first; a name with `.gz` is compressed."""
     n = len(next(iter(channels.values())))
     columns = {"time_s": np.arange(n) / SAMPLE_RATE_HZ, **channels}
     rows = zip(*([f"{value:.6g}" for value in values] for values in columns.values()), strict=True)
@@ -93,7 +95,7 @@ def write_case(
 
 
 def write_tests(path: Path, tests: Mapping[str, Mapping[str, Array]]) -> None:
-    """Records that no case holds, free of noise, as `test/channel` arrays."""
+    """Writes records outside the case, without noise, as `test/channel` arrays."""
     arrays: dict[str, Any] = {}
     for test, channels in tests.items():
         n = len(next(iter(channels.values())))

@@ -1,4 +1,4 @@
-"""The page and the tables of a blind test."""
+"""Page and tables of a blind test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mrdamp.files import write_atomic
 from mrdamp.pictures import blindtest as pictures
 from mrdamp.report import Cell, Page
 
-#: What is to be reached, by figure.
+#: Target of each figure.
 WANTED = {
     "single effects named": 0.95,
     "pairs named": 0.80,
@@ -28,7 +28,8 @@ _MISFIT = "Where the law is not the rig's"
 
 
 def write(out: Path, rows: Sequence[Row], seal: str, baselines: Mapping[str, Sequence[Row]]) -> None:
-    """index.html, results.md and rows.csv in a folder. baselines: rows of other methods on the same cases."""
+    """Writes index.html, results.md and rows.csv into a folder. baselines: rows of other methods on the same
+    cases."""
     figures, numbers = score.shares(rows), score.numbers(rows)
     write_atomic(out / "rows.csv", _csv(rows))
     write_atomic(out / "results.md", markdown(rows, seal, baselines))
@@ -129,7 +130,7 @@ def markdown(rows: Sequence[Row], seal: str, baselines: Mapping[str, Sequence[Ro
 
 
 def confusion(rows: Sequence[Row]) -> tuple[list[str], list[str], list[list[int]]]:
-    """Names of the rows and of the columns, and counts, for cases with at most one cause; places are left out."""
+    """Names of the rows and columns, and counts, for cases with at most one cause; places are ignored."""
     pairs = Counter((_true(r), _answered(r)) for r in rows if len(r.causes) <= 1)
     names = sorted({t for t, _ in pairs}, key=_order)
     columns = sorted({*names, *(a for _, a in pairs)}, key=_order)
@@ -137,7 +138,7 @@ def confusion(rows: Sequence[Row]) -> tuple[list[str], list[str], list[list[int]
 
 
 def by_cause(rows: Sequence[Row]) -> list[list[Cell]]:
-    """Per cause (in pairs too): right cases, cases, and what was answered in the others."""
+    """By cause (pairs included): right cases, cases, and the answers of the others."""
     causes = sorted({name for r in rows for name in _parts(r)}, key=_order)
     table: list[list[Cell]] = []
     for cause in causes:
@@ -229,7 +230,7 @@ def _answered(r: Row) -> str:
 
 
 def answer_text(r: Row) -> str:
-    """What was answered: the effects with their places, or the verdict."""
+    """The answer: effects with their places, or the verdict."""
     if not r.named:
         return r.verdict
     return " + ".join(sorted(name + (f"@{place}" if place else "") for name, place in r.named))

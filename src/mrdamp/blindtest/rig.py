@@ -1,4 +1,4 @@
-"""The reference rig's library (`rig.c`): one damper or one frame through one test."""
+"""The reference rig's library (`rig.c`): simulates one test of a damper or a frame."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from mrdamp.errors import InputError
 Array = NDArray[np.float64]
 Numbers = Mapping[str, float]
 
-#: The laws that the plugin has too, and in `ALL_LAWS` one that it has not.
+#: The laws of the plugin; `ALL_LAWS` has one more.
 LAWS = ("bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
 ALL_LAWS = (*LAWS, "sigmoid")
-#: Steps a second of the integration; the rig takes its inputs at half steps.
+#: Integration steps per second; inputs are given at half steps.
 RATE_HZ = 25_000
 INPUT_RATE_HZ = 2 * RATE_HZ
 
@@ -35,12 +35,12 @@ _Callback = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, _double_p)
 
 
 class BlownUp(InputError):
-    """A run whose numbers are too stiff for the rig's step."""
+    """A run that diverged because its parameters are too stiff for the rig's step."""
 
 
 @functools.cache
 def _library() -> tuple[ctypes.CDLL, tuple[str, ...], tuple[str, ...]]:
-    """The library, the names of a rig's numbers and of a storey's."""
+    """The library, and the names of the parameters of a rig and of a storey."""
     lib = ctypes.CDLL(str(_path()))
     for name in ("rig_damper", "rig_frame", "rig_frame_controlled"):
         getattr(lib, name).restype = ctypes.c_long
@@ -51,7 +51,7 @@ def _library() -> tuple[ctypes.CDLL, tuple[str, ...], tuple[str, ...]]:
 
 
 def _path() -> Path:
-    # An editable install keeps the compiled library in site-packages and the Python files where they stand.
+    # An editable install has the compiled library in site-packages and the Python files in the source tree.
     for folder in mrdamp.__path__:
         path = Path(folder) / "blindtest" / "librig.so"
         if path.is_file():
@@ -60,13 +60,13 @@ def _path() -> Path:
 
 
 def run_damper(numbers: Numbers, x: Array, v: Array, u: Array) -> dict[str, Array]:
-    """A rod that is moved by a machine.
+    """A rod with imposed motion.
 
-    numbers: names as in `rig.c`, with `law` one of `ALL_LAWS` by its place; those left out are zero (neutral).
-    x (m), v (m/s), u (command): (2 n - 1,) at half steps. Returns (n,) arrays at `RATE_HZ`: force on the load cell (N),
-    the fluid's share, current, field, heat (K over the surroundings), piston (m).
+    numbers: names as in `rig.c`, with `law` as an index into `ALL_LAWS`; missing ones are zero (neutral). x
+    (m), v (m/s), u (command): (2 n - 1,) at half steps. Returns (n,) arrays at `RATE_HZ`: force on the load
+    cell (N), the fluid's part, current, field, heat (K above the surroundings), piston (m).
 
-    Raises InputError for an unknown number and BlownUp where a run blows up.
+    Raises InputError for an unknown parameter and BlownUp if a run diverges.
     """
     lib, names, _ = _library()
     n = (len(x) + 1) // 2
@@ -83,9 +83,9 @@ def run_frame(
 ) -> dict[str, Array]:
     """A shear frame of three storeys on a shaking table with the damper between two floors (0 is the ground).
 
-    storeys: their numbers from the ground up. ground (m/s2), u: (2 n - 1,) at half steps. Returns (n,) arrays at
-    `RATE_HZ`: acceleration1..3 (absolute, m/s2), displacement1..3 (to the ground, m), force (N), stroke (m), current,
-    field, heat (K).
+    storeys: their parameters from the ground up. ground (m/s2), u: (2 n - 1,) at half steps. Returns (n,)
+    arrays at `RATE_HZ`: acceleration1..3 (absolute, m/s2), displacement1..3 (relative to the ground, m),
+    force (N), stroke (m), current, field, heat (K).
     """
     lib, names, storey_names = _library()
     n = (len(ground) + 1) // 2
@@ -107,11 +107,11 @@ def run_frame_controlled(
     every: int,
     command: Callable[[float, dict[str, float]], float],
 ) -> dict[str, Array]:
-    """The same frame under feedback.
+    """The same frame with feedback.
 
-    command: called every `every` steps with the time (s) and what `run_frame` returns, as numbers, with
-    `stroke_velocity` (m/s) beside it; its value is held until the next call. Returns what `run_frame` does, and
-    `command` (n,). An error in `command` is raised here.
+    command: function that is called every `every` steps with the time (s) and, as numbers, the outputs of
+    `run_frame` and `stroke_velocity` (m/s). Its value is constant until the next call. Returns the arrays of
+    `run_frame` and `command` (n,). An exception in `command` is raised here.
     """
     lib, names, storey_names = _library()
     n = (len(ground) + 1) // 2
@@ -124,7 +124,7 @@ def run_frame_controlled(
     def called(time: float, row: Any) -> float:
         try:
             return float(command(time, dict(zip(seen, row[: len(seen)], strict=True)))) if not failed else 0.0
-        except BaseException as error:  # it cannot pass through C
+        except BaseException as error:  # an exception cannot pass through C
             failed.append(error)
             return 0.0
 

@@ -35,7 +35,7 @@ def _spring_chambers(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _spring_progressive(r: np.random.Generator, c: Scale) -> Sized:
-    """A coil spring that closes winding by winding."""
+    """A coil spring whose coils close one after the other."""
     f0, k = r.uniform(0.0, 0.3) * c.force, r.uniform(0.1, 0.25) * c.force / c.stroke
     end, length = r.uniform(0.1, 0.25) * c.force, c.stroke * r.choice([-1.0, 1.0]) * r.uniform(1.0, 1.6)
     fixed = {"spring_form": 4, "spring_length": length}
@@ -65,13 +65,13 @@ def _mass(form: int) -> Form:
 
 
 def _mass_coupled(r: np.random.Generator, c: Scale) -> Sized:
-    """Taken along by something viscous: what is fast passes it by."""
+    """A viscously coupled mass: fast motion does not accelerate it."""
     time = r.uniform(2e-3, 6e-3)
     return lambda s: {"rod.mass_time": time, "rod.mass": 0.5 * c.force / c.acceleration * s}
 
 
 def _mass_clamps(r: np.random.Generator, c: Scale) -> Sized:
-    """Two parts, each in a clamp of its own."""
+    """Two masses, each with its own elastic clamp."""
     first, second = r.uniform(25.0, 45.0), r.uniform(60.0, 110.0)
     fixed = {"rod.mass_hz": first, "rod.mass_hz2": second, "rod.mass_share2": r.uniform(0.3, 0.7)}
     return lambda s: {**fixed, "rod.mass": 0.5 * c.force / c.acceleration * s}
@@ -92,7 +92,7 @@ def _mount(form: int) -> Form:
 
 
 def _mount_rates(r: np.random.Generator, c: Scale) -> Sized:
-    """A bush that meets its stop."""
+    """A bush that reaches its stop."""
     knee, ratio = r.uniform(0.5, 1.2), r.uniform(2.5, 4.0)
     fixed = {"mount_form": 5, "mount_c": 0.2 * c.force, "mount_mass": c.piston, "mount_power": ratio}
 
@@ -104,7 +104,7 @@ def _mount_rates(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _mount_relaxes(r: np.random.Generator, c: Scale) -> Sized:
-    """Rubber that is stiffer for fast motions than for slow ones (Zener)."""
+    """Rubber with a stiffness that increases with the rate (Zener)."""
     loss, time = r.uniform(0.8, 2.0), np.exp(r.uniform(np.log(0.01), np.log(0.1)))
     fixed = {"mount_form": 6, "mount_c": 0.1 * c.force, "mount_mass": c.piston}
     fixed |= {"mount_loss": loss, "mount_time": float(time)}
@@ -112,7 +112,8 @@ def _mount_relaxes(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _play(form: int) -> Form:
-    """A pin with clearance: at the RMS force it is pressed in by 10 um (form 3) or, by Hertz's law, 15 um (form 4)."""
+    """A pin with clearance. Contact deflection at the RMS force: 10 um (form 3) or, by Hertz's law, 15 um
+    (form 4)."""
 
     def draw(r: np.random.Generator, c: Scale) -> Sized:
         k = c.force / 1e-5 if form == 3 else c.force / 1.5e-5**1.5

@@ -1,4 +1,4 @@
-"""A blind test: cases from a secret seed, labels sealed, every case diagnosed, labels opened, figures."""
+"""A blind test: cases from a secret seed, sealed labels, a diagnosis of every case, opened labels, scores."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Progress = Callable[[str, float], None]
 
 
 class Folders:
-    """Folders of a blind test. sealed: labels, seed and the tests that no case contains."""
+    """Folders of a blind test. sealed: labels, seed and the tests outside the cases."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -43,7 +43,7 @@ class Folders:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a blind test consists of."""
+    """Composition of a blind test."""
 
     count: int
     rig: str = "both"
@@ -53,14 +53,14 @@ class Plan:
 
     @property
     def drawn(self) -> dict[str, Any]:
-        """What must be the same when a folder is gone on with."""
+        """Entries that must be equal when a folder is resumed."""
         return {"count": self.count, "rig": self.rig, "misfit": self.misfit}
 
 
 def make_cases(out: Folders, plan: Plan, seed: int, progress: Progress) -> str:
-    """Makes the cases that are still missing and seals all labels; returns their hash.
+    """Makes the missing cases and seals all labels; returns their hash.
 
-    The seed is sealed with the first call; a later one goes on with that, whatever seed it is given.
+    The first call seals the seed; later calls use the sealed one.
     """
     if seal.is_sealed(out.sealed, "labels"):
         return seal.digest_of(out.sealed, "labels")
@@ -91,11 +91,11 @@ def make_cases(out: Folders, plan: Plan, seed: int, progress: Progress) -> str:
 
 
 def diagnose_cases(out: Folders, plan: Plan, progress: Progress) -> None:
-    """Runs `mrdamp diagnose` on each case that has no answer yet, each in a process of its own."""
+    """Runs `mrdamp diagnose` on each case without an answer, each in its own process."""
     cases = sorted(path.name for path in out.cases.iterdir() if (path / "case.json").is_file())
     left = [name for name in cases if not (out.answers / name / "run.json").is_file()]
     work = joblib.Parallel(n_jobs=plan.jobs, return_as="generator_unordered")
-    cores = max(1, (os.cpu_count() or 1) // plan.jobs)  # of each diagnosis
+    cores = max(1, (os.cpu_count() or 1) // plan.jobs)  # per diagnosis
     runs = work(
         joblib.delayed(diagnose_one)(out.cases / n, out.answers / n, plan.timeout, cores) for n in left
     )
@@ -105,7 +105,7 @@ def diagnose_cases(out: Folders, plan: Plan, progress: Progress) -> None:
 
 
 def diagnose_one(case: Path, out: Path, timeout: float, jobs: int = 1) -> None:
-    """One diagnosis; run.json says how it went and how long it took."""
+    """One diagnosis; run.json contains its exit state and its time."""
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "mrdamp.cli", "diagnose", str(case), "-o", str(out), "--jobs", str(jobs)]
     quiet = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -130,7 +130,7 @@ def diagnose_one(case: Path, out: Path, timeout: float, jobs: int = 1) -> None:
 
 
 def open_and_score(out: Folders) -> list[Row]:
-    """Opens the labels, which are written to labels.json then, and judges every answer."""
+    """Opens the labels, writes them to labels.json, and scores every answer."""
     salt, labels = seal.open_labels(out.sealed, "labels")
     write_atomic(out.root / "labels.json", json.dumps(labels, indent=1, sort_keys=True) + "\n")
     write_atomic(out.root / "labels.salt", f"{salt}\n")
@@ -140,7 +140,7 @@ def open_and_score(out: Folders) -> list[Row]:
 
 
 def judge(case: str, label: dict[str, Any], answers: Path, tests: Path) -> Row:
-    """The row of a case whose answer lies in a folder."""
+    """The row of a case with its answer in a folder."""
     run = json.loads((answers / "run.json").read_text())
     if run["verdict"] != "done":
         return score.failed(case, label, run["verdict"], run["seconds"], run["error"])
@@ -154,7 +154,7 @@ def judge(case: str, label: dict[str, Any], answers: Path, tests: Path) -> Row:
 
 
 def answers_digest(out: Folders) -> str:
-    """SHA-256 over all answers: what was answered before the labels were opened."""
+    """SHA-256 over all answers, given before the labels are opened."""
     total = hashlib.sha256()
     for path in sorted(out.answers.glob("*/diagnosis.json")):
         total.update(path.read_bytes())

@@ -1,4 +1,4 @@
-"""How right the answers are: the rows of a blind test and its figures."""
+"""Scores of the answers: the rows of a blind test and its figures."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _SKIP = 50
 
 @dataclass(frozen=True)
 class Row:
-    """One case: what it is and what was answered.
+    """One case and its answer.
 
-    before, after: the gap of the nominal and of the corrected model on tests that no case holds (NaN where there is
-    no corrected model). probability: what the answer said of itself, NaN where it said nothing. also: effects that the
-    rig has in any case, named or not. base: `before` of the same rig without the cause; misfit: that of the RMS over
-    tests and channels. baseline: the case has records of the rig before the cause.
+    before, after: gap of the nominal and of the corrected model on tests outside the case (NaN without a
+    corrected model). probability: stated by the answer, NaN if none. also: effects that the rig has in any
+    case, so that naming them is optional. base: `before` of the same rig without the cause. misfit: the same
+    relative to the RMS over tests and channels. baseline: the case has records of the rig without the cause.
     """
 
     case: str
@@ -69,7 +69,7 @@ class Row:
 
     @property
     def right(self) -> bool:
-        """Verdict and effects with their places are right."""
+        """True if verdict and effects with their places are right."""
         if self.want == "own":
             return self.verdict in ("none", "parameters", "unknown", "effect") and not self.invented
         return self.verdict == self.want and (
@@ -78,24 +78,24 @@ class Row:
 
     @property
     def invented(self) -> frozenset[Cause]:
-        """Named effects that the rig has not."""
+        """Named effects that the rig does not have."""
         return frozenset(c for c in self.named - self.causes if c[0] not in self.also)
 
     @property
     def right_or_tied(self) -> bool:
-        """Right, or one effect that was declared to be one of two or three that cannot be told apart."""
+        """True if right, or if the right effect is one of two or three declared as tied."""
         effects, named = {name for name, _ in self.causes}, {name for name, _ in self.named}
         declared = any(len(tie) <= 3 and effects <= tie and named <= tie for tie in self.tied)
         return self.right or (self.want == "effect" and len(self.causes) == 1 and declared)
 
     @property
     def stage_right(self) -> bool:
-        """The stage with the largest share is one of the causes'; right too where no stage was given."""
+        """True if the stage with the largest share is that of a cause, or if no stage was given."""
         return self.want == "none" or self.stage is None or self.stage in self.stages
 
     @property
     def shrink(self) -> float:
-        """Share of the gap that the correction takes away on unseen tests."""
+        """Share of the gap that the correction removes on tests outside the case."""
         return 1 - self.after / self.before if self.before > 0 else math.nan
 
 
@@ -144,7 +144,7 @@ def failed(case: str, label: Mapping[str, Any], verdict: str, seconds: float, er
 
 
 def _misfit(label: Mapping[str, Any]) -> dict[str, Any]:
-    """What a label says of the law's own misfit."""
+    """A label's entries on the law's own error."""
     return {
         "also": frozenset(label.get("also", ())),
         "base": float(label.get("base", math.nan)),
@@ -154,7 +154,7 @@ def _misfit(label: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def stated(answer: Mapping[str, Any]) -> float:
-    """The probability that an answer gives itself: that of its verdict, or of its set of effects; NaN if none."""
+    """The stated probability of the verdict or of the set of effects; NaN if none."""
     if answer["verdict"] != "effect":
         return float(answer.get("probabilities", {}).get(answer["verdict"], math.nan))
     names = sorted(_written(e) for e in answer["effects"])
@@ -169,8 +169,8 @@ def _written(effect: Mapping[str, Any]) -> str:
 
 
 def gaps(tests: Path, predict: Predict) -> tuple[float, float]:
-    """Gap of the nominal model and of a corrected one, over all tests and channels of a file (root of the sum of
-    squared relative errors, as the shared scorer has it)."""
+    """Gaps of the nominal and of a corrected model, over all tests and channels of a file (root of the sum of
+    squared relative errors, as in the shared scorer)."""
     arrays = np.load(tests)
     before = after = 0.0
     for test in sorted({key.split("/")[0] for key in arrays.files}):
@@ -189,7 +189,7 @@ def gaps(tests: Path, predict: Predict) -> tuple[float, float]:
 
 
 class Share(NamedTuple):
-    """So many of so many, with the 95 % interval of Wilson 1927, doi:10.1080/01621459.1927.10502953."""
+    """A proportion with its 95 % interval (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
 
     right: int
     of: int
@@ -208,7 +208,7 @@ class Share(NamedTuple):
 
 
 def shares(rows: Sequence[Row]) -> dict[str, Share]:
-    """The figures that are counts."""
+    """The figures that are proportions."""
 
     def share(of: Callable[[Row], bool], right: Callable[[Row], bool] = lambda r: r.right) -> Share:
         chosen = [r for r in rows if of(r)]
@@ -235,7 +235,8 @@ def shares(rows: Sequence[Row]) -> dict[str, Share]:
 
 @dataclass(frozen=True)
 class Numbers:
-    """The figures that are not counts: shrink on unseen tests, expected calibration error, seconds a case."""
+    """The figures that are not proportions: reduction of the gap on tests outside the case, expected
+    calibration error, seconds per case."""
 
     shrink_median: float
     shrink_worst_tenth: float
@@ -246,7 +247,7 @@ class Numbers:
 
 
 def numbers(rows: Sequence[Row]) -> Numbers:
-    """Shrink of the cases with an effect, calibration of all, time of all."""
+    """Reduction of the gap over the cases with an effect, calibration and time over all cases."""
     shrink = [r.shrink for r in rows if r.want == "effect" and math.isfinite(r.shrink)]
     seconds = [r.seconds for r in rows] or [math.nan]
     return Numbers(
@@ -261,14 +262,14 @@ def numbers(rows: Sequence[Row]) -> Numbers:
 
 @dataclass(frozen=True)
 class Bin:
-    """Answers of like probability: mean of what they stated, and how many of how many were right."""
+    """Answers of similar probability: mean stated probability, number of right answers, number of answers."""
 
     stated: float
     share: Share
 
 
 def reliability(rows: Sequence[Row], bins: int = 10) -> list[Bin]:
-    """Answers by the probability that they gave themselves, in bins of equal width; empty ones are left out."""
+    """Answers by stated probability in bins of equal width; empty bins are omitted."""
     said = [r for r in rows if math.isfinite(r.probability)]
     out = []
     for k in range(bins):
@@ -280,7 +281,8 @@ def reliability(rows: Sequence[Row], bins: int = 10) -> list[Bin]:
 
 
 def calibration_error(rows: Sequence[Row]) -> float:
-    """Expected calibration error: mean over answers of |stated - found| of their bin (Naeini et al. 2015)."""
+    """Expected calibration error: mean over answers of |stated - observed| of their bin (Naeini et al. 2015).
+    """
     found = reliability(rows)
     total = sum(b.share.of for b in found)
     return sum(b.share.of * abs(b.stated - b.share.value) for b in found) / total if total else math.nan

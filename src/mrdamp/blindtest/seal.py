@@ -1,7 +1,8 @@
-"""Labels that nobody reads before the answers are in: a commitment by hash, and a file that has to be opened.
+"""Sealed labels: a commitment by hash, and a masked file.
 
-The hash of salt and labels is printed before any diagnosis starts, so that labels cannot be changed afterwards. The
-file is masked so that nothing reads it in passing; its key lies beside it, and `open_labels` unmasks and checks it.
+The hash of salt and labels is printed before any diagnosis starts, so that labels cannot be changed
+afterwards. The file is masked against accidental reading. Its key is stored next to it, and `open_labels`
+unmasks and checks it.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ def seal(folder: Path, name: str, content: Labels) -> str:
 
 
 def is_sealed(folder: Path, name: str) -> bool:
-    """Whether there are labels of that name."""
+    """True if there are sealed labels of that name."""
     return (folder / f"{name}.sealed").is_file()
 
 
 def digest_of(folder: Path, name: str) -> str:
-    """The hash that was given when the labels were sealed."""
+    """The hash from the time of sealing."""
     return _parts(folder, name)[0]
 
 
 def open_labels(folder: Path, name: str) -> tuple[str, Labels]:
-    """Salt and labels; raises InputError where they are not those that were sealed."""
+    """Salt and labels; raises InputError if they differ from the sealed ones."""
     digest, masked = _parts(folder, name)
     text = _mask(masked, _key(folder, name, digest))
     if hashlib.sha256(text).hexdigest() != digest:

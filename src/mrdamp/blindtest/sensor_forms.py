@@ -10,7 +10,7 @@ from mrdamp.blindtest.scale import Form, Scale, Sized
 
 
 def _settling(r: np.random.Generator, form: int) -> dict[str, float]:
-    """Of form 2: the amplifier is not warm yet when a record begins."""
+    """For form 2: the amplifier is still warming up at the start of a record."""
     return (
         {"sensor.settle": r.uniform(0.05, 0.15), "sensor.settle_time": r.uniform(1.0, 4.0)}
         if form == 2
@@ -52,7 +52,7 @@ def _shift(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _shift_average(r: np.random.Generator, c: Scale) -> Sized:
-    """A transducer that gives means over some time."""
+    """A transducer that averages over some time."""
     return lambda s: {"reading.average": 0.02 * s}
 
 

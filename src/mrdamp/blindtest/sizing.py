@@ -1,4 +1,4 @@
-"""How strong a cause is made: the size at which it opens the gap that was drawn for the case."""
+"""Size of a cause: the one that gives the gap drawn for the case."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ import numpy as np
 from mrdamp.blindtest.rig import Array
 from mrdamp.errors import InputError
 
-_SKIP = 50  # samples at the start that no gap counts
+_SKIP = 50  # samples at the start that are excluded from gaps
 _SMALLEST, _STEPS = 0.004, 8
-#: The least gap that a cause may open, in parts of the noise, and the most that a weak one is to open.
+#: Least gap due to a cause, as a multiple of the noise, and largest gap due to a weak one.
 _WEAK = (1.5, 3.0)
-#: Label of a rig that has nothing but a law of its own.
+#: Label of a rig whose only difference is its own law.
 OWN = "~own"
 
 
 class Faint(InputError):
-    """A case with a cause that does not show."""
+    """A case with a cause that is not visible."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a case is about.
+    """Content of a case.
 
-    label: `none`, `parameters`, an effect, two joined by `+`, or `~` and a cause outside the catalogue; in a frame
-    with `@` and its place. weak: a gap just above the noise. misfit: the rig's law is not the simulator's; then the
-    label `~own` is a rig with nothing else, and weak is below what the law itself leaves.
+    label: `none`, `parameters`, an effect, two joined by `+`, or `~` and a cause outside the catalogue; in a
+    frame with `@` and its place. weak: a gap just above the noise. misfit: the rig's law is not the
+    simulator's; the label `~own` is then a rig without another cause, and weak means below the law's own
+    error.
     """
 
     name: str
@@ -44,12 +45,12 @@ class Task:
 
     @property
     def mounted(self) -> bool:
-        """The damper hangs on something that gives way."""
+        """True if the damper has a compliant mount."""
         return any(part in ("mount_compliance", "backlash") for part in self.parts)
 
     @property
     def outside(self) -> bool:
-        """The cause is not in the catalogue."""
+        """True if the cause is not in the catalogue."""
         return self.label.startswith("~") and self.label != OWN
 
 
@@ -65,22 +66,23 @@ def pooled(gaps: list[float]) -> float:
 
 
 def total(gaps: list[float]) -> float:
-    """Root of the sum of squares of gaps: what the shared scorer calls the gap of several tests and channels."""
+    """Root of the sum of squared gaps: the gap of several tests and channels in the shared scorer."""
     return float(np.sqrt(np.sum(np.square(gaps))))
 
 
 def goal(rng: np.random.Generator, *, weak: bool, noise: float) -> float:
-    """The gap to open, of the RMS; `noise`: that of the measurement, of the RMS too."""
+    """Gap to be reached, relative to the RMS. noise: of the measurement, relative to the RMS."""
     low, high = (_WEAK[0] * noise, _WEAK[1] * noise) if weak else (max(0.05, 4 * noise), 0.3)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-#: Names of causes -> (measured, residual) per test and channel, on a rig with these causes only.
+#: Names of causes -> (measured, residual) per test and channel, on a rig with only these causes.
 Residuals = Callable[[Sequence[str]], list[tuple[Array, Array]]]
 
 
 def shares_shown(causes: Sequence[str], residuals: Residuals) -> dict[str, float]:
-    """Gap (of the RMS) due to each of a case's causes: the part of the residual that vanishes without that cause."""
+    """Gap (relative to the RMS) due to each of a case's causes: the part of the residual that vanishes
+    without it."""
     everything = residuals(causes)
     found = {}
     for name in causes:
@@ -92,14 +94,16 @@ def shares_shown(causes: Sequence[str], residuals: Residuals) -> dict[str, float
 
 
 def must_show(shares: Mapping[str, float], noise: float) -> None:
-    """shares: the gap that each cause opens, of the RMS; Faint where one is less than a weak cause is to open."""
+    """Raises Faint if a cause's gap is below the least one. shares: gap of each cause, relative to the RMS.
+    """
     for cause, share in shares.items():
         if share < _WEAK[0] * noise:
             raise Faint(f"{cause}: opens a gap of {share:.4f} at a noise of {noise:.4f}")
 
 
 def size_for(gap: Callable[[float], float], wanted: float) -> float:
-    """The size from 0.004 to 1 at which a growing gap is the wanted one to 15 %; an end where it is out of reach."""
+    """The size from 0.004 to 1 at which an increasing gap equals the wanted one within 15 %; a limit if it is
+    out of reach."""
     low, high = (np.log(_SMALLEST), np.log(1e-6)), (0.0, np.log(gap(1.0)))
     if high[1] <= np.log(wanted):
         return 1.0

@@ -1,7 +1,7 @@
-"""A sparse regression of the residual on functions of motion, command and simulated force, by pysindy's STLSQ.
+"""Sparse regression of the residual on functions of motion, command and simulated force, by pysindy's STLSQ.
 
-Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, doi:10.1073/pnas.1517384113). The law with its
-largest share of the residual is named by the effect that has that form to first order.
+Sequentially thresholded least squares (Brunton, Proctor, Kutz 2016, doi:10.1073/pnas.1517384113). The
+function with the largest share of the residual is reported as the effect with that form to first order.
 """
 
 from __future__ import annotations
@@ -37,29 +37,31 @@ EFFECT = {
     "|u'| sign v": "remanence",
     "E F": "heating",
 }
-#: Thresholds tried, in parts of the residual's RMS over that of a function.
+#: Thresholds, relative to the residual's RMS over that of a function.
 _THRESHOLDS = (0.02, 0.05, 0.1, 0.2, 0.4)
-#: Share of the residual that the sum must take off records left out, or nothing is named.
+#: Least reduction of the residual on left-out records; otherwise no effect is reported.
 _WORTH = 0.1
 _SMOOTH_SIGN = 0.005  # m/s
-_SLOW = 1.0  # s, memory behind the function for a charge that leaks away
+_SLOW = 1.0  # s, time constant for a leaking charge
 
 
 @dataclass(frozen=True)
 class Sparse:
-    """effect: what the largest function is named by, empty where none is worth it; predict: simulator and sum."""
+    """effect: of the largest function, empty if none reduces the error enough. predict: simulator plus the
+    sum."""
 
     effect: str
     predict: Callable[[Mapping[str, Array]], Mapping[str, Array]]
 
 
 def available() -> bool:
-    """Whether pysindy is installed (extra `bench`)."""
+    """True if pysindy is installed (extra `bench`)."""
     return importlib.util.find_spec("pysindy") is not None
 
 
 def regress(case: Case) -> Sparse:
-    """The sparse sum for the force of a damper case, its threshold chosen on every third record left out."""
+    """The sparse sum for the force of a damper case; its threshold is chosen on every third record, left out
+    of the fit."""
     tables, residuals = [], []
     for record in case.records:
         inputs = {name: record.channel(name) for name in ("displacement_m", "command")}
@@ -113,7 +115,7 @@ def library(inputs: Mapping[str, Array], force: Array, sample_time: float) -> di
 
 
 def _memory(force: Array, sample_time: float) -> Array:
-    """First-order low-pass of a second."""
+    """First-order low-pass with a time constant of one second."""
     keep = np.exp(-sample_time / _SLOW)
     out = np.empty(len(force))
     state = 0.0
@@ -132,7 +134,7 @@ def _stlsq(features: Array, target: Array, threshold: float) -> Array:
     size = float(np.sqrt(np.mean(target**2))) or 1.0
     optimizer = STLSQ(threshold=threshold, alpha=1e-6)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a threshold that leaves nothing is an answer
+        warnings.simplefilter("ignore")  # a threshold that removes all functions is valid
         optimizer.fit(features / sizes, (target / size)[:, None])
     return np.asarray(optimizer.coef_[0] * size / sizes, dtype=float)
 

@@ -1,4 +1,4 @@
-"""Causes outside the catalogue: what a rig may also have, each with its stage."""
+"""Causes outside the catalogue, each with its stage."""
 
 from __future__ import annotations
 
@@ -79,42 +79,42 @@ def _clock_drift(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _coarse_steps(r: np.random.Generator, c: Scale) -> Sized:
-    """A current source that knows a few levels only."""
+    """A current source with few levels."""
     return lambda s: {"command.step": 0.7 * c.command * s}
 
 
 def _bias_magnet(r: np.random.Generator, c: Scale) -> Sized:
-    """A permanent magnet against the coil: up to the current that undoes it the field falls."""
+    """A permanent magnet against the coil: the field decreases up to the current that cancels it."""
     return lambda s: {"bias_current": 0.5 * c.command * s}
 
 
 def _pole_pull(r: np.random.Generator, c: Scale) -> Sized:
-    """The coil pulls the piston to a pole of its housing, moving or not."""
+    """The coil attracts the piston to a pole of its housing, with or without motion."""
     side, at, width = r.choice([-1.0, 1.0]), c.stroke * r.uniform(-0.7, 0.7), c.stroke * r.uniform(0.5, 1.2)
     force = side * 3.0 * c.force / c.command**2
     return lambda s: {"pull_force": force * s, "pull_x": at, "pull_width": width}
 
 
 def _poppet_valve(r: np.random.Generator, c: Scale) -> Sized:
-    """A valve that snaps open at a pressure, lets go at half of it, and then takes its time to shut."""
+    """A valve that opens at a pressure, releases at half of it, and closes slowly."""
     fixed = {"poppet_force": c.force * r.uniform(1.3, 1.6), "poppet_time": r.uniform(0.3, 0.8)}
     return lambda s: {**fixed, "poppet_share": 0.7 * s}
 
 
 def _yield_overshoot(r: np.random.Generator, c: Scale) -> Sized:
-    """Chains of particles that hold more when a stroke begins, and break along it."""
+    """Particle chains with a higher yield force at the start of a stroke, which break along it."""
     path = c.stroke * r.uniform(0.2, 0.6)
     return lambda s: {"peak_gain": 1.5 * s, "peak_path": path}
 
 
 def _leaking_accumulator(r: np.random.Generator, c: Scale) -> Sized:
-    """A spring that lets go through an orifice."""
+    """A spring that relaxes through an orifice."""
     time = r.uniform(0.06, 0.2)
     return lambda s: {"leak_k": 0.8 * c.force / c.stroke * s, "leak_time": time, "leak_length": c.stroke}
 
 
 def _intermittent_leak(r: np.random.Generator, c: Scale) -> Sized:
-    """A piston ring that loses part of the force for a while, now and then."""
+    """A piston ring that intermittently loses part of the force."""
     return lambda s: {"rod.leaks": 0.8 * s}
 
 
@@ -124,7 +124,7 @@ def _transducer_slack(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _auto_range(r: np.random.Generator, c: Scale) -> Sized:
-    """An amplifier with two ranges that do not agree: the coarse one from a level on, and for a while after."""
+    """An amplifier with two inconsistent ranges: the coarse one above a level, and for some time after."""
     side, hold = r.choice([-1.0, 1.0]), r.uniform(0.2, 0.8)
     level = c.force * r.uniform(1.2, 1.6)
     return lambda s: {"sensor.range": level, "sensor.range_gain": 0.5 * side * s, "sensor.range_hold": hold}
@@ -136,41 +136,41 @@ def _loose_contact(r: np.random.Generator, c: Scale) -> Sized:
 
 
 def _coil_drift(r: np.random.Generator, c: Scale) -> Sized:
-    """A coil under a voltage, whose resistance is another in each record as the room warms and cools."""
+    """A voltage-driven coil whose resistance differs between records with the room temperature."""
     return lambda s: {"command.drift": 0.6 * s}
 
 
 def _bypass(r: np.random.Generator, c: Scale) -> Sized:
-    """A worn piston seal past which fluid goes by the root of the pressure."""
+    """A worn piston seal with a leakage flow proportional to the root of the pressure."""
     speed = r.uniform(0.03, 0.06)
     return lambda s: {"bypass_force": c.force, "bypass_v": speed * s**2}
 
 
 def _sticking_guide(r: np.random.Generator, c: Scale) -> Sized:
-    """A guide bush that holds the rod towards one end of the stroke."""
+    """A guide bush that binds near one end of the stroke."""
     side, at, width = r.choice([-1.0, 1.0]), c.stroke * r.uniform(-0.2, 0.5), c.stroke * r.uniform(0.2, 0.6)
     fixed = {"rub_side": side, "rub_x": at, "rub_width": width}
     return lambda s: {**fixed, "rub_force": 0.9 * c.force * s}
 
 
 def _cell_hysteresis(r: np.random.Generator, c: Scale) -> Sized:
-    """An overloaded load cell: its reading on the way down is not that on the way up."""
+    """An overloaded load cell with hysteresis."""
     width = c.force * r.uniform(0.4, 1.0)
     return lambda s: {"sensor.hysteresis": 0.9 * s, "sensor.hysteresis_width": width}
 
 
 def _clipped_range(r: np.random.Generator, c: Scale) -> Sized:
-    """A range that is too small for the force."""
+    """A range too small for the force."""
     return lambda s: {"sensor.clip": c.force * (0.5 + 0.15 / s)}
 
 
 def _thermal_zero(r: np.random.Generator, c: Scale) -> Sized:
-    """A zero that creeps up or down as the cell warms or cools, in each record anew."""
+    """A zero that drifts with the cell's temperature, differently in each record."""
     return lambda s: {"sensor.zero": 0.8 * c.force * s}
 
 
 def _hanging_transmitter(r: np.random.Generator, c: Scale) -> Sized:
-    """A transmitter that stops now and then and gives its last value."""
+    """A transmitter that stops intermittently and repeats its last value."""
     return lambda s: {"sensor.hang": s}
 
 
@@ -212,7 +212,7 @@ _SECOND: Mapping[str, tuple[str, Form]] = {
 }
 #: Cause -> its stage and form, for a damper.
 DAMPER: Mapping[str, tuple[str, Form]] = {**_FIRST, **_SECOND}
-#: Two groups, drawn equally often.
+#: Two groups, drawn with equal frequency.
 GROUPS = (tuple(_FIRST), tuple(_SECOND))
 
 
