@@ -14,18 +14,18 @@ class CableEnv(PlantEnv[CableTask]):
     """
     ## Description
 
-    A stay cable swings across its chord under wind or ambient loads. A magnetorheological damper close to its
-    anchorage takes energy out of its motion; what is commanded is the current of its coil. By default it is a
-    laboratory cable of 12.65 m with 2172 N and 0.747 kg/m (2.13 Hz), the damper at 2 % of the length a small
-    shear-mode one of up to 21 N at 4 V (Zapateiro, Luo, Taylor, Dyke, Smart Structures and Systems 6 (2010)
-    101-113). No dashpot there gives a mode more than about half of x_d / L as damping ratio; semi-active control
-    can do better (Johnson, Christenson, Spencer, Comput.-Aided Civ. Infrastruct. Eng. 18 (2003) 132-146, doi
-    10.1111/1467-8667.00305). The aim is less motion, at little current.
+    A stay cable vibrates transversely under wind or ambient loads. A magnetorheological damper close to its
+    anchorage dissipates energy; the action is the current of its coil. The default is a laboratory cable of 12.65 m
+    with 2172 N and 0.747 kg/m (2.13 Hz). Its damper at 2 % of the length is a small shear-mode one of up to 21 N at
+    4 V (Zapateiro, Luo, Taylor, Dyke, Smart Structures and Systems 6 (2010) 101-113). A dashpot at this place gives
+    a modal damping ratio of at most about half of x_d / L. Semi-active control can do better (Johnson, Christenson,
+    Spencer, Comput.-Aided Civ. Infrastruct. Eng. 18 (2003) 132-146, doi 10.1111/1467-8667.00305). The aim is small
+    motion with little current.
 
-    The motion is in natural coordinates out of the first sines and the static shape under the damper's force
-    (`mrdamp.structures.cables.StayCable`), each one a slide in MuJoCo (`mrdamp.envs.cable_xml.modal_xml`); the damper
-    is the plugin `mrdamp.damper` on a tendon of them all. The slide chain with sag of `models_xml/cable` is its
-    reference in the tests, and what is drawn.
+    The state is in natural coordinates of the first sines and the static shape under the damper's force
+    (`mrdamp.structures.cables.StayCable`). Each is a slide joint in MuJoCo (`mrdamp.envs.cable_xml.modal_xml`); the
+    damper is the plugin `mrdamp.damper` on a tendon over all of them. The slide chain with sag of `models_xml/cable`
+    is the reference in the tests and the model that is rendered.
 
     ## Action Space
 
@@ -37,7 +37,7 @@ class CableEnv(PlantEnv[CableTask]):
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + 1),), float32)`: what sensors give, each number over its scale
+    `Box(-20, 20, (history (s + 1),), float32)`: sensor readings, each divided by its scale
     (`env.unwrapped.task.observer` has both). With the defaults there are 5:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Place | Unit before scaling |
@@ -48,16 +48,16 @@ class CableEnv(PlantEnv[CableTask]):
     | 3 | force of the damper, by its own sensor | -20 | 20 | force | at the damper | N |
     | 4 | command held in the period that ended | 0 | 1 | damper | | A or V |
 
-    `measured_at` moves the places. With `history=h` the last h control periods follow each other, the newest first.
+    `measured_at` sets the places. `history=h` stacks the last h control periods, the newest first.
     Other `signals`: `displacement_j`, `velocity_j` at place j, `stroke_velocity`, `current`, `true_force`.
     `full_state=True` gives displacements and velocities at as many places as there are sines, and the current.
     White `noise` by name.
 
     ## Rewards
 
-    The sum of the parts of `mrdamp.envs.cable_reward.CableReward`, of which each is in `info` as `reward_motion`,
-    `reward_acceleration`, `reward_current`, `reward_power`, `reward_energy`. Motion is taken over its RMS in the
-    same load without the damper. `info` also has, since the episode's start: `rms_motion` (m, over time and
+    The sum of the parts of `mrdamp.envs.cable_reward.CableReward`. Each is in `info` as `reward_motion`,
+    `reward_acceleration`, `reward_current`, `reward_power`, `reward_energy`. Motion is relative to its RMS under
+    the same load without the damper. `info` also has, since the episode's start: `rms_motion` (m, over time and
     length), `motion_ratio` (the same over the run without the damper), `mean_current` (A or V), `mean_power` (over
     that at the largest current), `dissipated_energy` (J). The `info` of `reset`: `load`, `load_rms` (N/m),
     `duration` (s), `reference_motion` (m).
@@ -73,7 +73,7 @@ class CableEnv(PlantEnv[CableTask]):
 
     ## Arguments
 
-    Beside those of every environment (`PlantEnv`):
+    In addition to those of every environment (`PlantEnv`):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

@@ -1,4 +1,4 @@
-"""What shakes a stay cable: ambient noise and the buffeting of turbulent wind."""
+"""Loads of a stay cable: ambient noise and the buffeting of turbulent wind."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class LoadSource(Protocol):
 
 @dataclass(frozen=True)
 class AmbientLoads:
-    """White noise below a frequency: what traffic and weather do to a bridge at any time.
+    """White noise below a frequency: ambient load of a bridge by traffic and wind.
 
     rms: range of the force, N/m, drawn evenly in its logarithm. shape: `uniform`, the same all along the cable, or
     `independent` at 11 places. bandwidth: Hz, of a fourth-order Butterworth low-pass. duration: s.
@@ -147,7 +147,7 @@ class WindLoads:
         places = np.linspace(0.0, 1.0, self.places) if self.places > 1 else np.array([0.5])
         apart = length * np.abs(places[:, None] - places[None, :])
         coherence = np.exp(-self.decay * n[:, None, None] * apart / speed)
-        # A little on the diagonal: at low frequencies all places move as one, and the matrix has no inverse.
+        # Regularisation: at low frequencies all places are fully coherent, and the matrix is singular.
         root = np.linalg.cholesky(coherence + 1e-9 * np.eye(len(places)))
         noise = rng.standard_normal((2, len(n), len(places)))
         amplitude = np.sqrt(0.5 * spectrum * rate)[:, None] * (noise[0] + 1j * noise[1])

@@ -1,4 +1,4 @@
-"""The reward of a cable: its parts, their weights, and the motion without a damper that they are measured by."""
+"""Reward of a cable: its parts, their weights, and the reference motion without a damper."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
 
 
 class CableScore(PartScore[CableReward]):
-    """Rewards of n rows, and how each row has done since its start.
+    """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 8) are all it remembers: the free run's mean squares of motion and acceleration and its energy; sums of
+    values (n, 8) are its whole state: the free run's mean squares of motion and acceleration and its energy; sums of
     mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods.
     """
 
@@ -87,7 +87,7 @@ class CableScore(PartScore[CableReward]):
     kept = 8
 
     def of(self, period: Array) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
+        """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
         v = self.values
         info = self._info()
         ratio = period[:, :2] / v[:, :2]
@@ -105,7 +105,7 @@ class CableScore(PartScore[CableReward]):
         return np.add.reduce(info[:, :5], axis=1), info
 
     def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
-        """`of` a single row in plain numbers, to the last bit, and its `info` by name."""
+        """`of` for a single row in plain numbers, bit-identical, and its `info` by name."""
         of_motion, of_acceleration, energy, squares, power, current, work, periods = self.values[0].tolist()
         motion, acceleration = period[0] / of_motion, period[1] / of_acceleration
         if self.weights.exponent != 2.0:

@@ -20,7 +20,7 @@ from mrdamp.structures.cables import StayCable
 Array = NDArray[np.float64]
 
 
-#: What happened in one control period, over all steps of the engine in it: columns of (n, 6).
+#: Results of one control period over all steps of the engine: columns of (n, 6).
 #: means of int v^2 dx / L, m2, and of int a^2 dx / L, m2/s4, a the acceleration; means over the period of |current|
 #: over the largest command, of its square, and of |current| in A or V; energy taken in by the damper, J.
 PERIOD = ("motion", "acceleration", "share", "power", "current", "energy")
@@ -75,11 +75,11 @@ class CableRows(EngineRows):
         return np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
 
     def measure(self, rows: Sequence[int]) -> Array:
-        """(rows, names) what the sensors of rows that have just started read."""
+        """(rows, names) sensor readings of rows that have just started."""
         return self._read(self.plants.measure(rows))
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
-        """One control period with commands (n, 1) held: `PERIOD` (n, 6), and what the sensors read after it."""
+        """One control period with commands (n, 1) held: `PERIOD` (n, 6), and the sensor readings after it."""
         data, now = self.plants.advance(commands)
         sensors, after = data["sensordata"], now["sensordata"]
         n, inner, _ = sensors.shape
@@ -98,7 +98,7 @@ class CableRows(EngineRows):
         return found, self._read(now)
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """`advance` of a single cable in plain numbers, to the last bit: every sum is NumPy's over the same numbers."""
+        """`advance` for a single cable in plain numbers, bit-identical: every sum is NumPy's over the same numbers."""
         data, now = self.plants.advance(commands)
         sensors, after = data["sensordata"][0], now["sensordata"][0].tolist()
         whole = 1.0 / (len(sensors) * self.cable.mass * self.cable.length)

@@ -33,7 +33,7 @@ def cable_damper() -> Model:
 
 
 class CablePlant(RowPlant):
-    """A stay cable with a damper, in MuJoCo or on the chain (engine), for any controller to run on, without rewards.
+    """A stay cable with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
@@ -59,7 +59,7 @@ class CablePlant(RowPlant):
 
 
 def default_places(cable: StayCable) -> tuple[float, ...]:
-    """Where motion is measured unless asked otherwise: at the damper, and beyond it within reach."""
+    """Default places of measurement: at the damper, and farther from the anchorage."""
     return (cable.damper_at, min(5 * cable.damper_at, 0.25))
 
 
@@ -119,7 +119,7 @@ class CableTask(Task):
         }
 
     def reference(self, pushes: Array) -> Array:
-        """(3,) what the reward is measured by, of loads (samples, modes) N at the engine's steps; see `free_run`."""
+        """(3,) reference of the reward for loads (samples, modes) N at the engine's steps; see `free_run`."""
         return self._references.of(
             pushes, lambda: free_run(self.cable, pushes, self.cable_rows.plants.timestep)
         )
@@ -128,7 +128,7 @@ class CableTask(Task):
 def cable_sensors(
     cable: StayCable, places: Sequence[float], command_max: float, full_state: bool
 ) -> tuple[list[str], dict[str, float]]:
-    """What a cable's sensors give: accelerations where they are measured, and the damper's stroke and force.
+    """Signals of a cable's sensors: accelerations at the places of measurement, and the damper's stroke and force.
 
     full_state: displacements and velocities all along the cable, and the coil's current. Returns the signals, and the
     scale of every measurement (SI): those of the first mode with an amplitude of 0.2 % of the length at mid-span, at

@@ -1,4 +1,4 @@
-"""The cable as it is drawn: the slide chain with its sag, posed by the natural coordinates."""
+"""Rendering of the cable: the slide chain with its sag, posed by the natural coordinates."""
 
 from __future__ import annotations
 

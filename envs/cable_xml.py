@@ -23,7 +23,7 @@ def modal_xml(cable: StayCable, damper: Model | None, timestep: float) -> str:
     root = ET.Element("mujoco", model="mrdamp_cable_modes")
     ET.SubElement(root, "compiler", autolimits="true")
     option = ET.SubElement(root, "option", timestep=repr(timestep), gravity="0 0 0", integrator="Euler")
-    # No limits, no equalities: the engine need not look for any.
+    # No limits, no equalities: the engine skips their detection.
     ET.SubElement(option, "flag", contact="disable", constraint="disable", autoreset="disable")
     ET.SubElement(root, "extension")
     world, actuator = ET.SubElement(root, "worldbody"), ET.SubElement(root, "actuator")
@@ -64,7 +64,7 @@ def chain_xml(
     step = cable.length / segments
     weight = cable.mass * GRAVITY
     x = step * np.arange(segments + 1)
-    # In balance with one tension all along the path: the sine of the slope rises by the same at every node.
+    # Equilibrium with constant tension along the path: the sine of the slope rises by equal steps.
     sine = weight * step / cable.tension * (np.arange(segments) - 0.5 * (segments - 1))
     z = np.append(0.0, np.cumsum(step * sine / np.sqrt(1 - sine**2)))
     world, tendon = get(root, "worldbody"), get(root, "tendon")
@@ -107,7 +107,7 @@ def chain_xml(
 
 
 def _place_damper(root: ET.Element, damper: Model | None, cable: StayCable, node: int, z: FloatArray) -> None:
-    """The plugin's attributes, and what is drawn, under the damper's place; without it, none of both."""
+    """The plugin's attributes and visual elements at the damper's place; removed without a damper."""
     world = get(root, "worldbody")
     template = ET.fromstring(models_xml.path("cable").read_text(encoding="utf-8"))
     drawn = [get(template, f".//geom[@name='{name}']") for name in ("rod", "clamp")]

@@ -16,13 +16,13 @@ class CarEnv(PlantEnv[CarTask]):
     """
     ## Description
 
-    A quarter of a car drives over a road: a wheel on its tyre, and a body on the suspension's spring, with a
-    magnetorheological damper beside it. What is commanded is the current of the damper's coil, which a driver follows
-    with a lag. The aim is a body that shakes little, as people feel it (ISO 2631-1), on a tyre whose load stays near
-    that at rest, at little current. The tyre cannot pull: the wheel leaves the road where the load on it would fall
-    below zero. The damper is the MuJoCo plugin `mrdamp.damper`, by default the Lord RD-1005 (2 kN, 0 to 2 V) of Lai and
-    Liao (Journal of Vibration and Control 8 (2002) 527-547, doi 10.1177/107754602023712); the car's masses and
-    stiffnesses are those of doi 10.1155/2021/8084343 (`mrdamp.structures.cars.QuarterCar`).
+    A quarter car on a road: a wheel on its tyre, and a body on the suspension's spring, with a magnetorheological
+    damper in parallel. The action is the current of the damper's coil, which its driver follows with a lag. The aim is
+    small body acceleration as people perceive it (ISO 2631-1), a tyre load near its static value, and little current.
+    The tyre transmits no tension: the wheel lifts off if its load would fall below zero. The damper is the MuJoCo
+    plugin `mrdamp.damper`, by default the Lord RD-1005 (2 kN, 0 to 2 V) of Lai and Liao (Journal of Vibration and
+    Control 8 (2002) 527-547, doi 10.1177/107754602023712). The car's masses and stiffnesses are those of doi
+    10.1155/2021/8084343 (`mrdamp.structures.cars.QuarterCar`).
 
     The physics is that of `models_xml/quarter_car/model.xml`.
 
@@ -36,7 +36,7 @@ class CarEnv(PlantEnv[CarTask]):
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + 1),), float32)`: what sensors give, each number over its scale
+    `Box(-20, 20, (history (s + 1),), float32)`: sensor readings, each divided by its scale
     (`env.unwrapped.task.observer` has both). With the defaults there are 5:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
@@ -47,18 +47,18 @@ class CarEnv(PlantEnv[CarTask]):
     | 3 | force of the damper, by its own sensor | -20 | 20 | force | suspension | N |
     | 4 | command held in the period that ended | 0 | 1 | damper | suspension | A or V |
 
-    With `history=h` the last h control periods follow each other, the newest first. Other `signals`: `displacement_j`,
+    `history=h` stacks the last h control periods, the newest first. Other `signals`: `displacement_j`,
     `velocity_j` (of wheel, 1, and body, 2, to the road), `drift_1` (deflection of the tyre, m), `drift_2`,
     `stroke_velocity`, `current`, `true_force`. `full_state=True` adds the stroke's velocity, the
     tyre's deflection and the current. White `noise` by name.
 
     ## Rewards
 
-    The sum of the parts of `mrdamp.envs.car_reward.CarReward`, of which each is in `info` as `reward_comfort`,
+    The sum of the parts of `mrdamp.envs.car_reward.CarReward`. Each is in `info` as `reward_comfort`,
     `reward_holding`, `reward_stroke`, `reward_airborne`, `reward_current`, `reward_power`. Comfort is the body's
-    acceleration weighted by Wk of ISO 2631-1, holding the dynamic load on the tyre; both are taken over their RMS on
-    the same road with a linear suspension (a dashpot of .3 of critical), so a reward is of the same size on smooth and
-    rough roads.
+    acceleration weighted by Wk of ISO 2631-1, holding the dynamic load on the tyre. Both are relative to their RMS on
+    the same road with a linear suspension (a dashpot of .3 of critical), so that rewards on smooth and rough roads are
+    comparable.
 
     `info` also has, since the episode's start: `weighted_acceleration` (RMS, m/s2), `rms_load` (of the dynamic tyre
     load, over the weight), `rms_stroke`, `peak_stroke` (m), `comfort_ratio`, `load_ratio`, `stroke_ratio` (over the
@@ -77,7 +77,7 @@ class CarEnv(PlantEnv[CarTask]):
 
     ## Arguments
 
-    Beside those of every environment (`PlantEnv`):
+    In addition to those of every environment (`PlantEnv`):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

@@ -1,4 +1,4 @@
-"""The reward of a quarter car: its parts, their weights, and the linear suspension that they are measured by."""
+"""Reward of a quarter car: its parts, their weights, and the reference response of a linear suspension."""
 
 from __future__ import annotations
 
@@ -81,9 +81,9 @@ def reference_run(car: QuarterCar, heights: Array, step: float) -> Array:
 
 
 class CarScore(PartScore[CarReward]):
-    """Rewards of n rows, and how each row has done since its start.
+    """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 12) are all it remembers: the reference's mean squares of weighted acceleration, load and stroke; sums of
+    values (n, 12) are its whole state: the reference's mean squares of weighted acceleration, load and stroke; sums of
     the row's own three; the largest stroke; sums of the shares without contact, of power shares, of currents (A or V)
     and of dissipated energy (J); periods.
     """
@@ -95,7 +95,7 @@ class CarScore(PartScore[CarReward]):
     kept = 12
 
     def of(self, period: Array) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, `PERIOD` (n, 9), and what `info` says, (n, names)."""
+        """Rewards (n,) of a control period, `PERIOD` (n, 9), and the columns of `info`, (n, names)."""
         v, parts = self.values, len(PARTS)
         info = self._info()
         ratio = period[:, :3] / v[:, :3]

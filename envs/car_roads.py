@@ -1,4 +1,4 @@
-"""Where an episode's road comes from: classes of ISO 8608, bumps, or files, over ranges of speed."""
+"""Sources of an episode's road: classes of ISO 8608, bumps, or files, over ranges of speed."""
 
 from __future__ import annotations
 

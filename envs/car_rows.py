@@ -19,7 +19,7 @@ from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 
-#: What happened in one control period, over all steps of the engine in it: columns of (n, 9).
+#: Results of one control period over all steps of the engine: columns of (n, 9).
 #: mean squares of the body's acceleration weighted by Wk, m2/s4, of the dynamic tyre load over the weight, and of the
 #: stroke, m2; largest stroke in size, m; share of the steps without contact; means of the current's size over the
 #: largest command, of its square, and of its size in A or V; energy taken in by the damper, J.
@@ -28,7 +28,7 @@ PERIOD = ("comfort", "load", "stroke", "stroke_peak", "airborne", "share", "powe
 
 @dataclass(frozen=True)
 class CarState:
-    """A row's present, with its weighting filter and the road it is on."""
+    """A row's state, with its weighting filter and the road it is on."""
 
     row: Any
     weighted: Array
@@ -70,7 +70,7 @@ class CarRows(FrameRows):
         return road.at(np.append(time, time[-1] + self.plants.timestep))
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
-        """One control period with commands (n, 1) held: `PERIOD` (n, 9), and what the sensors read after it."""
+        """One control period with commands (n, 1) held: `PERIOD` (n, 9), and the sensor readings after it."""
         record, now = self.plants.advance(commands)
         data, after = record["sensordata"], now["sensordata"]
         drift, rate = data[:, :, self._drift], data[:, :, self._drift_velocity]
@@ -89,7 +89,7 @@ class CarRows(FrameRows):
         return found, self._read(after, None)
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """`advance` of a single car in plain numbers."""
+        """`advance` for a single car in plain numbers."""
         period, values = self.advance(commands)
         return period[0].tolist(), values[0].tolist()
 

@@ -41,7 +41,7 @@ def car_damper() -> Model:
 
 
 class CarPlant(RowPlant):
-    """A quarter car with a damper, in MuJoCo or on the chain (engine), for any controller to run on, without rewards.
+    """A quarter car with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
 
     car: None is that of `QuarterCar`. model: any identified one, None: `car_damper`. Floor 1 of the measurements is the
     wheel, 2 the body; displacements and velocities are those to the road. options: of `RowOptions`. Raises InputError.
@@ -119,7 +119,7 @@ class CarTask(Task):
 def car_sensors(
     car: QuarterCar, model: Model, command_max: float, full_state: bool
 ) -> tuple[list[str], dict[str, float]]:
-    """What a car's sensors give: accelerations of body and wheel, stroke and force of the damper.
+    """Signals of a car's sensors: accelerations of body and wheel, stroke and force of the damper.
 
     full_state: the stroke's velocity, the tyre's deflection and the coil's current besides. Returns the signals, and
     the scale of every measurement (SI): sizes on a rough road; of the force, the damper's in the body's bounce of 3 cm

@@ -1,4 +1,4 @@
-"""The quarter car as it is drawn: wheel, strut and body over the road that comes and the road that went."""
+"""Rendering of the quarter car: wheel, strut and body over the road ahead and behind."""
 
 from __future__ import annotations
 

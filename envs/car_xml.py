@@ -1,4 +1,4 @@
-"""The quarter car's MJCF for an environment: the shipped model with a car's own numbers and damper."""
+"""The quarter car's MJCF for an environment: the shipped model with a car's own parameters and damper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NEVER = 1e9  # N, on a tyre
 
 
 def car_xml(car: QuarterCar, damper: Model, timestep: float, *, drawn: bool = False) -> str:
-    """MJCF text with the sensors of a frame of two floors, wheel and body; without what is only drawn unless `drawn`.
+    """MJCF text with the sensors of a frame of two floors, wheel and body. drawn: with visual elements.
 
     Controls: `road` (m/s2), `tyre` (without effect) and `damper`.
     """

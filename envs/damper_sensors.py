@@ -1,4 +1,4 @@
-"""A damper in an environment as MJCF: the plugin, and the sensors that it is read by."""
+"""A damper in an environment as MJCF: the plugin and its sensors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ENGINES = {"stroke": "actuatorpos", "stroke_velocity": "actuatorvel", "pull": "
 
 def add_sensor(group: ET.Element, signal: str, name: str, actuator: str, model: Model) -> None:
     """Appends the sensor of one of `SIGNALS` of a damper (an actuator's name) to a group of sensors."""
-    # A stroke read early or late (`channel_shift`) is the plugin's to give.
+    # Only the plugin can give a shifted stroke (`channel_shift`).
     if signal in _ENGINES and not (signal == "stroke" and model.attributes.get("channel_shift_d", 0.0)):
         ET.SubElement(group, _ENGINES[signal], name=name, actuator=actuator)
         return
@@ -50,7 +50,7 @@ def add_damper(root: ET.Element, damper: Model, **place: str) -> None:
 
 
 def remove_damper(root: ET.Element) -> None:
-    """Every plugin and what is read of it."""
+    """Removes every plugin and its sensors."""
     for group in (get(root, tag) for tag in ("extension", "actuator", "sensor")):
         for item in group.findall("plugin"):
             group.remove(item)

@@ -14,14 +14,13 @@ class FrameEnv(PlantEnv[FrameTask]):
     """
     ## Description
 
-    A shear frame of N storeys stands on a shake table. Magnetorheological dampers between its floors take energy
-    out of its motion; what is commanded is the current of their coils, which a driver follows with a lag. By
-    default it is the three-storey model frame of Dyke, Spencer, Sain and Carlson (Smart Materials and Structures 5
-    (1996) 565-575, doi 10.1088/0964-1726/5/5/006) with its 3 kN damper between the ground and floor 1, at 0 to 2.25
-    V. The damper is the MuJoCo plugin `mrdamp.damper`. The aim is less drift and less floor acceleration, at little
-    current.
+    A shear frame of N storeys on a shake table. Magnetorheological dampers between its floors dissipate energy. The
+    action is the current of their coils, which their drivers follow with a lag. The default is the three-storey model
+    frame of Dyke, Spencer, Sain and Carlson (Smart Materials and Structures 5 (1996) 565-575, doi
+    10.1088/0964-1726/5/5/006) with its 3 kN damper between the ground and floor 1, at 0 to 2.25 V. The damper is the
+    MuJoCo plugin `mrdamp.damper`. The aim is small drift and small floor acceleration with little current.
 
-    The physics is that of `models_xml/frame3/model.xml`, with the storeys, dampers and sensors asked for.
+    The physics is that of `models_xml/frame3/model.xml`, with the given storeys, dampers and sensors.
 
     ## Action Space
 
@@ -34,7 +33,7 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     ## Observation Space
 
-    `Box(-20, 20, (history (s + m),), float32)`: what sensors give, each number over its scale
+    `Box(-20, 20, (history (s + m),), float32)`: sensor readings, each divided by its scale
     (`env.unwrapped.task.observer` has both). With the defaults, three storeys and one damper there are 6:
 
     | Num | Observation | Min | Max | Name (in the XML file) | Joint | Unit before scaling |
@@ -46,19 +45,19 @@ class FrameEnv(PlantEnv[FrameTask]):
     | 4 | force of the damper, by its own sensor | -20 | 20 | force | storey1 | N |
     | 5 | command held in the period that ended | 0 | 1 | damper | storey1 | A or V |
 
-    With `history=h` the last h control periods follow each other, the newest first. Other `signals` to choose from:
+    `history=h` stacks the last h control periods, the newest first. Other `signals` to choose from:
     `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity` (m/s), `current`
-    (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` is the
-    short way to all displacements, velocities and currents. Sensors have the effects of the model (`sensor_gain`,
-    `sensor_lag`, ...), and white `noise`. Nothing that a sensor could not give is in the default observation; the
-    ground's motion is not.
+    (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` gives
+    all displacements, velocities and currents. Sensors have the effects of the model (`sensor_gain`,
+    `sensor_lag`, ...), and white `noise`. The default observation contains only what sensors can measure, without the
+    ground's motion.
 
     ## Rewards
 
-    The sum of the parts of `mrdamp.envs.reward.FrameReward`, of which each is in `info` as `reward_drift`,
+    The sum of the parts of `mrdamp.envs.reward.FrameReward`. Each is in `info` as `reward_drift`,
     `reward_acceleration`, `reward_drift_peak`, `reward_acceleration_peak`, `reward_current`, `reward_power`,
-    `reward_energy`. Drift and acceleration are taken over their peaks in the same motion without dampers, so a
-    reward is of the same size for weak and strong motions.
+    `reward_energy`. Drift and acceleration are relative to their peaks in the same motion without dampers, so
+    that rewards for weak and strong motions are comparable.
 
     `info` also has, since the episode's start: `peak_drift` (m), `peak_acceleration` (m/s2), both over all steps of
     the engine; `drift_ratio` and `acceleration_ratio`, the same over the reference run (J1 and J2 of the benchmark
@@ -69,8 +68,9 @@ class FrameEnv(PlantEnv[FrameTask]):
     ## Starting State
 
     At rest, the coil's driver at the first command, at the start of a ground motion drawn from `motions`, or given:
-    `reset(options={"motion": GroundMotion or file, "amplitude": factor})`. A motion given is played as it is; the
-    model frame of Dyke et al. takes a measured one at five times its speed: `read_motion(file).compressed(5)`.
+    `reset(options={"motion": GroundMotion or file, "amplitude": factor})`. A given motion is used unchanged. For the
+    model frame of Dyke et al. a measured one is compressed in time by a factor of five:
+    `read_motion(file).compressed(5)`.
 
     ## Episode End
 
@@ -79,7 +79,7 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     ## Arguments
 
-    Beside those of every environment (`PlantEnv`):
+    In addition to those of every environment (`PlantEnv`):
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

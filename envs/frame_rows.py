@@ -21,7 +21,7 @@ from mrdamp.simulation.rows import Stepping
 Array = NDArray[np.float64]
 
 
-#: What happened in one control period, over all steps of the engine in it: columns of (n, 6).
+#: Results of one control period over all steps of the engine: columns of (n, 6).
 #: largest |drift| of a storey, m; largest |absolute acceleration| of a floor, m/s2; means over period and dampers of
 #: |current| over the largest command, of its square, and of |current| in A or V; energy taken in by the dampers, J.
 PERIOD = ("drift", "acceleration", "share", "power", "current", "energy")
@@ -29,7 +29,7 @@ PERIOD = ("drift", "acceleration", "share", "power", "current", "energy")
 
 @dataclass(frozen=True)
 class RowState:
-    """A row's present, with its sensors."""
+    """A row's state, with its sensors."""
 
     moment: Moment
     sensors: Sequence[Array]
@@ -64,7 +64,7 @@ class FrameRows(EngineRows):
         self.plants = Plants(xml, (load,), dampers, inner, s.n, s.threads)
         self.sensors = FloorSensors(self.models[0].frame, self.period, s.n)
         floors, at = range(1, self.structure.storeys + 1), self.plants.sensors
-        # `frame_xml` writes what belongs together side by side.
+        # `frame_xml` writes the sensors of one kind consecutively.
         self._acceleration = slice(at["acceleration_1"].start, at[f"acceleration_{floors[-1]}"].stop, 3)
         self._drift = slice(at["drift_1"].start, at[f"drift_{floors[-1]}"].stop)
         self._drift_velocity = slice(at["drift_velocity_1"].start, at[f"drift_velocity_{floors[-1]}"].stop)
@@ -81,7 +81,7 @@ class FrameRows(EngineRows):
     def start(self, row: int, motion: Any) -> Array:
         """Row at rest under a motion; returns the ground's acceleration (samples,) at the engine's steps, m/s2.
 
-        The motion runs straight between its samples, within the control period too.
+        The motion is linear between its samples, also within the control period.
         """
         ground = self._ground(row, motion)
         self.plants.start(row, ground[:, None])
@@ -91,11 +91,11 @@ class FrameRows(EngineRows):
         return np.asarray(np.interp(self._step_times(row, motion.duration), motion.time, motion.acceleration))
 
     def measure(self, rows: Sequence[int]) -> Array:
-        """(rows, names) what the sensors of rows that have just started read."""
+        """(rows, names) sensor readings of rows that have just started."""
         return self._read(self.plants.measure(rows)["sensordata"], rows)
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
-        """One control period with commands (n, m) held: `PERIOD` (n, 6), and what the sensors read after it."""
+        """One control period with commands (n, m) held: `PERIOD` (n, 6), and the sensor readings after it."""
         record, now = self.plants.advance(commands)
         data, after = record["sensordata"], now["sensordata"]
         found = np.empty((len(data), 6))
@@ -108,14 +108,14 @@ class FrameRows(EngineRows):
         return found, self._read(after, None)
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """`advance` of a single frame in plain numbers, to the last bit: every sum is NumPy's over the same numbers."""
+        """`advance` for a single frame in plain numbers, bit-identical: every sum is NumPy's over the same numbers."""
         record, now = self.plants.advance(commands)
         data, after = record["sensordata"][0], now["sensordata"][0].tolist()
         size = np.abs(data)
         largest = np.maximum.reduce(size, axis=0).tolist()
         velocity = data[:, self._velocity]
         period = [
-            # max() may pass over what is no number.
+            # max() may ignore NaN.
             max(largest[self._drift]) if math.isfinite(sum(largest)) else math.nan,
             max(largest[self._acceleration]),
             *self._sums(size[:, self._current], data[:, self._pull], velocity, after[self._velocity]),

@@ -84,7 +84,7 @@ class FrameTask(Task):
         }
 
     def reference(self, ground: Array, dt: float) -> Reference:
-        """What the reward is measured by, of ground acceleration (samples,) m/s2 every dt."""
+        """Reference of the reward for ground acceleration (samples,) m/s2 every dt."""
         return self._references.of(
             ground,
             lambda: reference_run(self.models[0], ground, dt, self.weights.reference, self.command_max[0]),
@@ -103,7 +103,7 @@ class FrameTask(Task):
 def frame_sensors(
     models: Sequence[Model], command_max: Array, full_state: bool
 ) -> tuple[list[str], dict[str, float]]:
-    """What the frame's sensors give: floor accelerations, stroke and force of every damper.
+    """Signals of a frame's sensors: floor accelerations, stroke and force of every damper.
 
     full_state: displacements, velocities and coil currents instead of strokes. Returns the signals, and the scale of
     every measurement (SI): those of a strong motion, which is 5 m/s2, the motion of the first mode with that

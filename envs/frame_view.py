@@ -1,4 +1,4 @@
-"""The frame as it is drawn: floors on leaning columns, the damper in its storey."""
+"""Rendering of the frame: floors on leaning columns, the damper in its storey."""
 
 from __future__ import annotations
 

@@ -49,11 +49,11 @@ def sensor_name(signal: str, k: int) -> str:
 
 
 def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) -> str:
-    """MJCF text of the frame of `frame_models`; without what is only drawn unless `drawn`."""
+    """MJCF text of the frame of `frame_models`; without purely visual elements unless `drawn`."""
     root = ET.fromstring(mjcf(models[0], timestep=timestep))
     for k, model in enumerate(models[1:], 1):
         _add_damper(root, ET.fromstring(mjcf(model, timestep=timestep)), k)
-    # No limits, no equalities: the engine need not look for any.
+    # No limits, no equalities: the engine skips their detection.
     get(root, "option/flag").set("constraint", "disable")
     sensor = get(root, "sensor")
     structure = models[0].structure
@@ -71,7 +71,7 @@ def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) 
 
 
 def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
-    """Takes the damper of another frame's file, and what is drawn of it, into this one as damper k."""
+    """Copies the damper of another frame's file, with its visual elements, into this one as damper k."""
     name, plugin = actuator_name(k), "extension/plugin[@plugin='mrdamp.damper']"
     instance = copy.deepcopy(get(other, f"{plugin}/instance[@name='damper']"))
     instance.set("name", name)
@@ -104,7 +104,7 @@ def _add_damper(root: ET.Element, other: ET.Element, k: int) -> None:
 
 
 def strip(root: ET.Element) -> None:
-    """Takes out what is only drawn."""
+    """Removes purely visual elements."""
     for tag in _DRAWN_ONLY:
         for item in root.findall(tag):
             root.remove(item)

@@ -1,4 +1,4 @@
-"""Where an episode's ground motion comes from: drawn from filtered noise, or from files, over a range of amplitudes."""
+"""Sources of an episode's ground motion: filtered noise or files, over a range of amplitudes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mrdamp.motions import GroundMotion, kanai_tajimi, read_motion
 
 Range = tuple[float, float]
 
-#: A frame whose frequencies are five times the building's takes the motion at five times its speed.
+#: A frame with five times the building's frequencies requires a motion compressed by a factor of five.
 TIME_SCALE = 5.0
 
 
@@ -33,8 +33,8 @@ class SyntheticMotions:
 
     Ranges are (low, high); the peak is drawn evenly in its logarithm, the others evenly. pga: m/s2. spectrum:
     `clough-penzien`, or `kanai-tajimi` without the second filter. ground_frequency: rad/s, of the full-size ground;
-    ground_damping; duration: s, rise, plateau: s, decay: 1/s, all before compression. compression: how many times as
-    fast the motion is played (5 for the frame of Dyke et al. 1996, 1 for a full-size one).
+    ground_damping; duration: s, rise, plateau: s, decay: 1/s, all before compression. compression: factor by which
+    the motion is compressed in time (5 for the frame of Dyke et al. 1996, 1 for a full-size one).
     """
 
     pga: Range = (0.5, 8.0)
@@ -80,8 +80,8 @@ class RecordedMotions:
 
     motions: files (CSV or PEER .AT2, see `mrdamp.motions.read_motion`) or motions. amplitude: range of the factor
     on each one, or of the peak in m/s2 where `to_peak`; drawn evenly in its logarithm. speed: range of a further
-    factor on the speed, evenly drawn, which shifts the motion's frequencies. mirror: turn the sign of every second
-    one on average. compression: how many times as fast a motion is played.
+    factor on the speed, evenly drawn, which shifts the motion's frequencies. mirror: change the sign of every second
+    one on average. compression: factor of compression in time.
     """
 
     motions: Sequence[GroundMotion | Path | str]

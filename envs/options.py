@@ -1,4 +1,4 @@
-"""Options that all structures share: how rows are stepped and commanded, and what a task observes."""
+"""Options of all structures: stepping and command of the rows, and observations of a task."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class RowOptions:
-    """How rows are stepped and commanded.
+    """Stepping and command of rows.
 
     period: of control, s; timestep: the largest within it, s, None: the engine's own; command_max: A or V, one or one a
     damper, None: the models'; engine: `mujoco` or `chain`; threads: that share the rows.
@@ -50,7 +50,7 @@ class RowOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskOptions(RowOptions):
-    """Options of every task beside those of its structure: the table of `mrdamp.envs.PlantEnv`."""
+    """Options of every task in addition to those of its structure: the table of `mrdamp.envs.PlantEnv`."""
 
     observer: Observer | Mapping[str, Any] | None = None
     signals: Sequence[str] | None = None
@@ -66,7 +66,7 @@ class TaskOptions(RowOptions):
     ) -> Observer:
         """The observer that is given, one of its `to_dict`, or one of the structure's sensors.
 
-        sensors: of `full_state`, the signals unless asked otherwise, and the scale of every measurement. command_max:
+        sensors: of `full_state`, the default signals, and the scale of every measurement. command_max:
         (m,) A or V. Raises InputError for a signal without a scale.
         """
         if isinstance(self.observer, Observer):

@@ -1,4 +1,4 @@
-"""A structure with its dampers, for any controller to run on: no rewards, no episodes."""
+"""A structure with its dampers, for any controller, without rewards and episodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mrdamp.structures import ShearFrame
 
 
 class Plant(Protocol):
-    """What a controller acts on.
+    """Interface of the plant of a controller.
 
     Measurements are named as in `mrdamp.control.base`; `time` is theirs, s. period: s. command_max: A or V.
     """
@@ -56,7 +56,7 @@ class RowPlant:
     """One row as a `Plant`.
 
     Attributes: rows, of the structure; period, s; commands_max, (m,) of all dampers, and command_max, of the first, A
-    or V; of_period, what `Rows.advance_one` said of the last control period.
+    or V; of_period, result of `Rows.advance_one` for the last control period.
     """
 
     of_period: Sequence[float]
@@ -74,7 +74,7 @@ class RowPlant:
 
     @property
     def finished(self) -> bool:
-        """Whether the load is over; a plant may be stepped on without one."""
+        """True if the load is over; a plant may be stepped without one."""
         return bool(self.rows.plants.step[0] >= self.rows.steps[0] * self.rows.plants.inner)
 
     def reset(self, load: Any) -> Mapping[str, float]:

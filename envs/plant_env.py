@@ -18,7 +18,7 @@ from mrdamp.errors import InputError
 
 @dataclass(frozen=True)
 class EnvState:
-    """An environment's present: what `set_state` goes back to, exactly."""
+    """State of an environment, for `set_state`."""
 
     episode: Episode
     generator: dict[str, Any]
@@ -51,12 +51,13 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
 
     Several environments at once: `gymnasium.make_vec(id, num_envs=64, engine="chain")` (`mrdamp.envs.vector`), or
     `mrdamp.envs.sb3.PlantVecEnv(task)` with a task of 64 rows, such as `FrameTask(64, engine="chain")`. On the chain
-    observations and rewards are MuJoCo's where both take short steps (`tests/test_env_chain.py`), and `noise` is drawn
-    from numbers of its own. `get_state` and `set_state` go back to a moment exactly. Bad arguments raise `InputError`.
+    observations and rewards are MuJoCo's where both take short steps (`tests/test_env_chain.py`), and `noise` has
+    its own random numbers. `get_state` and `set_state` save and restore the state exactly. Bad arguments raise
+    `InputError`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 200}  # noqa: RUF012
-    #: Of the drawing, unless asked otherwise.
+    #: Default of the rendering.
     default_camera: ClassVar[str] = "corner"
 
     @staticmethod
@@ -130,10 +131,10 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
         self._view = None
 
     def get_state(self) -> EnvState:
-        """The present, to go back to; also in another environment made with the same arguments."""
+        """The state, for this or another environment with the same arguments."""
         return EnvState(self.task.save(0), dict(self.np_random.bit_generator.state))
 
     def set_state(self, state: EnvState) -> None:
-        """Back to a saved present, exactly."""
+        """Restores a saved state exactly."""
         self.np_random.bit_generator.state = state.generator
         self.task.restore(0, state.episode, self.np_random)

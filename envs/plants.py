@@ -24,7 +24,7 @@ _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 @dataclass(frozen=True)
 class Moment:
-    """Everything that the future of one row depends on: engine state, load (samples, loads) and the step it is at."""
+    """State of one row: engine state, load (samples, loads) and the step it is at."""
 
     state: Array
     load: Array
@@ -125,12 +125,12 @@ class Plants:
         return np.array(self.batch.bind("qpos")[row])
 
     def save(self, row: int) -> Moment:
-        """The row's present, to go back to."""
+        """The row's state."""
         load = self._load[row, : self._last[row] + 1].copy()
         return Moment(np.array(self.batch.state[row]), load, int(self.step[row]))
 
     def restore(self, row: int, moment: Moment) -> None:
-        """Back to a saved present, exactly."""
+        """Restores a saved state exactly."""
         self.batch.state[row] = moment.state
         self._give(row, moment.load)
         self.step[row] = moment.step
@@ -144,7 +144,7 @@ class Plants:
 
 
 class EngineRows:
-    """What all rows in the engine have in common.
+    """Base of rows in the engine.
 
     Attributes: stepping; period, s; command_max (m,), A or V; steps (n,), how many control periods each row's load
     lasts; plants, which `_build` makes.
@@ -159,18 +159,18 @@ class EngineRows:
         self._build()
 
     def _build(self) -> None:
-        """Makes the plants, and says where their measurements are."""
+        """Makes the plants and locates their measurements."""
 
     def position(self, row: int) -> Array:
         """The coordinates of its drawing."""
         return np.asarray(self.plants.position(row))
 
     def add_noise(self, deviation: Array) -> bool:
-        """Whether the rows add noise by themselves: the engine's do not."""
+        """True if the rows add noise themselves; the engine's do not."""
         return False
 
     def seed(self, row: int, rng: np.random.Generator) -> None:
-        """Of noise of their own, which they have not."""
+        """Ignored: the engine's rows have no noise of their own."""
 
     def _step_times(self, row: int, duration: float) -> Array:
         """(samples,) s, the engine's steps in the whole control periods of a load, which are the row's `steps`."""

@@ -1,4 +1,4 @@
-"""The reward of a frame: its parts, their weights, and the response of the same motion that they are measured by."""
+"""Reward of a frame: its parts, their weights, and the reference response to the same motion."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FrameReward(Weights):
 
     @classmethod
     def peaks(cls) -> FrameReward:
-        """For peak drift and peak acceleration: their rises, and high powers of the motion to lead there."""
+        """Weights for peak drift and peak acceleration: their increases, and powers of the motion as shaping."""
         return cls(
             drift=1.0, acceleration=1.0, drift_peak=20.0, acceleration_peak=20.0, current=0.01, exponent=4.0
         )
@@ -65,7 +65,7 @@ class FrameReward(Weights):
 
 @dataclass(frozen=True)
 class Reference:
-    """What a motion does to the frame in the reference run: peaks over storeys or floors, SI."""
+    """Response of the frame in the reference run: peaks over storeys or floors, SI."""
 
     drift: float  # m
     acceleration: float  # m/s2
@@ -100,9 +100,9 @@ def reference_run(
 
 
 class Score(PartScore[FrameReward]):
-    """Rewards of n rows, and how each row has done since its start.
+    """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 9) are all it remembers: the reference's drift, acceleration and strain energy; the largest drift and
+    values (n, 9) are its whole state: the reference's drift, acceleration and strain energy; the largest drift and
     acceleration so far over the reference's; sums of power shares, of currents (A or V) and of dissipated energy (J);
     periods.
     """
@@ -118,7 +118,7 @@ class Score(PartScore[FrameReward]):
     kept = 9
 
     def of(self, period: Array) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, `PERIOD` (n, 6), and what `info` says, (n, names)."""
+        """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
         v = self.values
         reference, best = v[:, :2], v[:, 3:5]
         ratio = period[:, :2] / reference
@@ -141,7 +141,7 @@ class Score(PartScore[FrameReward]):
         return np.add.reduce(info[:, :7], axis=1), info
 
     def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
-        """`of` a single row in plain numbers, to the last bit, and its `info` by name."""
+        """`of` for a single row in plain numbers, bit-identical, and its `info` by name."""
         of_drift, of_acceleration, energy, best_drift, best_acceleration, *rest = self.values[0].tolist()
         d, a = period[0] / of_drift, period[1] / of_acceleration
         if self.weights.exponent == 2.0:

@@ -67,7 +67,7 @@ class PlantVecEnv(VecEnv):
         return seen, step.reward.astype(np.float32), over, infos
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Nothing to close."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Of the task; the rows have none of their own but `render_mode`."""

@@ -1,4 +1,4 @@
-"""What stands between the structure and a controller: the floors' accelerometers and white noise."""
+"""Sensors between the structure and a controller: the floors' accelerometers and white noise."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Settling:
 
     def __init__(self, offset: Array, tau: Array, period: float, n: int) -> None:
         self.offset, self.decay = offset, np.exp(-period / np.where(tau > 0, tau, 1.0))
-        self.past = np.ones((n, len(tau)))  # share of the offset that is left
+        self.past = np.ones((n, len(tau)))  # remaining share of the offset
 
     def __call__(self, signal: Array, fresh: Sequence[int] | None) -> Array:
         """(n, channels) out for (n, channels) in, one period later; or of `fresh` rows, which start with this one."""
@@ -118,7 +118,7 @@ class FloorSensors:
 
     @property
     def filters(self) -> list[OnePole | TwoPoles | Settling]:
-        """All that remember something."""
+        """All sensors with a state."""
         return [*self.leaks, *self.lags]
 
     def read(self, acceleration: Array, fresh: Sequence[int] | None) -> Array:

@@ -1,4 +1,4 @@
-"""What an environment does, for n rows at once: loads, commands, observations and rewards.
+"""Task of an environment for n rows at once: loads, commands, observations and rewards.
 
 A single environment is a task of one row; a vector environment is a task of many. The arithmetic of a row does not
 depend on how many there are.
@@ -27,7 +27,7 @@ Kept = TypeVar("Kept")
 
 
 class Rows(Protocol):
-    """n structures with their sensors; what `advance` says of a period is for their score."""
+    """n structures with their sensors; the results of `advance` are the input of their score."""
 
     names: tuple[str, ...]
     plants: Any  # as `Plants`
@@ -64,7 +64,7 @@ class RowScore(Protocol):
 
 @dataclass(frozen=True)
 class Episode:
-    """Everything that the future of a row depends on, but for the generator that noise and the next load come from."""
+    """State of a row, without the random generator of noise and of the next load."""
 
     rows: Any
     score: Array
@@ -87,13 +87,13 @@ _KEPT = 256  # references of loads
 
 
 class References(Generic[Kept]):
-    """What loads do without a damper, of each once: rows that start together under one load share it."""
+    """Reference responses of loads without a damper; each is computed once and shared by rows with the same load."""
 
     def __init__(self) -> None:
         self._kept: dict[bytes, Kept] = {}
 
     def of(self, load: Array, found: Callable[[], Kept]) -> Kept:
-        """What `found` says of a load, from before where it was asked of it lately."""
+        """Result of `found` for a load, from the cache if it is recent."""
         key = hashlib.blake2b(load.tobytes(), digest_size=16).digest()
         if key not in self._kept:
             if len(self._kept) >= _KEPT:
@@ -103,7 +103,7 @@ class References(Generic[Kept]):
 
 
 def check_options(options: Mapping[str, Any], *allowed: str) -> None:
-    """InputError for an option of `reset` that there is not."""
+    """Raises InputError for an unknown option of `reset`."""
     unknown = sorted(set(options) - set(allowed))
     if unknown:
         raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: {', '.join(allowed)}")
@@ -112,9 +112,9 @@ def check_options(options: Mapping[str, Any], *allowed: str) -> None:
 class Task(ABC):
     """n rows of a structure under control.
 
-    rows: the structures; score: their rewards; observer: what is seen; command_max: (m,) A or V; noise: on the
-    measurements, see `Noise`. Attributes: observation_space and action_space of one row; happened: (n, ...) what the
-    rows said of the last control period.
+    rows: the structures; score: their rewards; observer: of the observations; command_max: (m,) A or V; noise: on the
+    measurements, see `Noise`. Attributes: observation_space and action_space of one row; happened: (n, ...),
+    results of the rows for the last control period.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Task(ABC):
         self.rows, self.score, self.observer = rows, score, observer
         self.n, self.command_max = rows.plants.n, command_max
         self.noise = Noise(noise or {}, rows.names)
-        # Where the rows add it themselves, a seed for it is drawn at every start.
+        # If the rows add it themselves, its seed is drawn at every start.
         self._own_noise = bool(self.noise.where) and rows.add_noise(self.noise.all)
         if self._own_noise:
             self.noise = Noise({}, rows.names)
@@ -152,10 +152,10 @@ class Task(ABC):
 
     @property
     def measured(self) -> Array:
-        """(n, names) what the sensors read last, `rows.names` in order."""
+        """(n, names) last sensor readings, in the order of `rows.names`."""
         return self._measured
 
-    #: Size (m) that the motion without a damper is drawn with.
+    #: Rendered size (m) of the motion without a damper.
     drawn_size: float
 
     @abstractmethod
@@ -168,10 +168,10 @@ class Task(ABC):
 
     @abstractmethod
     def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
-        """Draws the row's load and sets structure and score to its start; returns what `info` says of it."""
+        """Draws the row's load and sets structure and score to its start; returns its entries of `info`."""
 
     def commands(self, actions: Any) -> Array:
-        """(n, m) commands from actions (n, m) in [-1, 1]; what lies outside is cut off."""
+        """(n, m) commands from actions (n, m) in [-1, 1]; clipped to the range."""
         share = 0.5 * (np.asarray(actions, dtype=np.float64).reshape(self.n, -1) + 1.0)
         return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0) * self.command_max)
 
@@ -211,12 +211,12 @@ class Task(ABC):
         return Step(seen, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
 
     def check(self, reward: float) -> None:
-        """Raises InputError where a reward is no number: the simulation has diverged."""
+        """Raises InputError if a reward is NaN: the simulation has diverged."""
         if not math.isfinite(reward):
             raise InputError("the simulation diverged; check the structure, the damper and the load's unit")
 
     def step_one(self, action: Any) -> tuple[Observation, float, bool, dict[str, float]]:
-        """`step` of a single row in plain numbers, to the last bit: arrays of one row cost more than the engine.
+        """`step` for a single row in plain numbers, bit-identical: arrays of one row cost more than the engine.
 
         Its observation (size,), reward, whether the load is over, and `info`.
         """
@@ -240,7 +240,7 @@ class Task(ABC):
         return seen, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
 
     def save(self, row: int) -> Episode:
-        """The row's present."""
+        """The row's state."""
         return Episode(
             self.rows.save(row),
             self.score.values[row].copy(),
@@ -250,7 +250,7 @@ class Task(ABC):
         )
 
     def restore(self, row: int, episode: Episode, rng: np.random.Generator) -> None:
-        """Back to a saved present, exactly; rng: where noise comes from."""
+        """Restores a saved state exactly; rng: where noise comes from."""
         self.rows.restore(row, episode.rows)
         self.score.values[row] = episode.score
         self._stack.past[row] = episode.past

@@ -87,7 +87,7 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return self._seen.copy(), reward, np.zeros(self.num_envs, dtype=np.bool_), over, infos
 
     def _same_step(self, rows: list[int], infos: dict[str, Any]) -> dict[str, Any]:
-        """Resets the rows that are over; what they were is in `final_obs` and `final_info`."""
+        """Resets the rows that are over; their last values are in `final_obs` and `final_info`."""
         final_obs = np.full(self.num_envs, None, dtype=object)
         ended = np.zeros(self.num_envs, dtype=np.bool_)
         ended[rows] = True

@@ -1,4 +1,4 @@
-"""What an environment looks like: motion drawn larger than it is, the coil's current as the damper's colour."""
+"""Rendering of an environment: exaggerated motion, and the coil's current as the damper's colour."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OFF, _ON = np.array([0.16, 0.35, 0.62, 1.0]), np.array([0.96, 0.49, 0.10, 1.0])
 class View(ABC):
     """A drawing of one row.
 
-    xml: of the drawing's model, with what is drawn in it. folder: of `models_xml`, for light and ground. camera: a
+    xml: of the rendered model. folder: of `models_xml`, for light and ground. camera: a
     name of the model's. size: width and height, pixels. Raises InputError.
     """
 
@@ -40,7 +40,7 @@ class View(ABC):
             k for k in range(self.model.ngeom) if self.model.geom(k).name.startswith("cylinder")
         ]
         self.model.geom_matid[self.cylinders] = -1  # a material's colour would go before the geom's own
-        self.model.vis.map.force = 0.0  # the plugin's own arrow would be that of a damper at rest
+        self.model.vis.map.force = 0.0  # the plugin's own arrow would show a damper at rest
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
         self._shown = 0.0
@@ -50,11 +50,11 @@ class View(ABC):
         """Sets the drawing's joints from the row's coordinates."""
 
     def connect(self, scene: mujoco.MjvScene) -> None:
-        """Adds what is drawn between bodies, nothing unless a view has something."""
+        """Adds shapes between bodies; none by default."""
         return
 
     def update(self, qpos: Array, exaggeration: float, shares: Sequence[float]) -> None:
-        """Draws the row's present; shares: of each damper's current in its largest, 0 to 1."""
+        """Renders the row's state; shares: of each damper's current in its largest, 0 to 1."""
         self.pose(qpos, exaggeration)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)

@@ -35,7 +35,7 @@ class Weights:
 
     @property
     def signed(self) -> NDArray[np.float64]:
-        """(parts,) what each part is taken times: energy is a gain, all else costs."""
+        """(parts,) sign and weight of each part: energy is a gain, all others are costs."""
         return np.array([(1.0 if part == "energy" else -1.0) * getattr(self, part) for part in self.parts])
 
     @classmethod
@@ -61,9 +61,9 @@ DAMPER = ("mean_power", "mean_current", "dissipated_energy")
 
 
 class PartScore(Generic[Of]):
-    """Base of the rewards of n rows. values (n, kept) are all that it remembers of them, the reference first.
+    """Base of the rewards of n rows. values (n, kept) are their whole state, the reference first.
 
-    NAMES: of what `info` says, the parts of the reward first.
+    NAMES: columns of `info`, the parts of the reward first.
     """
 
     NAMES: tuple[str, ...]
@@ -78,7 +78,7 @@ class PartScore(Generic[Of]):
         self._parts = np.zeros(len(self._signs))
 
     def start(self, row: int, reference: Sequence[float] | NDArray[np.float64]) -> None:
-        """Row at its start. reference: (3,) what it is measured by."""
+        """Starts a row. reference: (3,) of its reward."""
         self.values[row] = 0.0
         self.values[row, : len(reference)] = reference
 
