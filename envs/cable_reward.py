@@ -50,7 +50,7 @@ def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
     Means of int v^2 dx / L (m2) and int (v'')^2 dx / L (m2/s4), and the largest energy held (J). The coordinates are
     oscillators of their own: exact for loads held from sample to sample. Raises InputError where there is no load.
     """
-    squares, held = np.zeros(2), np.zeros(len(pushes))
+    squares, energies = np.zeros(2), np.zeros(len(pushes))
     for w, push in zip(cable.natural, pushes.T, strict=True):
         damping = 2 * cable.ratio * w
         system = (
@@ -65,10 +65,10 @@ def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
         q = signal.lfilter([0.0, b[0, 0], a[0, 1] * b[1, 0] - a[1, 1] * b[0, 0]], poles, push)
         v = signal.lfilter([0.0, b[1, 0], a[1, 0] * b[0, 0] - a[0, 0] * b[1, 0]], poles, push)
         squares += [np.mean(q * q), np.mean((push - damping * v - w * w * q) ** 2)]
-        held += 0.5 * (v * v + w * w * q * q)
+        energies += 0.5 * (v * v + w * w * q * q)
     if not squares[0] > 0:
         raise InputError("the load is zero throughout; there is nothing to control")
-    return np.array([*squares / (cable.mass * cable.length), held.max()])
+    return np.array([*squares / (cable.mass * cable.length), energies.max()])
 
 
 class CableScore(PartScore[CableReward]):

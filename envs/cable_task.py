@@ -89,10 +89,10 @@ class CableTask(Task):
         self.weights = CableReward.of(reward)
         self.cable_score = CableScore(self.weights, n)
         maximum = self.cable_rows.command_max
-        seen = given.observes(
+        observer = given.observes(
             lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum
         )
-        super().__init__(self.cable_rows, self.cable_score, seen, maximum, given.noise)
+        super().__init__(self.cable_rows, self.cable_score, observer, maximum, given.noise)
 
     drawn_size = 0.45
 

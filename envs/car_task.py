@@ -75,10 +75,10 @@ class CarTask(Task):
         self.weights = CarReward.of(reward)
         self.car_score = CarScore(self.weights, n)
         maximum = self.car_rows.command_max
-        seen = given.observes(
+        observer = given.observes(
             lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum
         )
-        super().__init__(self.car_rows, self.car_score, seen, maximum, given.noise)
+        super().__init__(self.car_rows, self.car_score, observer, maximum, given.noise)
 
     drawn_size = 0.05
 

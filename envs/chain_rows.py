@@ -76,9 +76,9 @@ class FrameChain(Chained, FrameRows):
     """`FrameRows` on the chain."""
 
     def _build(self) -> None:
-        between = [model.structure.damper_between for model in self.models if model.structure is not None]
+        damper_floors = [model.structure.damper_between for model in self.models if model.structure is not None]
         instants = max(1, round(self.period / self.stepping.inner / _INSTANT))
-        self._hold(ChainRows.frame(self.models[0].frame, self.models, between, self.stepping, instants))
+        self._hold(ChainRows.frame(self.models[0].frame, self.models, damper_floors, self.stepping, instants))
 
     def start(self, row: int, motion: GroundMotion) -> Array:
         """As `FrameRows.start`."""

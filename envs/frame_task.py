@@ -55,8 +55,8 @@ class FrameTask(Task):
         self.motions = SyntheticMotions() if motions is None else motions
         self.frame_score = Score(self.weights, n)
         maximum = self.frame_rows.command_max
-        seen = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum)
-        super().__init__(self.frame_rows, self.frame_score, seen, maximum, given.noise)
+        observer = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum)
+        super().__init__(self.frame_rows, self.frame_score, observer, maximum, given.noise)
 
     @property
     def structure(self) -> ShearFrame:

@@ -98,17 +98,17 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
     ) -> tuple[Observation, dict[str, Any]]:
         """At rest, under a load that is drawn or given in the options."""
         super().reset(seed=seed)
-        seen, infos = self.task.reset([0], [self.np_random], options)
+        observation, infos = self.task.reset([0], [self.np_random], options)
         if self.render_mode == "human":
             self.render()
-        return seen[0], infos[0]
+        return observation[0], infos[0]
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control period."""
-        seen, reward, over, info = self.task.step_one(action)
+        observation, reward, over, info = self.task.step_one(action)
         if self.render_mode == "human":
             self.render()
-        return seen, reward, False, over, info
+        return observation, reward, False, over, info
 
     def render(self) -> Image | None:
         """(height, width, 3) in mode `rgb_array`; a window in mode `human`."""

@@ -136,9 +136,9 @@ class Plants:
         self.step[row] = moment.step
 
     def _give(self, row: int, load: Array) -> None:
-        n, held, width = self._load.shape
-        if len(load) > held:
-            self._load = np.concatenate([self._load, np.zeros((n, len(load) - held, width))], axis=1)
+        n, samples, width = self._load.shape
+        if len(load) > samples:
+            self._load = np.concatenate([self._load, np.zeros((n, len(load) - samples, width))], axis=1)
         self._load[row, : len(load)] = load
         self._last[row] = len(load) - 1
 

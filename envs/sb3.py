@@ -45,9 +45,9 @@ class PlantVecEnv(VecEnv):
         self._reset_options()
         parts = []
         for row in range(self.num_envs):
-            seen, infos = self.task.reset([row], self._rngs, options[row])
+            observation, infos = self.task.reset([row], self._rngs, options[row])
             self.reset_infos[row] = infos[0]
-            parts.append(seen)
+            parts.append(observation)
         return np.concatenate(parts)
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
@@ -55,16 +55,16 @@ class PlantVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         step = self.task.step(self._actions)
-        names, seen, over = self.task.score.NAMES, step.observation, step.over
+        names, observation, over = self.task.score.NAMES, step.observation, step.over
         infos: list[dict[str, Any]] = [
             dict(zip(names, row, strict=True)) | {"TimeLimit.truncated": done}
             for row, done in zip(step.info.tolist(), over.tolist(), strict=True)
         ]
         for row in np.flatnonzero(over).tolist():
-            infos[row]["terminal_observation"] = seen[row].copy()
+            infos[row]["terminal_observation"] = observation[row].copy()
             again, started = self.task.reset([row], self._rngs, {})
-            seen[row], self.reset_infos[row] = again[0], started[0]
-        return seen, step.reward.astype(np.float32), over, infos
+            observation[row], self.reset_infos[row] = again[0], started[0]
+        return observation, step.reward.astype(np.float32), over, infos
 
     def close(self) -> None:
         """Nothing to close."""

@@ -137,9 +137,9 @@ class Task(ABC):
             raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(rows.names)}")
         if len(observer.command_max) != len(command_max):
             raise InputError(f"observer: {len(observer.command_max)} commands for {len(command_max)} dampers")
-        self._seen = np.array([rows.names.index(name) for name in observer.signals], dtype=np.intp)
+        self._observed = np.array([rows.names.index(name) for name in observer.signals], dtype=np.intp)
         # As plain numbers, for `step_one`.
-        self._columns: list[int] = self._seen.tolist()
+        self._columns: list[int] = self._observed.tolist()
         self._largest: list[float] = command_max.tolist()
         self._currents = [k for k, name in enumerate(rows.names) if re.fullmatch(r"current(_\d+)?", name)]
         self._measured: Array = np.zeros((self.n, len(rows.names)))
@@ -192,8 +192,8 @@ class Task(ABC):
             self._rngs[row] = rngs[row]
             self._command[row] = 0.0
         self._measured[list(rows)] = values
-        seen = self._stack.restart(rows, values[:, self._seen], self._command[list(rows)])
-        return seen, infos
+        observation = self._stack.restart(rows, values[:, self._observed], self._command[list(rows)])
+        return observation, infos
 
     def step(self, actions: Any, quiet: Sequence[int] = ()) -> Step:
         """One control period of all rows. quiet: rows that draw no noise, as they are about to be reset."""
@@ -207,8 +207,8 @@ class Task(ABC):
                 if rng is not None and row not in quiet:
                     self.noise.add(values, row, rng)
         self._measured = values
-        seen = self._stack.push(values[:, self._seen], self._command)
-        return Step(seen, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
+        observation = self._stack.push(values[:, self._observed], self._command)
+        return Step(observation, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
 
     def check(self, reward: float) -> None:
         """Raises InputError if a reward is NaN: the simulation has diverged."""
@@ -235,9 +235,9 @@ class Task(ABC):
         if self.noise.where and self._rngs[0] is not None:
             self.noise.add(measured, 0, self._rngs[0])
             values = measured[0].tolist()
-        seen = self._stack.push_one([values[k] for k in self._columns], commands)
+        observation = self._stack.push_one([values[k] for k in self._columns], commands)
         plants = rows.plants
-        return seen, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
+        return observation, reward, bool(plants.step[0] >= rows.steps[0] * plants.inner), info
 
     def save(self, row: int) -> Episode:
         """The row's state."""

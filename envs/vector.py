@@ -39,7 +39,7 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         self.action_space = batch_space(task.action_space, task.n)
         self._rngs = [seeding.np_random(None)[0] for _ in range(task.n)]
         self._over: Flags = np.zeros(task.n, dtype=np.bool_)
-        self._seen: Observation = np.zeros((task.n, task.observer.size), np.float32)
+        self._observation: Observation = np.zeros((task.n, task.observer.size), np.float32)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -60,13 +60,13 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
                 self._rngs[row] = seeding.np_random(seeds[row])[0]
         infos = self._restart(rows, options)
         self._over[rows] = False
-        return self._seen.copy(), infos
+        return self._observation.copy(), infos
 
     def step(self, actions: NDArray[np.float32]) -> Result:
         """One control period of all rows."""
         again = np.flatnonzero(self._over).tolist() if self.autoreset_mode is AutoresetMode.NEXT_STEP else []
         step = self.task.step(actions, again)
-        self._seen = step.observation
+        self._observation = step.observation
         reward, over = step.reward, step.over
         mask = np.ones(self.num_envs, dtype=np.bool_)
         mask[again] = False
@@ -84,7 +84,7 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         self._over = over.copy()
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
             infos = self._same_step(np.flatnonzero(over).tolist(), infos)
-        return self._seen.copy(), reward, np.zeros(self.num_envs, dtype=np.bool_), over, infos
+        return self._observation.copy(), reward, np.zeros(self.num_envs, dtype=np.bool_), over, infos
 
     def _same_step(self, rows: list[int], infos: dict[str, Any]) -> dict[str, Any]:
         """Resets the rows that are over; their last values are in `final_obs` and `final_info`."""
@@ -93,7 +93,7 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         ended[rows] = True
         final: dict[str, Any] = {}
         for row in rows:
-            final_obs[row] = self._seen[row].copy()
+            final_obs[row] = self._observation[row].copy()
         for name in self.task.score.NAMES:
             final[name], final[f"_{name}"] = np.where(ended, infos[name], 0.0), ended
             infos[name], infos[f"_{name}"] = np.where(ended, 0.0, infos[name]), ~ended
@@ -108,8 +108,8 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         }
 
     def _restart(self, rows: list[int], options: dict[str, Any]) -> dict[str, Any]:
-        seen, each = self.task.reset(rows, self._rngs, options)
-        self._seen[rows] = seen
+        observation, each = self.task.reset(rows, self._rngs, options)
+        self._observation[rows] = observation
         infos: dict[str, Any] = {}
         for row, info in zip(rows, each, strict=True):
             infos = self._add_info(infos, info, row)

@@ -104,14 +104,14 @@ def test_frame_case(tmp_path: Path) -> None:
 
 def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
     case, tests, label = made(Task("x", "damper", "parameters"), tmp_path, 5)
-    believed = Model.read(case)
+    nominal_parameters = Model.read(case)
     true = label["true_parameters"]
     assert isinstance(true, dict)
-    wrong = [name for name, value in true.items() if believed.parameters[name] != value]
+    wrong = [name for name, value in true.items() if nominal_parameters.parameters[name] != value]
     assert 3 <= len(wrong) < len(true)
-    right = Model(believed.law, true)
+    right = Model(nominal_parameters.law, true)
     for channels in tests.values():
-        assert relative(believed.simulate(0.002, channels)["force_N"], channels["force_N"]) > 0.02
+        assert relative(nominal_parameters.simulate(0.002, channels)["force_N"], channels["force_N"]) > 0.02
         assert relative(right.simulate(0.002, channels)["force_N"], channels["force_N"]) < 0.01
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.problem.command_memory import ALONG, told_by_the_log
+from mrdamp.diagnosis.problem.command_memory import ALONG, log_entry
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
@@ -111,4 +111,4 @@ def test_a_file_tells_how_the_command_was_logged(record: Record) -> None:
     again = Model.from_dict(found.to_dict())
     assert again.extra[LOG] == AS_SENT
     assert {e.name for e in again.effects} == {"remanence"}
-    assert told_by_the_log({}) == {}
+    assert log_entry({}) == {}

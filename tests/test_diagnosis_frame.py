@@ -12,7 +12,7 @@ from mrdamp.diagnosis.attribution.frame_blocks import blocks, place_intervals, p
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.store import Kept, Store
-from mrdamp.diagnosis.frame_run import LIMITS, reduced, stepped, telling, too_coarse
+from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced, stepped, too_coarse
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
 from mrdamp.diagnosis.problem.noise import Noise
@@ -147,8 +147,8 @@ def test_clean_blocks_rule_causes_out(measured: dict[str, Record]) -> None:
 
 def test_records_that_say_the_same_are_left_out(measured: dict[str, Record]) -> None:
     off, steps = measured["off"], measured["steps"]
-    assert telling([off, steps]) == (0, 1)
-    kept = telling([off, off, steps, steps, off])
+    assert most_different([off, steps]) == (0, 1)
+    kept = most_different([off, off, steps, steps, off])
     assert len(kept) == 4
     assert {0, 2} <= set(kept)
 

@@ -14,7 +14,7 @@ from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.frame_run import apart_from_the_law, reduced
+from mrdamp.diagnosis.frame_run import compared_without_law, reduced
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
 from mrdamp.diagnosis.report.page import page
@@ -143,7 +143,7 @@ def test_a_simulator_with_effects_in_its_storeys_is_not_compared(measured: dict[
     mended = replace(model, effects=(*model.effects, Effect("storey_stiffness", {"e": 6.84 / 8 - 1}, 2)))
     for known, count in ((model, 1), (mended, 0)):
         case = case_of(known, measured)
-        assert len(apart_from_the_law(case, reduced(case)[1], blocks(case))) == count
+        assert len(compared_without_law(case, reduced(case)[1], blocks(case))) == count
 
 
 def test_the_force_sensor_is_told_from_the_storey_that_its_damper_stands_in(measured: dict[str, Record]) -> None:

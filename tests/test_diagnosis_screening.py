@@ -52,12 +52,12 @@ def test_what_is_foretold_is_what_runs_of_their_own_say(
     whole, told = made(), made()
     for search in (whole, told):
         screening.screen(search, search.fits[False, frozenset()], search.problem.rig.terms)
-    others = whole.beside(("sign",))
+    others = whole.addable(("sign",))
     want = screening.screen(whole, held_with(whole, "sign"), others)
     monkeypatch.setattr(screening, "_LOOKED_AT", 1)
-    beside = held_with(told, "sign")
+    second = held_with(told, "sign")
     simulated.clear()
-    got = screening.screen(told, beside, others)
+    got = screening.screen(told, second, others)
     assert sum(simulated) == 2 * len(told.problem.records)  # the fit's own and one term's
     assert [p.term.name for p in got] == [p.term.name for p in want]
     assert np.allclose([p.cost for p in got], [p.cost for p in want], rtol=1e-9)
@@ -69,25 +69,25 @@ def test_a_term_that_was_not_seen_alone_gets_a_run_of_its_own(
 ) -> None:
     monkeypatch.setattr(screening, "_LOOKED_AT", 0)
     search = made()
-    terms = search.beside(("sign",))
+    terms = search.addable(("sign",))
     screening.screen(search, search.fits[False, frozenset()], terms[:1])
-    beside = held_with(search, "sign")
+    second = held_with(search, "sign")
     simulated.clear()
-    assert len(screening.screen(search, beside, terms)) == len(terms)
+    assert len(screening.screen(search, second, terms)) == len(terms)
     assert sum(simulated) == len(terms) * len(search.problem.records)  # the fit's own and all but one
 
 
 def test_what_is_hopeless_beside_a_lesser_cause_is_not_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     """And what is found is the same."""
 
-    def all_of_them(ranked: list[ScoreTest], cost: float, *, beside: bool = False) -> list[ScoreTest]:
+    def all_of_them(ranked: list[ScoreTest], cost: float, *, second: bool = False) -> list[ScoreTest]:
         return ranked
 
     monkeypatch.setattr(searching, "worth_a_look", all_of_them)
     monkeypatch.setattr(searching, "parents", lambda ranked, *_: ranked[:2])
     found = []
-    for hopeless in (searching._HOPELESS, np.inf):
-        monkeypatch.setattr(searching, "_HOPELESS", hopeless)
+    for beyond_reach in (searching._HOPELESS, np.inf):
+        monkeypatch.setattr(searching, "_HOPELESS", beyond_reach)
         search = made()
         search.extend(False, 1)
         search.extend(False, 2)

@@ -14,7 +14,7 @@ from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.frame_run import take_through
+from mrdamp.diagnosis.frame_run import refit_with_fewer_causes
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
@@ -73,10 +73,10 @@ def test_nothing_is_fitted_or_screened_twice() -> None:
     (sign,) = (t for t in problem.rig.terms if t.effect == "sign")
     hypothesis = Hypothesis((), (sign,))
     first = search.fitted(hypothesis, hypothesis.start(), most=5)
-    promised = screening.screen(search, first, search.beside(("sign",)))
+    promised = screening.screen(search, first, search.addable(("sign",)))
     runs = problem.runs
     assert search.fitted(hypothesis, hypothesis.start(), most=5) is first
-    assert screening.screen(search, first, search.beside(("sign",))) is promised
+    assert screening.screen(search, first, search.addable(("sign",))) is promised
     assert problem.runs == runs
     free = search.fitted(Hypothesis(problem.rig.nominal, (sign,)), np.zeros(2), most=5)
     assert set(map(id, search.cache.held().fits.values())) == {id(first)}
@@ -145,7 +145,7 @@ def test_fewer_causes_beside_free_numbers_are_fitted_on_before_a_cause_more_coun
     best = fit(problem, pair, pair.start())
     search.keep(best)
     assert search.ranked(True)[0].cost > best.cost
-    take_through(search, best)
+    refit_with_fewer_causes(search, best)
     found = search.ranked(True)[0]
     assert found.hypothesis.causes == ("sign",)
     assert found.cost < best.cost

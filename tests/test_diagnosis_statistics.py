@@ -30,7 +30,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import memory
-from mrdamp.records.upsampling import repaired_ends as mended_ends
+from mrdamp.records.upsampling import repaired_ends as repaired_ends
 from mrdamp.records.upsampling import upsampled
 from toy_rig import DT, ToyRig, parts, toy
 
@@ -213,10 +213,10 @@ def test_motion_between_samples_is_a_sines() -> None:
 def test_a_bent_end_is_put_where_the_motion_goes_and_a_sound_one_is_left() -> None:
     t = 0.002 * np.arange(500)
     sine = 0.01 * np.sin(2 * np.pi * 3 * t)
-    np.testing.assert_array_equal(mended_ends(sine), sine)
+    np.testing.assert_array_equal(repaired_ends(sine), sine)
     bent = sine.copy()
     bent[-1] = sine[-2] + 0.4 * (sine[-1] - sine[-2])
-    assert np.abs(mended_ends(bent) - sine).max() < 0.05 * abs(bent[-1] - sine[-1])
+    assert np.abs(repaired_ends(bent) - sine).max() < 0.05 * abs(bent[-1] - sine[-1])
 
 
 def test_the_ceiling_sees_what_is_lawful_and_not_what_is_noise() -> None:

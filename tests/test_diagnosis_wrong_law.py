@@ -229,8 +229,8 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
     fitted = replace(half, left_out=0.9)
     assert decide([nominal, fitted, other], 0.001, inexact=True).verdict == "unknown"
     # Beside what it is established is open, and alone it was not fitted.
-    beside = [Scored(("a", other), False, 0.1, 2, k) for k, other in enumerate("bc", 1)]
-    split = decide([nominal, *beside], 0.001, inexact=True)
+    second = [Scored(("a", other), False, 0.1, 2, k) for k, other in enumerate("bc", 1)]
+    split = decide([nominal, *second], 0.001, inexact=True)
     assert split.standing is not None
     assert (split.verdict, split.standing.causes) == ("effect", ("a",))
     assert split.chosen.causes == ("a", "b")

@@ -217,7 +217,7 @@ def trials() -> list[Trial]:
         name = f"{shape}_{frequency:.1f}Hz_{mm:.1f}mm_{current:.2f}A"
         add(half, name, duration, make(frequency, 1e-3 * mm), constant(current))
 
-    def steadies(half: str, *tests: tuple[str, float, float, float, float]) -> None:
+    def write_steady(half: str, *tests: tuple[str, float, float, float, float]) -> None:
         for test in tests:
             steady(half, *test)
 
@@ -226,7 +226,7 @@ def trials() -> list[Trial]:
         add(half, f"random_random_current_{number}", 15.0, wander, random_command(19 + 2 * number, 10.0))
 
     # Shape, Hz, mm, A, s.
-    steadies(
+    write_steady(
         "train",
         ("sine", 1.0, 5.0, 0.25, 5.0), ("sine", 1.0, 1.0, 1.00, 5.0), ("sine", 2.5, 5.0, 0.00, 3.0),
         ("sine", 2.5, 2.5, 1.00, 3.0), ("sine", 5.0, 5.0, 0.50, 3.0), ("sine", 5.0, 2.5, 0.00, 3.0),
@@ -234,7 +234,7 @@ def trials() -> list[Trial]:
     )  # fmt: skip
     random("train", 1)
     add("train", "sine_5.0Hz_2.5mm_random_current", 15.0, sine(5.0, 2.5e-3), random_command(22, 10.0))
-    steadies(
+    write_steady(
         "validation",
         ("sine", 1.0, 10.0, 0.75, 4.0), ("sine", 2.5, 1.0, 0.50, 3.0), ("sine", 5.0, 5.0, 0.00, 3.0),
         ("sine", 5.0, 5.0, 1.00, 3.0), ("triangle", 2.5, 5.0, 0.50, 3.0),

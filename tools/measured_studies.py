@@ -91,19 +91,19 @@ def run(name: str, study: Study) -> dict[str, object] | None:
         raise SystemExit(2)
     if mrdamp(["diagnose", str(case), "-o", str(out)]):
         raise SystemExit(2)
-    told = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    answer = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
     corrected = Model.read(out / "corrected.json")
     return {
         "law": study.law,
         "missing": study.missing,
         "records": [len(fitted), len(shown), len(judged)],
-        "sentence": told["sentence"],
-        "verdict": told["verdict"],
-        "effects": [{k: e[k] for k in ("name", "probability", "parameters")} for e in told["effects"]],
-        "tied": told["indistinguishable"],
-        "inside": told["gap"],
+        "sentence": answer["sentence"],
+        "verdict": answer["verdict"],
+        "effects": [{k: e[k] for k in ("name", "probability", "parameters")} for e in answer["effects"]],
+        "tied": answer["indistinguishable"],
+        "inside": answer["gap"],
         "unseen_tests": {"nominal": gap(nominal, judged), "corrected": gap(corrected, judged)},
-        "seconds": told.get("seconds"),
+        "seconds": answer.get("seconds"),
     }
 
 

@@ -171,11 +171,11 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence, count
     device = dampers.draw(rng, mounted=task.mounted)
     plain = Truth(device.numbers, filtered=False)
     whole = excitation.damper_tests(rng, device.machine, long=False)
-    telling, sines = ([t for t in whole if t.kind in kinds] for kinds in (_TELLING, ("sine",)))
-    scale = damper_case.measure(device, telling)
+    most_different, sines = ([t for t in whole if t.kind in kinds] for kinds in (_TELLING, ("sine",)))
+    scale = damper_case.measure(device, most_different)
     noise = recorder.damper_noise(rng, scale.force, scale.command)
     sized = causes.draw(rng, cause, scale).sized
-    truth = plain.having(sized(_size(plain, sized, telling)))
+    truth = plain.having(sized(_size(plain, sized, most_different)))
     names = ["displacement_m", "command", "force_N"]
     names += ["reference_force_N"] if cause in _NEED_REFERENCE else []
 
@@ -329,8 +329,8 @@ def main() -> int:
         data = json.loads(kept.read_text(encoding="utf-8"))
         settled_before += data is None
         rows += [Row.of(data)] if data is not None else []
-        told = "settled by the sines" if data is None else f"{rows[-1].before} -> {rows[-1].proposed}"
-        print(f"{k}/{len(effects)} {cause}: {told}", file=sys.stderr, flush=True)
+        outcome = "settled by the sines" if data is None else f"{rows[-1].before} -> {rows[-1].proposed}"
+        print(f"{k}/{len(effects)} {cause}: {outcome}", file=sys.stderr, flush=True)
     print(f"{len(rows)} cases left open by sines at constant command, {settled_before} settled.\n")
     if rows:
         print(table(rows))

@@ -23,26 +23,26 @@ def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[
     act: commands (n,), A or V, from observations (n, size).
     """
     rngs = [np.random.default_rng(k) for k in range(task.n)]
-    seen = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(loads)])
+    observation = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(loads)])
     alive, periods = np.ones(task.n, dtype=np.bool_), 0
     columns = [task.score.NAMES.index(name) for name in world.measures]
     found = np.zeros((task.n, len(columns)))
     while alive.any():
-        step = task.step(2.0 * act(seen)[:, None] / float(task.command_max[0]) - 1.0)
+        step = task.step(2.0 * act(observation)[:, None] / float(task.command_max[0]) - 1.0)
         ended = step.over & alive
         found[ended] = step.info[ended][:, columns]
         periods += int(alive.sum())
         alive &= ~step.over
-        seen = step.observation
+        observation = step.observation
     return dict(zip(world.measures, found.T, strict=True)), periods
 
 
-def forces(task: Task, seen: NDArray[np.float32]) -> Array:
+def forces(task: Task, observation: NDArray[np.float32]) -> Array:
     """(n,) N, the damper's, as observations (n, size) hold it; zero where they do not."""
     if "force" not in task.observer.signals:
-        return np.zeros(len(seen))
+        return np.zeros(len(observation))
     column = task.observer.signals.index("force")
-    return np.asarray(task.observer.scales[column] * seen[:, column].astype(np.float64))
+    return np.asarray(task.observer.scales[column] * observation[:, column].astype(np.float64))
 
 
 class Judge:
@@ -67,9 +67,9 @@ class Judge:
         if isinstance(policy, Policy):
             policy.reset()
 
-        def act(seen: NDArray[np.float32]) -> Array:
+        def act(observation: NDArray[np.float32]) -> Array:
             if isinstance(policy, Policy):
-                return policy.commands(seen, forces(task, seen))
-            return np.full(len(seen), policy)
+                return policy.commands(observation, forces(task, observation))
+            return np.full(len(observation), policy)
 
         return episodes(task, world, loads, act)[0]

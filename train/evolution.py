@@ -134,10 +134,10 @@ class Shape:
         return Network(tuple(self.layers(numbers)), "tanh")
 
 
-def actions(layers: Sequence[tuple[Array, Array]], seen: Array) -> Array:
+def actions(layers: Sequence[tuple[Array, Array]], observation: Array) -> Array:
     """(candidates, loads) in [-1, 1] from seen (candidates, loads, in), each candidate by its own layers."""
     for k, (weight, bias) in enumerate(layers):
-        seen = seen @ weight.swapaxes(-1, -2) + bias[:, None, :]
+        observation = observation @ weight.swapaxes(-1, -2) + bias[:, None, :]
         if k < len(layers) - 1:
-            seen = np.tanh(seen)
-    return np.clip(seen[..., 0], -1.0, 1.0)
+            observation = np.tanh(observation)
+    return np.clip(observation[..., 0], -1.0, 1.0)

@@ -50,8 +50,8 @@ class GradientRun(Run):
         venv: VecEnv = Whitened(PolicyAction(base, self.task, self.policy()), self.matrix)
         if runs:
             exponent = self.chosen.exponent or self.world.exponent
-            told = self.chosen.privileged
-            venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, told=told)
+            privileged = self.chosen.privileged
+            venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, privileged=privileged)
             self.lessons_given = venv
         self.venv = VecMonitor(venv)
         self.model = self._model(int(self.seed.generate_state(1)[0] // 2))
@@ -192,15 +192,15 @@ class _Callback(BaseCallback):
 
     def __init__(self, run: GradientRun, progress: Progress) -> None:
         super().__init__()
-        self._running, self._progress, self._told = run, progress, -run.chosen.n_timesteps
+        self._running, self._progress, self._last_report = run, progress, -run.chosen.n_timesteps
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
         run = self._running
-        if run.timesteps >= self._told + run.chosen.n_timesteps / 100:
-            self._told = run.timesteps
+        if run.timesteps >= self._last_report + run.chosen.n_timesteps / 100:
+            self._last_report = run.timesteps
             run.tell(self._progress)
         policy: Any = self.model.policy
         if hasattr(policy, "average"):

@@ -71,13 +71,13 @@ def imitated(
         controller.reset()
         own.reset()
         y, command = plant.reset(load), 0.0
-        seen, forces = [], []
+        observation, forces = [], []
         while not plant.finished:
-            seen.append(own(y, command))
+            observation.append(own(y, command))
             command = controller.command(plant.time, y)
             forces.append(controller.wanted / force_max)
             y = plant.step(command)
         size = float(np.sqrt(np.mean(np.square(forces)))) or 1.0
-        inputs.append(np.array(seen, dtype=np.float64) @ matrix.T / size)
+        inputs.append(np.array(observation, dtype=np.float64) @ matrix.T / size)
         wanted.append(np.array(forces) / size)
     return np.asarray(np.linalg.lstsq(np.concatenate(inputs), np.concatenate(wanted), rcond=1e-8)[0])

@@ -42,10 +42,10 @@ class Lessons(VecEnvWrapper):
 
     def __init__(
         self, venv: VecEnv, world: World, task: Task, runs: Sequence[Known], exponent: float, price: float = 0.0,
-        scale: float = 1000.0, told: bool = True,
+        scale: float = 1000.0, privileged: bool = True,
     ) -> None:  # fmt: skip
         self._world, self._task, self._p, self._scale = world, task, exponent, scale
-        self._price, self._told = price * scale, told
+        self._price, self._privileged = price * scale, privileged
         self.renew(runs)
         rms = np.array([np.sqrt(np.mean(np.square(run.measured, dtype=np.float64), axis=0)) for run in runs])
         self._all = np.maximum(np.sqrt(np.mean(rms**2, axis=0)), 1e-12)
@@ -54,7 +54,7 @@ class Lessons(VecEnvWrapper):
         self._load: NDArray[np.intp] = np.zeros(venv.num_envs, dtype=np.intp)
         self._t: NDArray[np.intp] = np.zeros(venv.num_envs, dtype=np.intp)
         names = len(task.rows.names)
-        self.extra = (3 + len(_AHEAD)) * names + len(_WINDOWS) + 3 if told else 0
+        self.extra = (3 + len(_AHEAD)) * names + len(_WINDOWS) + 3 if privileged else 0
         width, limit = venv.observation_space.shape[0], float(venv.observation_space.high.max())
         super().__init__(venv, observation_space=Box(-limit, limit, (width + self.extra,), np.float32))
 
@@ -76,9 +76,9 @@ class Lessons(VecEnvWrapper):
         self._measured = np.concatenate([run.measured for run in runs])
 
     def reset(self) -> Any:
-        seen = self.venv.reset()
+        observation = self.venv.reset()
         self._begin(range(self.num_envs))
-        return self._with(seen)
+        return self._with(observation)
 
     def step_wait(self) -> Any:
         observation, _, done, infos = self.venv.step_wait()
@@ -109,7 +109,7 @@ class Lessons(VecEnvWrapper):
             self._t[row] = 0
 
     def _with(self, observation: Any) -> Any:
-        if not self._told:
+        if not self._privileged:
             return observation
         now, own, first = self._task.measured, self._own[self._load], self._first[self._load]
         last = self._steps[self._load]
@@ -119,5 +119,5 @@ class Lessons(VecEnvWrapper):
         ends = [self._sums[first + np.minimum(self._t + w, last)] for w in (0, *_WINDOWS, _FAR)]
         parts += [np.diff(np.array(ends), axis=0).T]
         parts += [np.minimum((last - self._t) / _SHORT, 1.0)[:, None], self._size[self._load][:, None]]
-        told = np.clip(np.concatenate(parts, axis=1), -_LIMIT, _LIMIT).astype(np.float32)
-        return np.concatenate([observation, told], axis=1)
+        privileged = np.clip(np.concatenate(parts, axis=1), -_LIMIT, _LIMIT).astype(np.float32)
+        return np.concatenate([observation, privileged], axis=1)

@@ -61,7 +61,7 @@ def _runs(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> lis
     policy.reset()
     many, rngs = len(loads), [np.random.default_rng(k) for k in range(task.n)]
     given = [*loads, *[loads[0]] * (task.n - many)]
-    seen = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(given)])
+    observation = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(given)])
     columns = [task.score.NAMES.index(c.measure) for c in world.criteria]
     steps, longest = task.rows.steps[:many].copy(), int(task.rows.steps[:many].max())
     criteria = np.zeros((longest, many, len(columns)))
@@ -69,13 +69,13 @@ def _runs(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> lis
     ratios = np.zeros((many, len(columns)))
     measured[0] = task.measured[:many]
     for t in range(longest):
-        command = policy.commands(seen, forces(task, seen))
+        command = policy.commands(observation, forces(task, observation))
         step = task.step(2.0 * command[:, None] / float(task.command_max[0]) - 1.0)
         criteria[t] = world.sizes_of(task.happened)[:many]
         measured[t + 1] = task.measured[:many]
         last = steps == t + 1
         ratios[last] = step.info[:many][last][:, columns]
-        seen = step.observation
+        observation = step.observation
     return [
         Known(load, criteria[: steps[k], k].copy(), ratios[k], measured[: steps[k] + 1, k].copy())
         for k, load in enumerate(loads)

@@ -185,10 +185,10 @@ class Run(ABC):
         columns = list(self.task.observer.without_peaks)
         matrix = np.eye(self.task.observer.size, dtype=np.float32)[columns]
         if self.chosen.normalize:
-            seen = explored(
+            observation = explored(
                 self.world.task(_EXPLORED[0], self.chosen.engine), self.levels, self.command_max, rng
             )
-            matrix[:, columns] = whitening(seen[:, columns])
+            matrix[:, columns] = whitening(observation[:, columns])
         return matrix
 
 
@@ -198,20 +198,20 @@ def explored(
     """(many, size) observations under random actions that are held for a while."""
     n = task.n
     rngs = list(rng.spawn(n))
-    seen, found = task.reset(range(n), rngs)[0], []
+    observation, found = task.reset(range(n), rngs)[0], []
     share = np.zeros(n)
     for k in range(_EXPLORED[1]):
         if k % _HELD == 0:
             share = rng.uniform(0, 1, n)
         command = share * command_max
         if levels is not None:
-            force = forces(task, seen)
+            force = forces(task, observation)
             command = levels.command(np.sign(force) * share * levels.force_max, force)
         step = task.step(2.0 * command[:, None] / command_max - 1.0)
-        seen = step.observation
-        found.append(seen.copy())
+        observation = step.observation
+        found.append(observation.copy())
         for row in np.flatnonzero(step.over).tolist():
-            seen[row] = task.reset([row], rngs)[0][0]
+            observation[row] = task.reset([row], rngs)[0][0]
     return np.concatenate(found)
 
 

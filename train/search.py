@@ -133,20 +133,20 @@ class EvolutionRun(Run):
         """The world's measures (population, loads) of all candidates under the loads."""
         many = len(loads)
 
-        def act(seen: NDArray[np.float32]) -> Array:
-            inputs = seen.astype(np.float64)
+        def act(observation: NDArray[np.float32]) -> Array:
+            inputs = observation.astype(np.float64)
             if self._noise:
-                noise = self._noise * rng.standard_normal((many, seen.shape[1]))
+                noise = self._noise * rng.standard_normal((many, observation.shape[1]))
                 inputs = inputs + np.tile(noise, (self.population, 1))  # the same for every candidate
             inputs = inputs @ self.matrix.T
             action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
             if self.levels is None:
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
-                command = self.levels.command(action * self.levels.force_max, forces(task, seen))
+                command = self.levels.command(action * self.levels.force_max, forces(task, observation))
             if self.least_given() is None:
                 return command
-            peaks = task.observer.peak(seen, "force").reshape(self.population, many)
+            peaks = task.observer.peak(observation, "force").reshape(self.population, many)
             floor = [low(p) for low, p in zip(least, peaks, strict=True) if low is not None]
             return np.maximum(command, np.concatenate(floor))
 

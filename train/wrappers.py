@@ -20,20 +20,20 @@ class PolicyAction(VecEnvWrapper):
     def __init__(self, venv: VecEnv, task: Task, policy: Policy) -> None:
         super().__init__(venv)
         self.task, self.policy = task, policy
-        self._seen: NDArray[np.float32] = np.zeros((venv.num_envs, task.observer.size), np.float32)
+        self._observation: NDArray[np.float32] = np.zeros((venv.num_envs, task.observer.size), np.float32)
 
     def reset(self) -> Any:
-        self._seen = self.venv.reset()
-        return self._seen
+        self._observation = self.venv.reset()
+        return self._observation
 
     def step_async(self, actions: NDArray[Any]) -> None:
         given = np.clip(np.asarray(actions, dtype=np.float64).reshape(-1), -1.0, 1.0)
-        command = self.policy.driven(given, self._seen, forces(self.task, self._seen))
+        command = self.policy.driven(given, self._observation, forces(self.task, self._observation))
         self.venv.step_async((2.0 * command / self.policy.command_max - 1.0)[:, None].astype(np.float32))
 
     def step_wait(self) -> Any:
         observation, reward, done, infos = self.venv.step_wait()
-        self._seen = observation
+        self._observation = observation
         return observation, reward, done, infos
 
 

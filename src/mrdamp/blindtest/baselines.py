@@ -96,8 +96,8 @@ def _forward(case: Case, search: Search, start: Fit) -> Answer:
         terms = [t for t in search.problem.rig.terms if t.cause not in taken]
         # A recalibration at its bounds can hide an effect: effects are screened with nominal and with fitted
         # parameters.
-        asked = [best, held] if best is search.base else [best]
-        promising = {p.term.name: (p.term, p.start) for f in asked for p in screen(search, f, terms)[:_TRIED]}
+        starting_fits = [best, held] if best is search.base else [best]
+        promising = {p.term.name: (p.term, p.start) for f in starting_fits for p in screen(search, f, terms)[:_TRIED]}
         tries = []
         for term, k in promising.values():
             hypothesis, point = search.start_from(best, term, k)

@@ -42,11 +42,11 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
         must_show(shown(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
-    parameters = _believed(rng, task, device, plain, few)
-    believed = {**plain.numbers, **parameters}
+    parameters = _nominal_parameters(rng, task, device, plain, few)
+    nominal_parameters = {**plain.numbers, **parameters}
     records = recorded(rng, truth, inputs, noise, chosen_channels(rng, task))
     recorder.write_case(folder, "damper", {"law": device.law, "parameters": parameters}, records)
-    clean = {name: _clean(truth, believed, test) for name, test in held_out.items()}
+    clean = {name: _clean(truth, nominal_parameters, test) for name, test in held_out.items()}
     recorder.write_tests(tests, clean)
     return {
         "label": task.label,
@@ -113,7 +113,7 @@ def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation
     return shares_shown(list(parts), residuals)
 
 
-def _believed(
+def _nominal_parameters(
     rng: np.random.Generator, task: Task, device: dampers.Device, plain: Truth, tests: Sequence[Excitation]
 ) -> dict[str, float]:
     @cache
@@ -125,7 +125,7 @@ def _believed(
         pairs = zip(tests, measured(), strict=True)
         return pooled([relative(nominal_damper(numbers, plain, test), force) for test, force in pairs])
 
-    return dampers.believed(rng, task, device, gap, slight=(0.4, 0.04))
+    return dampers.nominal_parameters(rng, task, device, gap, slight=(0.4, 0.04))
 
 
 def chosen_channels(rng: np.random.Generator, task: Task) -> list[str]:
@@ -156,7 +156,7 @@ def recorded(
     return records
 
 
-def _clean(truth: Truth, believed: Numbers, test: Excitation) -> dict[str, Array]:
+def _clean(truth: Truth, nominal_parameters: Numbers, test: Excitation) -> dict[str, Array]:
     channels = damper_channels(truth, test, test.rng)
     kept = {name: channels[name] for name in ("displacement_m", "command", "force_N")}
-    return {**kept, "nominal_N": nominal_damper(believed, truth, test)}
+    return {**kept, "nominal_N": nominal_damper(nominal_parameters, truth, test)}

@@ -119,7 +119,7 @@ def draw(rng: np.random.Generator, *, frame: bool = False, mounted: bool = False
     return Device(law, drawn, machine)
 
 
-def believed(
+def nominal_parameters(
     rng: np.random.Generator,
     task: Task,
     device: Device,

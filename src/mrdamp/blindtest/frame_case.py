@@ -35,7 +35,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), drawn_storeys(rng), drawn_damper_floors(rng))
     inputs = excitation.frame_tests(rng, device.machine.command)
     held_out = excitation.held_out_frame_tests(rng, device.machine.command)
-    few = telling(inputs)
+    few = informative(inputs)
     scale = measure(device, plain, few)
     noise = recorder.frame_noise(rng)
     level = noise[_MEASURED[0]].deviation / float(np.mean(scale.acceleration))
@@ -45,11 +45,11 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
         must_show(shown(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
-    parameters = _believed(rng, task, device, plain, few)
-    believed = replace(plain, numbers={**plain.numbers, **parameters})
+    parameters = _nominal_parameters(rng, task, device, plain, few)
+    nominal_parameters = replace(plain, numbers={**plain.numbers, **parameters})
     nominal = {"law": device.law, "parameters": parameters, **structure_of(plain)}
     recorder.write_case(folder, "frame", nominal, recorded(rng, truth, inputs, noise))
-    clean = {name: _clean(truth, believed, test) for name, test in held_out.items()}
+    clean = {name: _clean(truth, nominal_parameters, test) for name, test in held_out.items()}
     recorder.write_tests(tests, clean)
     return {
         "label": task.label,
@@ -121,7 +121,7 @@ def structure_of(plain: Truth) -> dict[str, Any]:
     return {"structure": structure, "damper_between": list(plain.between)}
 
 
-def telling(inputs: Sequence[Excitation]) -> list[Excitation]:
+def informative(inputs: Sequence[Excitation]) -> list[Excitation]:
     """One test of each kind that shows causes."""
     return [next(test for test in inputs if test.kind == kind) for kind in _TELLING]
 
@@ -154,7 +154,7 @@ def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation
     return shares_shown(list(parts), residuals)
 
 
-def _believed(
+def _nominal_parameters(
     rng: np.random.Generator, task: Task, device: dampers.Device, plain: Truth, tests: Sequence[Excitation]
 ) -> dict[str, float]:
     none = np.random.default_rng(0)
@@ -168,7 +168,7 @@ def _believed(
         pairs = zip(tests, measured(), strict=True)
         return pooled([_error(frame_channels(other, test, none), m) for test, m in pairs])
 
-    return dampers.believed(rng, task, device, gap, slight=(0.3, 0.03))
+    return dampers.nominal_parameters(rng, task, device, gap, slight=(0.3, 0.03))
 
 
 def recorded(
@@ -185,9 +185,9 @@ def recorded(
     return records
 
 
-def _clean(truth: Truth, believed: Truth, test: Excitation) -> dict[str, Array]:
+def _clean(truth: Truth, nominal_parameters: Truth, test: Excitation) -> dict[str, Array]:
     channels = frame_channels(truth, test, test.rng)
-    nominal = frame_channels(believed, test, test.rng, felt_ground(truth, test))
+    nominal = frame_channels(nominal_parameters, test, test.rng, felt_ground(truth, test))
     said = {name.replace("floor", "nominal_floor").removesuffix("_m_s2"): nominal[name] for name in _MEASURED}
     return {**channels, **said, "nominal_N": nominal["force_N"]}
 

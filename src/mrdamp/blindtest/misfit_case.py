@@ -155,7 +155,7 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
     plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), frame_case.drawn_storeys(rng), between)
     inputs = excitation.frame_tests(rng, device.machine.command)
     held_out = excitation.held_out_frame_tests(rng, device.machine.command)
-    few = frame_case.telling(inputs)
+    few = frame_case.informative(inputs)
     scale = frame_case.measure(device, plain, few)
     recipe = misfit.draw(rng, task, device, scale.damper)
     speed = _PEAKS * scale.rate[max(between) - 1]

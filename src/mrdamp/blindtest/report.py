@@ -150,14 +150,14 @@ def by_cause(rows: Sequence[Row]) -> list[list[Cell]]:
 
 
 def _summary(rows: Sequence[Row], figures: Mapping[str, Share], n: Numbers) -> str:
-    told = {
+    named = {
         "single effects": "single effects named",
         "pairs": "pairs named",
         "unknown causes recognised": "unknown said",
         "no false alarm": "no false alarm (none, parameters)",
         "no false cause": "controls without an invented cause",
     }
-    parts = [f"{words} {figures[name].value:.2f}" for words, name in told.items() if figures[name].of]
+    parts = [f"{words} {figures[name].value:.2f}" for words, name in named.items() if figures[name].of]
     return (
         f"{figures['all'].right} of {len(rows)} cases answered correctly; {', '.join(parts)}; on unseen tests the gap "
         f"shrinks by {n.shrink_median:.2f} (median)."

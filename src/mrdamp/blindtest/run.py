@@ -119,12 +119,12 @@ def diagnose_one(case: Path, out: Path, timeout: float, jobs: int = 1) -> None:
         env={**os.environ, **quiet},
     )
     try:
-        told = process.communicate(timeout=timeout)[1]
+        messages = process.communicate(timeout=timeout)[1]
         verdict = "done" if process.returncode == 0 else "failed"
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
-        told, verdict = process.communicate()[1], "timeout"
-    last = told.strip().splitlines()[-1:] if verdict != "done" else []
+        messages, verdict = process.communicate()[1], "timeout"
+    last = messages.strip().splitlines()[-1:] if verdict != "done" else []
     run = {"verdict": verdict, "seconds": round(time.monotonic() - start, 2), "error": "".join(last)[:300]}
     write_atomic(out / "run.json", json.dumps(run) + "\n")
 

@@ -272,8 +272,8 @@ class Stack:
         """`push` of a single plant in plain numbers: (size,) from values (signals,), last_command (dampers,)."""
         o = self.observer
         if o.memory or o.peaks or o.filter is not None:
-            seen: Observation = self.push(np.array([values]), np.array([last_command]))[0]
-            return seen
+            stacked: Observation = self.push(np.array([values]), np.array([last_command]))[0]
+            return stacked
         now = [value / scale for value, scale in zip(values, o.scales, strict=True)]
         if o.action_in_observation:
             now += [command / largest for command, largest in zip(last_command, o.command_max, strict=True)]
@@ -282,8 +282,8 @@ class Stack:
         if o.history > 1:
             past[1:] = past[:-1]
         past[0] = [v if -most <= v <= most else most if v > most else -most if v < -most else v for v in now]
-        seen = past.reshape(-1).astype(np.float32)
-        return seen
+        stacked = past.reshape(-1).astype(np.float32)
+        return stacked
 
     def restart(self, rows: Sequence[int], values: Array, last_command: Array) -> Observation:
         """(rows, size): these rows have no past but this; values (rows, signals)."""

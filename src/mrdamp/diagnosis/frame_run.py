@@ -99,7 +99,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     def part(begin: float, end: float) -> Progress:
         return lambda what, share: progress(what, begin + (end - begin) * share)
 
-    channels = apart_from_the_law(case, rig, found)
+    channels = compared_without_law(case, rig, found)
     search, floor = _search(rig, noise, base, limits, jobs, store, part(0.05, 0.45))
     _, decision = judge(search, rig, untouched, channels)
     storeys = [b for b in found if b.kind == "storey" and not b.clean]
@@ -129,7 +129,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     return Searched(small, rig, search, noise, floor, base, notes, judged, complete)
 
 
-def apart_from_the_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
+def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
     """Findings on the frame's parts that do not depend on the damper's law. Empty if the simulator already
     has effects in the frame, which the balances do not model."""
     if any(e.place is not None for e in case.model.effects):
@@ -191,7 +191,7 @@ def _search(
     damper's causes are skipped. base: (channels,) gap of the nominal simulator on the rig's baseline. before:
     a search on the same records with other nominal parameters, whose fits with fixed parameters are reused.
     """
-    problem = Problem(replace(rig, placed=True), telling(rig.raw), coarse=True)
+    problem = Problem(replace(rig, placed=True), most_different(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
@@ -210,17 +210,17 @@ def _search(
         ("one cause, the damper's among them", rig, True, 1),
         ("two causes", rig, True, 2),
     )
-    asked = any(b == "damper" or b.startswith("storey") for b in at_fault)
-    beside_law = False
+    damper_may_be_at_fault = any(b == "damper" or b.startswith("storey") for b in at_fault)
+    law_explains_more = False
     for number, (what, sought, wanted, depth) in enumerate(steps):
         if not wanted or _enough(search, rig, at_fault, law=number > 2):
             continue
         problem.rig = sought
         if depth == 2:
-            if asked and search.explained_outside():
+            if damper_may_be_at_fault and search.explained_outside():
                 problem.rig = rig
                 return search, floor
-            if beside_law and _ahead(search):
+            if law_explains_more and _ahead(search):
                 continue
         progress(what, (number + 1) / 6)
         search.extend(False, depth)
@@ -235,8 +235,8 @@ def _search(
                 continue
             # If free parameters explain more than any cause, they are combined with one cause before two
             # causes are tried without them.
-            beside_law = search.base.cost < search.ranked(False)[0].cost
-            if beside_law:
+            law_explains_more = search.base.cost < search.ranked(False)[0].cost
+            if law_explains_more:
                 search.extend(True, 1)
                 if search.solved(search.ranked(True)[0]):
                     break
@@ -244,7 +244,7 @@ def _search(
         for f in held if not _enough(search, rig, at_fault) else []:
             search.keep(_freed(search, rig, f))
     problem.rig = rig
-    if not beside_law and not _enough(search, rig, at_fault):
+    if not law_explains_more and not _enough(search, rig, at_fault):
         progress("one cause beside other numbers", 5 / 6)
         search.extend(True, 1)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
@@ -255,9 +255,9 @@ def _search(
         try_second_cause(search, best)
         best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
     drop(search, best)
-    take_through(search, best)
+    refit_with_fewer_causes(search, best)
     best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if asked and not search.solved(best):
+    if damper_may_be_at_fault and not search.solved(best):
         # A rival is fitted with free nominal parameters, as are the fits it is compared with.
         if best.hypothesis.terms and not best.hypothesis.nominal:
             best = _freed(search, rig, best)
@@ -281,7 +281,7 @@ def stepped(rig: FrameRig, noise: Noise) -> FrameRig:
     they would need even smaller steps: a Bouc-Wen damper is a stiff spring after a jump."""
     for full_rate in (True, False):
         rig = replace(rig, full_rate=full_rate, jump_step=COARSE, coarse_step=COARSE)
-        records = telling(rig.raw)
+        records = most_different(rig.raw)
         floor = floors(Problem(rig, records, coarse=True), noise, {})
         for jumps in (True, False):
             for step in (FINE, FINE / 2):
@@ -344,7 +344,7 @@ def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
     )
 
 
-def take_through(search: Search, best: Fit) -> None:
+def refit_with_fewer_causes(search: Search, best: Fit) -> None:
     """Repeats the best fit with one cause removed at a time and free parameters, starting from its optimum.
     The signatures of the law are linearised once at the start of a fit, which may stop too early for a fair
     comparison.
@@ -356,7 +356,7 @@ def take_through(search: Search, best: Fit) -> None:
         search.keep(search.fitted(found.hypothesis, found.point, most=_FREE, stage=" through"))
 
 
-def telling(records: Sequence[Record]) -> tuple[int, ...]:
+def most_different(records: Sequence[Record]) -> tuple[int, ...]:
     """Indices of at most _RECORDS records. Of two records with similar command and ground motion the later
     one is left out."""
     signs = []

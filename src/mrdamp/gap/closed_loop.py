@@ -33,14 +33,14 @@ def write_case(
         "format": 1,
         "rig": "frame",
         "sample_rate_hz": LOG_HZ,
-        "nominal": _believed(real.nominal),
+        "nominal": _nominal_form(real.nominal),
         "channels": list(channels),
         "records": names,
     }
     write_atomic(folder / "case.json", json.dumps(data, indent=1) + "\n")
 
 
-def _believed(nominal: Model) -> dict[str, Any]:
+def _nominal_form(nominal: Model) -> dict[str, Any]:
     s = nominal.structure
     assert s is not None
     assert s.damper_between is not None

@@ -176,7 +176,7 @@ def identify(
     check_clipping(train)
     scales = Scales.of(train)
     dependence = dependence_for(dependence, scales, train[0].label)
-    asked = tuple(extras)
+    requested = tuple(extras)
     if scales.levels == 1:
         extras = [extra for extra in extras if extra != "saturation"]
     if all(np.ptp(record.command) < 1e-3 * scales.command for record in train):
@@ -226,7 +226,7 @@ def identify(
         tuple(error(model, record) for record in held_out),
         starts,
         problem.evaluations + full.evaluations,
-        tuple(extra for extra in asked if extra not in extras),
+        tuple(extra for extra in requested if extra not in extras),
         search,
         tuple(float(p) for p in best),
     )

@@ -82,24 +82,24 @@ def levels(records: Sequence[Record]) -> int:
     return min(count, 4)
 
 
-def dependence_for(asked: str | None, scales: Scales, where: str = "the records") -> str:
+def dependence_for(requested: str | None, scales: Scales, where: str = "the records") -> str:
     """The dependence that a fit uses: as asked, or linear where the command varies and constant where it does not.
 
     Raises InputError for an unknown name, and for one that so few different commands cannot show.
     """
-    if asked is None:
+    if requested is None:
         return "linear" if scales.levels > 1 else "constant"
-    if asked not in DEPENDENCES:
-        raise InputError(f"dependence '{asked}' is unknown; allowed: {', '.join(DEPENDENCES)}")
-    need = DEPENDENCES[asked]
+    if requested not in DEPENDENCES:
+        raise InputError(f"dependence '{requested}' is unknown; allowed: {', '.join(DEPENDENCES)}")
+    need = DEPENDENCES[requested]
     if scales.levels < need:
         what = (
             "the command never varies"
             if scales.levels == 1
             else f"there are {scales.levels} different commands"
         )
-        raise InputError(f"{where}: {what}; a {asked} dependence on the command needs {need} different ones")
-    return asked
+        raise InputError(f"{where}: {what}; a {requested} dependence on the command needs {need} different ones")
+    return requested
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def is_channel(name: str) -> bool:
     return (name in CHANNELS and "floorN" not in name) or _FLOOR.fullmatch(name) is not None
 
 
-def meant(name: str) -> str | None:
+def canonical_name(name: str) -> str | None:
     """The channel that a name with a wrong, missing or differently written unit was meant to be.
 
     ``force_kN`` -> ``force_N``; ``Displacement [mm]`` -> ``displacement_m``; None where the name is
@@ -98,7 +98,7 @@ def check_header(file: str, header: Sequence[str], required: Sequence[str] | Non
         if name in seen:
             raise InputError(f"{file}: two columns are named {show(name)}")
         seen.add(name)
-        right = meant(name)
+        right = canonical_name(name)
         if right is not None:
             what = CHANNELS.get(right, "frame channel, SI units")
             raise InputError(f"{file}: column {show(name)} must be {right} ({what})")

@@ -39,7 +39,7 @@ def rings_before_jumps(command: Array) -> bool:
     span = float(np.ptp(command)) if len(command) else 0.0
     if not span > 0:
         return False
-    told = []
+    ringing = []
     risen = np.abs(command[_RISE:] - command[:-_RISE]) > _JUMP * span
     for k in np.flatnonzero(risen[1:] & ~risen[:-1]) + 1:  # the last sample before the jump, or one earlier
         before = command[max(0, k - 2 * _WAVE) : max(0, k - _WAVE)]
@@ -47,8 +47,8 @@ def rings_before_jumps(command: Array) -> bool:
         if len(before) < _WAVE or float(np.ptp(before)) > _FLAT * abs(jump):
             continue
         wave = (command[k - _WAVE : k + _RISE] - before.mean()) / jump
-        told.append(float(wave.min()) < -_BEFORE)
-    return 2 * sum(told) > len(told)
+        ringing.append(float(wave.min()) < -_BEFORE)
+    return 2 * sum(ringing) > len(ringing)
 
 
 def without_waves(command: Array, fine: Array) -> Array | None:

@@ -150,11 +150,11 @@ def intervals_by_stage(
         return {}
     else:
         nearest = stage_shares(search, chosen, verdict)
-        told = evidence if search.looks_like is None else None
+        drawn_evidence = evidence if search.looks_like is None else None
         rows = [
             _of_blocks(
                 found,
-                told.at(k) if told else nearest,
+                drawn_evidence.at(k) if drawn_evidence else nearest,
                 _of_total({b.name: b.drawn_excess(k) for b in found}),
             )
             for k in range(len(found[0].drawn))

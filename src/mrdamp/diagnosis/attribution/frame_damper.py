@@ -23,8 +23,8 @@ def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
 
     None if the damper's block is clean while others are faulty, or if its channels were not measured.
     """
-    asked = (b for b in found if b.kind == "damper" and (not b.clean or all(other.clean for other in found)))
-    block = next(asked, None)
+    eligible = (b for b in found if b.kind == "damper" and (not b.clean or all(other.clean for other in found)))
+    block = next(eligible, None)
     if block is None:
         return None
     rig = damper_alone(case)

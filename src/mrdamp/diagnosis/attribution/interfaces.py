@@ -73,10 +73,10 @@ def parts(rig: DamperRig, noise: float) -> Parts:
     found = tuple(
         Measured(
             f"{before} to {after}",
-            _between(before, after),
+            _stages_between(before, after),
             float(share),
             interval(spread[:, k]),
-            _part_by(_between(before, after)),
+            _part_by(_stages_between(before, after)),
         )
         for k, (before, after, share) in enumerate(zip(ends, ends[1:], shares, strict=False))
     )
@@ -119,7 +119,7 @@ def _shares(sums: Array) -> Array:
     return np.where(total > 0, sums / np.where(total > 0, total, 1.0), 1 / sums.shape[1])
 
 
-def _between(before: str, after: str) -> tuple[str, ...]:
+def _stages_between(before: str, after: str) -> tuple[str, ...]:
     first = {"command": 0, "current_A": 1, "reference_force_N": 5}[before]
     last = {"current_A": 1, "reference_force_N": 5, "force_N": 6}[after]
     return _STAGES[first:last]

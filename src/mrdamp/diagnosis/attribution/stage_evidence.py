@@ -75,7 +75,7 @@ class StageEvidence:
         law = min((errors.left(None), errors.weighted), key=_cost)
         level = noise**2 * float(np.mean([u**2 for u in errors.units]))
         plain: dict[str, Array] = {}
-        told: dict[str, Array] = {}
+        evidence: dict[str, Array] = {}
         laws = [law, errors.weighted]
         most = np.inf if base is None else STAGE_TELLS * _cost(errors.parts(base.residual))
         costs = [_cost(law)]
@@ -96,14 +96,14 @@ class StageEvidence:
                 for (_, price), (white, mean) in zip(models, means, strict=True)
             ]
             best = np.max(values, axis=0)
-            told[stage] = np.maximum(best, told.get(stage, best))
+            evidence[stage] = np.maximum(best, evidence.get(stage, best))
             plain[stage] = np.maximum(means[-1][1], plain.get(stage, means[-1][1]))
         explained = 1 - min(costs) / max(costs[0], 1e-30)
         untouched = max(1 - explained / TOUCHED, 0.0)
-        for stage in told:
+        for stage in evidence:
             price = 0.0 if stage in RANDOM_STAGES else RANDOM_PRICE
-            told[stage] = told[stage] + untouched * (UNTOUCHED * plain[stage] - price)
-        return cls(tuple(told), np.column_stack(list(told.values())))
+            evidence[stage] = evidence[stage] + untouched * (UNTOUCHED * plain[stage] - price)
+        return cls(tuple(evidence), np.column_stack(list(evidence.values())))
 
     def at(self, draw: int | None = None) -> dict[str, float]:
         """Shares by stage, adding up to 1; of a bootstrap draw if its index is given."""

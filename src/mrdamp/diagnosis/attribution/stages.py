@@ -165,7 +165,7 @@ def _shares(
     parts: Sequence[float],
     measured: Sequence[Measured],
     cost: Callable[[Fit], float],
-    told: Mapping[str, float],
+    by_evidence: Mapping[str, float],
 ) -> dict[str, float]:
     stages = [s for s in STAGES if any(t.stage == s for t in search.problem.rig.terms)]
     if verdict != "unknown":
@@ -173,8 +173,8 @@ def _shares(
     if search.looks_like is not None:
         (term,) = search.looks_like.hypothesis.terms
         return {s: float(s == term.stage) for s in stages}
-    if told:
-        return _within({s: told.get(s, 0.0) for s in stages}, parts, measured)
+    if by_evidence:
+        return _within({s: by_evidence.get(s, 0.0) for s in stages}, parts, measured)
     weights = {s: value**STAGE_SHARPNESS for s, value in _explained(search, stages, cost).items()}
     total = sum(weights.values())
     return _within({s: value / total for s, value in weights.items()}, parts, measured)

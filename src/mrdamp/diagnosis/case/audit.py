@@ -25,8 +25,8 @@ def audit(case: Case) -> Iterator[str]:
             cut = clipped(values)
             if cut is not None:
                 yield f"{record.name}: {name} is clipped at {cut[0]:g} for {100 * cut[1]:.1f} % of the samples"
-            elif held_share(values) > _HELD:
-                repeated.setdefault(name, {})[record.name] = 100 * held_share(values)
+            elif repeated_share(values) > _HELD:
+                repeated.setdefault(name, {})[record.name] = 100 * repeated_share(values)
             step = quantum(values)
             if step > _COARSE * float(np.std(values)):
                 yield f"{record.name}: {name} comes in steps of {step:g}"
@@ -40,7 +40,7 @@ def audit(case: Case) -> Iterator[str]:
             yield f"{repeat.name}: no record has the same input; it is left aside"
 
 
-def held_share(values: Array) -> float:
+def repeated_share(values: Array) -> float:
     """Share of samples that equal the previous one while the signal changes."""
     same = np.diff(values) == 0
     return float(np.mean(same))

@@ -70,8 +70,8 @@ class Balances:
         drift, shear = {}, {}
         for j in floors:
             above = range(j, s.storeys + 1)
-            told = all(k in moved or k in read for k in above) and (force is not None or not has_damper(s, j))
-            if not told or j not in x or j - 1 not in x:
+            complete = all(k in moved or k in read for k in above) and (force is not None or not has_damper(s, j))
+            if not complete or j not in x or j - 1 not in x:
                 continue
             shear[j] = -sum((s.mass[k - 1] * _either(moved, read, k) for k in above), np.zeros(r.n))
             drift[j] = x[j] - x[j - 1]

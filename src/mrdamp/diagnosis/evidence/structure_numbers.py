@@ -97,7 +97,7 @@ def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]
         for chosen in combinations(far[:4], count):
             penalty = d.penalty(chosen)
             if penalty < whole - count * price:
-                out.append((_told(rig, found, d, chosen), penalty))
+                out.append((_as_effects(rig, found, d, chosen), penalty))
     return out
 
 
@@ -106,7 +106,7 @@ def _cause(name: str) -> str:
     return f"{_EFFECTS[kind]}@{place}"
 
 
-def _told(rig: FrameRig, found: Fit, d: Deviations, chosen: tuple[int, ...]) -> Fit:
+def _as_effects(rig: FrameRig, found: Fit, d: Deviations, chosen: tuple[int, ...]) -> Fit:
     """The same simulator with changes of nominal parameters expressed as effects."""
     terms: list[Term] = [next(t for t in rig.terms if t.cause == _cause(d.names[k])) for k in chosen]
     point, added, columns = found.point.copy(), [], []

@@ -65,7 +65,7 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     rough = search.problem.rougher(base.hypothesis)
     before = rough.residuals(base.hypothesis, base.point)[0]
     out = []
-    for term in search.beside(()):
+    for term in search.addable(()):
         if term.cause in chosen.hypothesis.causes:
             continue
         hypothesis, point = search.start_from(base, term, 0)

@@ -208,14 +208,14 @@ def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
-    freed = _beside(found.move) if found.causes else LAW_PRICE
+    freed = _free_price(found.move) if found.causes else LAW_PRICE
     price = (
         freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.penalty
     )
     return -0.5 * INDEPENDENT * math.log(left + resolution) - price + found.direct
 
 
-def _beside(move: float) -> float:
+def _free_price(move: float) -> float:
     """Penalty of free nominal parameters with a cause, by the size of their change."""
     return FREE_PRICE + MOVE_PRICE * min(move / MOVE, 1.0)
 
@@ -223,7 +223,7 @@ def _beside(move: float) -> float:
 def idle_price(move: float) -> float:
     """Difference between the penalties of free nominal parameters alone and with a cause. If the cause
     explains nothing beyond the free parameters, these carry their full penalty."""
-    return max(LAW_PRICE - _beside(move), 0.0)
+    return max(LAW_PRICE - _free_price(move), 0.0)
 
 
 def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:

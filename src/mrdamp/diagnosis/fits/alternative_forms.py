@@ -96,7 +96,7 @@ def exchange(table: FitTable) -> None:
     best = min(pairs, key=lambda f: (f.cost, f.hypothesis.name))
     parents = [lacking(table, best, term) for term in best.hypothesis.terms]
     parent = min(parents, key=lambda f: (f.cost, f.hypothesis.name))
-    ranked = screen(table, parent, table.beside(best.hypothesis.causes))
+    ranked = screen(table, parent, table.addable(best.hypothesis.causes))
     chosen = first_forms(ranked)[: table.limits.exchanged]
     tasks = [table.start_from(parent, p.term, p.start, p.by) for p in chosen]
     for again in table.map(lambda h, q: table.fitted(h, q, most=8, stage=" exchanged"), tasks):

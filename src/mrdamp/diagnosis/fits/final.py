@@ -98,18 +98,18 @@ def final_fit(
     used excerpts. If no fit reaches the noise, the form is not corrected. The result is then the fit of the
     chosen causes, with fixed or free nominal parameters, with the least error on left-out regimes.
     """
-    chosen = _through(search, chosen)
+    chosen = _converged(search, chosen)
     corrections: tuple[str, ...] = ()
     best = chosen
     if mend and search.inexact:
-        best = steadiest(search, chosen)
+        best = least_regime_error(search, chosen)
     elif mend:
         best, corrections = refine(search, chosen)
     tell("final fit")
     whole = None if rig is None or rig is search.problem.rig else rig
     if whole is not None:
-        return _of_whole(search, _through(search, best), whole)
-    final = _with_full_step(search, _through(search, best), corrections)
+        return _of_whole(search, _converged(search, best), whole)
+    final = _with_full_step(search, _converged(search, best), corrections)
     nominal = _square(search.problem.gaps(search.residual))
     if not mend or _square(final.heldout) <= nominal:
         return final
@@ -125,7 +125,7 @@ def final_fit(
     return final
 
 
-def steadiest(search: Search, chosen: Fit) -> Fit:
+def least_regime_error(search: Search, chosen: Fit) -> Fit:
     """The fit of the chosen causes with the least error on left-out regimes.
 
     Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
@@ -156,7 +156,7 @@ def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
     return FinalFit(final, (), heldout(problem, final), problem)
 
 
-def _through(search: Search, found: Fit) -> Fit:
+def _converged(search: Search, found: Fit) -> Fit:
     """A fit that the search stopped before convergence, continued."""
     if found.converged or not found.hypothesis.coordinates:
         return found

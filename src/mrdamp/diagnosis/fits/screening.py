@@ -52,7 +52,7 @@ def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreT
                 )
     order = sorted(predicted.values(), key=lambda p: (p.cost, p.term.name))
     passed = {p.term.name for p in order[_LOOKED_AT:]}
-    asked = [
+    tasks = [
         (term, k)
         for term in terms
         if term.name not in passed
@@ -61,14 +61,14 @@ def _screened(table: FitTable, found: Fit, terms: Sequence[Term]) -> list[ScoreT
     ]
     rough = table.problem.rougher(found.hypothesis)
     before = found.residual
-    if rough is not table.problem and asked:
+    if rough is not table.problem and tasks:
         before = rough.residuals(found.hypothesis, found.point)[0]
 
     def change(term: Term, k: int) -> Array:
         hypothesis, point = table.start_from(found, term, k)
         return np.asarray(rough.residuals(hypothesis, point)[0] - before)
 
-    changes = {(term.name, k): d for (term, k), d in zip(asked, table.map(change, asked), strict=True)}
+    changes = {(term.name, k): d for (term, k), d in zip(tasks, table.map(change, tasks), strict=True)}
     if nominal:
         known.update(changes)
         changes = known

@@ -16,9 +16,9 @@ import numpy as np
 
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
-from mrdamp.diagnosis.fits.delay_clock import try_clock
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import NARROW, Limits
+from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
@@ -56,7 +56,7 @@ class Search(FitTable):
     steady: bool = True
     direct: Mapping[str, float] = field(default_factory=dict)
     own: float = 0.0
-    _asked: bool = False
+    _rivals_fitted: bool = False
 
     def begin_with(self, term: Term) -> None:
         """Fits a term from its first start, with fixed and with free nominal parameters, and keeps both."""
@@ -77,8 +77,8 @@ class Search(FitTable):
                 break
             if free and depth > 1 and self.inexact and not self.pair_pays(False):
                 break
-            beside = self.best(True, 1)
-            if free and depth > 1 and beside is not None and self.solved(beside):
+            second = self.best(True, 1)
+            if free and depth > 1 and second is not None and self.solved(second):
                 break
             before = self.best(False)
             if before is not None and (self.solved(before) or (free and self.unexplained(before) < NEARLY)):
@@ -182,9 +182,9 @@ class Search(FitTable):
     def outside(self) -> None:
         """Fits causes outside the catalogue, those with the largest predicted gain, with fixed and free
         nominal parameters; only once."""
-        if self._asked:
+        if self._rivals_fitted:
             return
-        self._asked = True
+        self._rivals_fitted = True
         held = self.fits[False, frozenset()]
         ranked = worth_a_look(screen(self, held, self.problem.rig.rivals), held.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
@@ -205,14 +205,14 @@ class Search(FitTable):
         least = np.inf  # least cost found with a better parent
         for parent in parents(smaller, limits.beam, self.floor, SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)
-            ranked = screen(self, parent, self.beside(taken))
-            ranked = worth_a_look(ranked, parent.cost, beside=depth > 1)
+            ranked = screen(self, parent, self.addable(taken))
+            ranked = worth_a_look(ranked, parent.cost, second=depth > 1)
             tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
             for test in worth_a_fit(ranked, depth, limits):
                 hypothesis, start = self.start_from(parent, test.term, test.start, test.by)
                 key = frozenset(t.name for t in hypothesis.terms)
-                hopeless = test.cost - self.floor > _HOPELESS * max(least - self.floor, SOLVED * self.excess)
-                if (free, key) not in self.fits and not hopeless:
+                beyond_reach = test.cost - self.floor > _HOPELESS * max(least - self.floor, SOLVED * self.excess)
+                if (free, key) not in self.fits and not beyond_reach:
                     tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
             for found in self.map(self.tried, list(tasks.values())):
                 if found is not None:
@@ -222,7 +222,7 @@ class Search(FitTable):
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: limits.polished]
             for found in self.map(self._polish, [(f,) for f in best]):
                 self.keep(found)
-        try_clock(self, self.best(free, depth))
+        try_sampled_delay(self, self.best(free, depth))
 
     def _polish(self, found: Fit) -> Fit:
         """Repeats a fit with new signatures of the law while each repetition reduces the cost enough."""

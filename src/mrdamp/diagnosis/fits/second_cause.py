@@ -14,7 +14,7 @@ _GAIN, _MOST = 0.2, 2
 
 def others(table: FitTable, found: Fit) -> list[ScoreTest]:
     """Score tests of every cause that a fit does not contain, best first."""
-    return screen(table, found, table.beside(found.hypothesis.causes))
+    return screen(table, found, table.addable(found.hypothesis.causes))
 
 
 def try_second_cause(table: FitTable, found: Fit) -> None:

@@ -76,7 +76,7 @@ class FitTable:
         """Share of the excess that a fit leaves."""
         return max(found.cost - self.floor, 0.0) / self.excess
 
-    def beside(self, taken: Collection[str]) -> list[Term]:
+    def addable(self, taken: Collection[str]) -> list[Term]:
         """Terms of the catalogue that may be added to the causes `taken`."""
         return [t for t in self.problem.rig.terms if t.cause not in taken and not t.later]
 

@@ -52,7 +52,7 @@ def _about(c: Coordinate, value: float) -> Coordinate:
     return replace(c, start=value, low=low, high=high, log=False, prior=_PRIOR)
 
 
-def beside_own(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[Term, ...]:
+def without_nominal(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[Term, ...]:
     """The catalogue without what nominal effects already contain. A term of such an effect (and place) keeps
     the coordinates that are not among the nominal ones; it is omitted if none is left or its form differs."""
     own = own_settings(effects)

@@ -169,12 +169,12 @@ def strength_of(size: Callable[[float], float], target: float) -> float | None:
         if not np.isfinite(found):
             return None
         if found >= target:
-            return _between(size, target, (before, size_before), (float(trial), found))
+            return _regula_falsi(size, target, (before, size_before), (float(trial), found))
         before, size_before = float(trial), found
     return None
 
 
-def _between(
+def _regula_falsi(
     size: Callable[[float], float], target: float, low: tuple[float, float], high: tuple[float, float]
 ) -> float:
     best = high

@@ -112,9 +112,9 @@ class Study:
                 )
         if not sizes:
             raise InputError("--sizes: at least one is needed")
-        asked = [e for e in EFFECTS if not effects or e in effects]
-        reasons = {e: refusal(e, case.model, case.records) for e in asked}
-        possible = [e for e in asked if not reasons[e]]
+        selected = [e for e in EFFECTS if not effects or e in effects]
+        reasons = {e: refusal(e, case.model, case.records) for e in selected}
+        possible = [e for e in selected if not reasons[e]]
         # Large sizes first: an effect that is not found there will not be found in small sizes.
         trials = [Trial(e, s) for s in sorted(set(sizes), reverse=True) for e in possible]
         never, untried = (

@@ -46,7 +46,7 @@ def base_settings(model: Model) -> dict[str, float]:
     return dict(model.attributes) | along
 
 
-def told_by_the_log(settings: Mapping[str, float]) -> dict[str, str]:
+def log_entry(settings: Mapping[str, float]) -> dict[str, str]:
     """Entry of a model's file on the log, for `mrdamp.simulation.predict`."""
     return {LOG: AS_SENT} if ALONG in settings else {}
 
@@ -57,11 +57,11 @@ class CommandMemory:
     settings."""
 
     base: Mapping[str, float]
-    _held: dict[Hashable, Array | None] = field(default_factory=dict)
+    _without_ringing: dict[Hashable, Array | None] = field(default_factory=dict)
     _of_waves: dict[Hashable, Array] = field(default_factory=dict)
 
     def channels(
-        self, run: Run, settings: Sequence[Settings], logged: Array, fine: Array, clock: Hashable
+        self, run: Run, settings: Sequence[Settings], logged: Array, fine: Array, key: Hashable
     ) -> Array:
         """Simulated channels (sets, channels, m) under a command, as logged (n,) and at the time steps of the
         run (m,).
@@ -75,15 +75,15 @@ class CommandMemory:
             for k, s in enumerate(settings)
             if s.get(MEMORY, self.base.get(MEMORY, 0.0)) and not (as_logged or ALONG in s)
         ]
-        if rows and clock not in self._held:
-            self._held[clock] = without_waves(logged, fine)
-        held = self._held[clock] if rows else None
-        if held is None:
+        if rows and key not in self._without_ringing:
+            self._without_ringing[key] = without_waves(logged, fine)
+        without_ringing = self._without_ringing[key] if rows else None
+        if without_ringing is None:
             return run(settings, fine)
-        if clock not in self._of_waves:
+        if key not in self._of_waves:
             off: list[Settings] = [{MEMORY: 0.0}]
-            self._of_waves[clock] = (run(off, fine) - run(off, held))[0]
-        led = run([settings[k] for k in rows], held) + self._of_waves[clock]
+            self._of_waves[key] = (run(off, fine) - run(off, without_ringing))[0]
+        led = run([settings[k] for k in rows], without_ringing) + self._of_waves[key]
         others = [k for k in range(len(settings)) if k not in set(rows)]
         out = np.empty((len(settings), *led.shape[1:]))
         out[rows] = led

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
-from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
+from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
 from mrdamp.diagnosis.hypotheses.outside import (
     command_rivals,
     commanded,
@@ -22,7 +22,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
     read,
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
-from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
@@ -32,7 +32,7 @@ from mrdamp.records import Record
 from mrdamp.records.log_filter import FILTERED, LOGGER, logged, rings_before_jumps
 from mrdamp.records.sampling import derivative
 from mrdamp.records.upsampling import FineInputs as Fine
-from mrdamp.records.upsampling import repaired_ends as mended_ends
+from mrdamp.records.upsampling import repaired_ends as repaired_ends
 from mrdamp.records.upsampling import upsampled
 
 _COLUMNS = {"force_N": "force", "reference_force_N": "reference"}
@@ -80,7 +80,7 @@ class DamperRig:
         """Displacement (m), and velocity (m/s) and acceleration (m/s2) if measured, of each record."""
         out = []
         for r in self.records:
-            x = mended_ends(np.asarray(r.displacement))
+            x = repaired_ends(np.asarray(r.displacement))
             x = x if self.as_logged else smoothed(x)
             out.append((x, r.channels.get("velocity_m_s"), r.channels.get("acceleration_m_s2")))
         return tuple(out)
@@ -163,7 +163,7 @@ class DamperRig:
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        terms = beside_own(self._catalogue, self.nominal_model.effects)
+        terms = without_nominal(self._catalogue, self.nominal_model.effects)
         return tuple(near(t, self.known[t.name]) if t.name in self.known else t for t in terms)
 
     @cached_property
@@ -338,6 +338,6 @@ class DamperRig:
             parameters=parameters,
             effects=merged(nominal.effects, found),
             extra=dict(nominal.extra)
-            | told_by_the_log(settings)
+            | log_entry(settings)
             | ({LOGGER: FILTERED} if self.filtered else {}),
         )

@@ -69,6 +69,6 @@ class Lead:
             tau = settings.get(name, 0.0)
             if part > 0 and tau > 0:
                 end = np.exp(-self.sample_time * (len(self.force) - 1) / tau)
-                held = float(memory(self.force, self.sample_time, tau)[-1] - end * self.force[0])
-                out += gain * part * held * np.exp(-t / tau)
+                at_start = float(memory(self.force, self.sample_time, tau)[-1] - end * self.force[0])
+                out += gain * part * at_start * np.exp(-t / tau)
         return out

@@ -14,11 +14,11 @@ import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
-from mrdamp.diagnosis.hypotheses.nominal_effects import beside_own, effect_coordinates, merged
+from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
-from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, told_by_the_log, with_waves
+from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.errors import InputError
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, core, effects_from
@@ -174,7 +174,7 @@ class FrameRig:
         low, high = sorted(self.structure.damper_between)
         inside = {f"storey {j}" for j in range(low + 1, high + 1)}
         out = []
-        for term in beside_own(self.catalogue, self.nominal_model.effects):
+        for term in without_nominal(self.catalogue, self.nominal_model.effects):
             if term.place is not None:
                 block = f"{'accelerometer' if term.stage == 'sensor' else 'storey'} {term.place}"
                 at_fault = block not in self.clean or (self.quiet and term.stage == "structure")
@@ -210,8 +210,8 @@ class FrameRig:
             runs = self._run(some, record, coarse=coarse, command=command)
             return np.array([[o[c] for c in self.columns] for o in runs])
 
-        clock = (record, factor, self._step(record, coarse))
-        out = self._command_memory.channels(run, settings, np.asarray(r.command), fine, clock)
+        key = (record, factor, self._step(record, coarse))
+        out = self._command_memory.channels(run, settings, np.asarray(r.command), fine, key)
         if factor > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
@@ -279,7 +279,7 @@ class FrameRig:
             parameters=parameters,
             effects=merged(self.nominal_model.effects, effects),
             structure=ShearFrame(mass, stiffness, damping, s.damper_between),
-            extra={**self.nominal_model.extra, **told_by_the_log(settings)},
+            extra={**self.nominal_model.extra, **log_entry(settings)},
         )
 
     def _floor(self, record: int, floor: int) -> Array:

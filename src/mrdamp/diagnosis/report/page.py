@@ -44,7 +44,7 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     _where(out, found, shown, command_unit)
     _records(out, shown)
     _handed_over(out, found)
-    _doubt(out, found)
+    _uncertainty(out, found)
     return out
 
 
@@ -225,7 +225,7 @@ def _handed_over(out: Page, found: Diagnosis) -> None:
         )
 
 
-def _doubt(out: Page, found: Diagnosis) -> None:
+def _uncertainty(out: Page, found: Diagnosis) -> None:
     if found.candidates:
         out.table(
             "What else was tried",

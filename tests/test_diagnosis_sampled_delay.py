@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.fits.delay_clock import clocked, try_clock
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.sampled_delay import sampled_delays, try_sampled_delay
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
@@ -52,11 +52,11 @@ def search(period: float, stride: int) -> tuple[Search, Fit]:
 def test_period_and_phase_are_read_off_what_a_plain_delay_leaves(stride: int) -> None:
     made, plain = search(PERIOD, stride)
     assert plain.settings["command_delay_d"] == pytest.approx(DELAY + PERIOD / 2, abs=1e-3)
-    hypothesis, start = next(clocked(made.problem, plain))
+    hypothesis, start = next(sampled_delays(made.problem, plain))
     first = hypothesis.settings(start)
     assert first["command_delay_period"] == pytest.approx(PERIOD, rel=1e-3)
     assert first["command_delay_phase"] % 1 == pytest.approx(PHASE, abs=0.15)
-    try_clock(made, plain)
+    try_sampled_delay(made, plain)
     found = made.best(False)
     assert found is not None
     assert found.hypothesis.name == "command_delay:on a clock"
@@ -68,5 +68,5 @@ def test_period_and_phase_are_read_off_what_a_plain_delay_leaves(stride: int) ->
 
 def test_a_plain_delay_gets_no_clock() -> None:
     made, plain = search(0.0, 1)
-    try_clock(made, plain)
+    try_sampled_delay(made, plain)
     assert [f.hypothesis.name for f in made.ranked(False)] == ["parameters"]

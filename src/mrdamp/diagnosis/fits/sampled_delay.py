@@ -26,7 +26,7 @@ _LINES, _FINE = 3, 8
 _SHORTEST, _WORTH = 0.05, 0.02
 
 
-def try_clock(table: FitTable, found: Fit | None) -> None:
+def try_sampled_delay(table: FitTable, found: Fit | None) -> None:
     """Fits a sampled delay in place of the constant delay of a fit, if the records show a clock, and keeps
     it."""
     if (
@@ -35,14 +35,14 @@ def try_clock(table: FitTable, found: Fit | None) -> None:
         or "command_delay" not in (t.name for t in found.hypothesis.terms)
     ):
         return
-    starts = list(clocked(table.problem, found))
+    starts = list(sampled_delays(table.problem, found))
     costs = [float(np.sum(table.problem.residuals(h, q) ** 2)) for h, q in starts]
     if costs and min(costs) < (1 - _WORTH) * found.cost:
         hypothesis, start = starts[int(np.argmin(costs))]
         table.keep(table.fitted(hypothesis, start, most=8, stage=" clocked"))
 
 
-def clocked(problem: Problem, found: Fit) -> Iterator[tuple[Hypothesis, Array]]:
+def sampled_delays(problem: Problem, found: Fit) -> Iterator[tuple[Hypothesis, Array]]:
     """Hypotheses with points in which the constant delay of a fit is a sampled one, the highest spectral line
     first."""
     terms = found.hypothesis.terms
@@ -53,14 +53,14 @@ def clocked(problem: Problem, found: Fit) -> Iterator[tuple[Hypothesis, Array]]:
         delay = max(mean - period / 2, 1e-4)
         # The residual varies as +sin(2 pi (f (t - d) - phase)) if the delay is a rising sawtooth.
         phase = float((-(np.angle(value) + np.pi / 2) / (2 * np.pi) - frequency * delay) % 1)
-        term = clock_term(delay, period, phase if phase > 0.25 else phase + 1)
+        term = sampled_delay_term(delay, period, phase if phase > 0.25 else phase + 1)
         hypothesis = Hypothesis(
             found.hypothesis.nominal, tuple(term if t.name == "command_delay" else t for t in terms)
         )
         yield hypothesis, np.concatenate([found.point[:column], np.zeros(3), found.point[column + 1 :]])
 
 
-def clock_term(delay: float, period: float, phase: float) -> Term:
+def sampled_delay_term(delay: float, period: float, phase: float) -> Term:
     """A delay (s) with a sampling clock: period (s) and time of a tick (in periods), in ranges about these
     values."""
     return Term(
