@@ -87,9 +87,10 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "C entry against the rig in MuJoCo",
-            f"Samples per second of `mrdamp_run` (one set of {DYKE.id}, one thread, called from Python) over steps per "
-            "second of the shipped rig: driven by a record, where motion and command are set from Python before every "
-            f"step, and the engine alone, {BLOCK} steps a call at a constant velocity.",
+            f"Samples per second of `mrdamp_run` (one set of {DYKE.id}, one thread, called from "
+            "Python) over steps per second of the shipped rig. The rig is driven by a record, with "
+            "motion and command set from Python before every step, or the engine is stepped alone, "
+            f"{BLOCK} steps per call at a constant velocity.",
             tuple(rows),
         )
     ]

@@ -72,13 +72,15 @@ def measure(effort: Effort, end: float = 3.0) -> list[Section]:
     return [
         Section(
             "Plugin against the law in Python",
-            "The same frame with the law as a `mjcb_control` callback: plain floats, the explicit midpoint rule, three "
-            f"inner steps at {STEP * 1e3:g} ms and one at 0.1 ms, applied as a joint force. The plugin steps at "
-            f"{STEP * 1e3:g} ms, where its force is within {accuracy.frame_error(STEP, end):.2%} of SciPy's for the "
-            "whole frame. The engine's velocities are half a step older than its positions. A law that uses them "
-            "unchanged is delayed by half a step; a shorter step of the engine (last row) or linear extrapolation of "
-            "the velocity removes the delay. Both remain explicit: stronger motions need more inner steps (see the "
-            "environments), and light structures are unstable. The target applies to each of these rows.",
+            "The law is a `mjcb_control` callback in Python on the same frame: plain floats, the "
+            f"explicit midpoint rule, three inner steps at {STEP * 1e3:g} ms and one at 0.1 ms, "
+            f"applied as a joint force. The plugin steps at {STEP * 1e3:g} ms; its force is within "
+            f"{accuracy.frame_error(STEP, end):.2%} of SciPy's for the whole frame. The engine's "
+            "velocities are half a step older than its positions, which delays a law that uses them "
+            "unchanged. A shorter step of the engine (last row) or linear extrapolation of the "
+            "velocity removes the delay. Both remain explicit: stronger motions need more inner steps"
+            " (see the environments), and light structures are unstable. The target applies to each "
+            "of these rows.",
             tuple(rows),
         )
     ]

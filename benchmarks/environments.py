@@ -139,21 +139,23 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Vector environments",
-            "`mrdamp.envs.vector` on the engine's `Batch`, one thread, against Gymnasium's `SyncVectorEnv` over single "
-            "environments; the numbers that come out are the same to the last bit.",
+            "`mrdamp.envs.vector` on the engine's `Batch`, one thread, compared with Gymnasium's "
+            "`SyncVectorEnv` over single environments. The results are bit-identical.",
             vector_rows(effort),
         ),
         Section(
             "A step of the frame's environment against the law in Python",
-            "`mrdamp/Frame-v0`, control period 5 ms, against the same environment whose damper is the law in Python "
-            "(plain floats, as above, called before each step, which is cheaper than a callback) and whose engine is "
-            "stepped from Python; ground motion, observation, reward and info are the same, the last three the same "
-            "code. Force errors are against the environment at 0.025 ms, RMS over RMS, with the ground's peak at 3.4, "
-            "8 (the strongest of the default motions) and 17 m/s2. A velocity extrapolated by half a step makes the "
-            "law in Python as accurate as the plugin at the same step. It remains explicit, and stronger motions need "
-            "more inner steps. The last two rows are the plugin's step without the environment's Python, and without "
-            "damper and sensors too. The Python loop at 0.5 ms takes less than 5 times even the last, so "
-            "no damper on this engine could reach 5 at equal accuracy.",
+            "`mrdamp/Frame-v0` with a control period of 5 ms, compared with the same environment "
+            "whose damper is the law in Python. The law uses plain floats, as above; it is called "
+            "before each step, which is cheaper than a callback, and the engine is stepped from "
+            "Python. Ground motion, observation, reward and info are the same. Force errors are RMS "
+            "over RMS against the environment at 0.025 ms, for peak ground accelerations of 3.4, 8 "
+            "(the strongest of the default motions) and 17 m/s2. With a velocity extrapolated by half"
+            " a step, the law in Python is as accurate as the plugin at the same step. It remains "
+            "explicit, and stronger motions need more inner steps. The last two rows are the plugin's"
+            " step without the environment's Python code, and without damper and sensors too. The "
+            "Python loop at 0.5 ms takes less than five times even the last of these, so a ratio of 5"
+            " at equal accuracy is out of reach for any damper on this engine.",
             python_rows(effort),
         ),
     ]

@@ -19,10 +19,10 @@ def measure(end: float = 3.0) -> list[Section]:
     return [
         Section(
             "Accuracy at these speeds",
-            f"RMS error of the damper's force over its RMS, against SciPy (LSODA, rtol 1e-9), {DYKE.id} in the frame "
-            f"under 40 sines from 1 to 10 Hz with a peak near 3.4 m/s2 and a command that swings over its range. `law "
-            "alone`: the C entry on the reference's piston motion. `frame`: all of it stepped by MuJoCo; the engine's "
-            "Euler step is in the error.",
+            "RMS error of the damper's force over its RMS, against SciPy (LSODA, rtol 1e-9). "
+            f"{DYKE.id} in the frame under 40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, and a "
+            "command over the whole range. `law alone`: the C entry with the reference's piston "
+            "motion. `frame`: the whole frame in MuJoCo; the error includes the engine's Euler step.",
             tuple(rows),
         )
     ]

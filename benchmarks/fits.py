@@ -106,8 +106,8 @@ def _over_records(effort: Effort) -> Section:
         Figure("network 15-20-1, one initialisation", cost, "s", "<= 60", f"{part.n} samples, one step ahead")
     )
     text = (
-        "CPU time of a fit on one thread over the time of its records, the nine embedded training records at 500 Hz,"
-        " everything counted: trial points, local fits and the last one."
+        "CPU time of a fit on one thread over the duration of its records (the nine embedded training"
+        " records at 500 Hz), including trial points, local fits and the last one."
     )
     return Section("Identification", text, tuple(figures))
 
@@ -140,10 +140,10 @@ def _against(effort: Effort) -> Section:
         note=f"Bouc-Wen law, {sum(r.n for r in train)} samples, the same steps",
     )  # fmt: skip
     text = (
-        "Above: SciPy's least_squares fits five parameters of a Bouc-Wen law, the law once in plain Python, by the"
-        " explicit midpoint rule, and once through the C entry with its whole chain. Below: one local fit through the"
-        " C entry, by SciPy with as many threads of BLAS as it takes, and by `mrdamp.identify.least_squares` with one."
-        " In 7 rounds at most."
+        "First row: SciPy's least_squares fits five parameters of a Bouc-Wen law, once with the law "
+        "in plain Python by the explicit midpoint rule, and once with the C entry and its whole "
+        "chain. Second row: one local fit with the C entry, by SciPy with as many BLAS threads as it "
+        "uses, and by `mrdamp.identify.least_squares` with one. At most 7 rounds."
     )
     return Section("Identification against SciPy", text, (law, plain))
 

@@ -70,8 +70,8 @@ def loop(net: core.Narx, folder: Path) -> Loop | None:
 def measure(effort: Effort) -> list[Section]:
     """The table."""
     text = (
-        "Weights in double precision, the last output fed back, so that passes do not overlap. The step is the shipped "
-        "frame's without a damper, at 0.5 ms."
+        "Weights in double precision; the last output is fed back, so that passes do not overlap. The"
+        " step is that of the shipped frame without a damper, at 0.5 ms."
     )
     net = core.Narx(weights())
     with tempfile.TemporaryDirectory() as folder:

@@ -100,11 +100,12 @@ def force_error(python: str, time_step: float, end: float) -> float:
 def measure(effort: Effort, python: str = sys.executable, end: float = 3.0) -> list[Section]:
     """The table; a row that says why where OpenSees is not installed for `python`."""
     text = (
-        "OpenSees: nodes with one degree of freedom, zero-length elements, its BoucWen material with n = 2 and a "
-        "dashpot in place of the modified law, no driver, no sensor; Newmark, Newton to 1e-8 m, ProfileSPD, many steps "
-        "in one call. Its material is stepped by a backward Euler rule of first order, hence the last row: a "
-        f"simulated second with OpenSees at {FINE * 1e3:g} ms, where it is still the less accurate of the two. The "
-        "target stands at both readings of it. The engine's clock: see the first table."
+        "OpenSees model: nodes with one degree of freedom, zero-length elements, the BoucWen material"
+        " with n = 2 and a dashpot instead of the modified law, without driver and sensor; Newmark, "
+        "Newton to 1e-8 m, ProfileSPD, many steps in one call. Its material is integrated by a "
+        "first-order backward Euler rule. The last row is therefore a simulated second with OpenSees "
+        f"at {FINE * 1e3:g} ms, where it is still the less accurate of the two. The target applies to "
+        "both comparisons. For the engine's clock see the first table."
     )
     try:
         with OpenSees(python, STEP, 5e-3, effort.steps) as there:

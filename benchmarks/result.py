@@ -86,7 +86,7 @@ def text(sections: Sequence[Section]) -> str:
 
 
 def markdown(sections: Sequence[Section], rounds: int) -> str:
-    """docs/benchmarks.md."""
+    """The page docs/benchmarks.md: a summary, then a table for each section."""
     out = [
         "# Speed",
         "",
@@ -96,6 +96,7 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
         "",
         f"Machine: {machine()}.",
         "",
+        *_summary(sections),
     ]
     for section in sections:
         out += [f"## {section.title}", "", section.text, "", *_HEAD]
@@ -104,3 +105,18 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
         ]
         out.append("")
     return "\n".join(out)
+
+
+def _summary(sections: Sequence[Section]) -> list[str]:
+    """How many targets are reached, by section, and the rows that miss theirs."""
+    judged = [(section.title, [f for f in section.figures if f.met is not None]) for section in sections]
+    figures = [f for _, some in judged for f in some]
+    if not figures:
+        return []
+    out = [f"**{sum(bool(f.met) for f in figures)} of {len(figures)} targets are reached.**", ""]
+    out += ["| section | targets reached | missed |", "|---|---|---|"]
+    for title, some in (pair for pair in judged if pair[1]):
+        missed = "; ".join(f"{f.what}: {f.cells()[1]} ({f.target})" for f in some if not f.met)
+        anchor = "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c == "-")
+        out.append(f"| [{title}](#{anchor}) | {sum(bool(f.met) for f in some)} of {len(some)} | {missed} |")
+    return [*out, ""]

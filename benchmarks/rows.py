@@ -142,14 +142,16 @@ def measure(effort: Effort) -> list[Section]:
     return [
         Section(
             "Rows on the chain",
-            '`engine="chain"`: the C entry `mrdamp_rows_step` in place of MuJoCo, everything else of the environment '
-            "the same; 5 ms of control, steps of 1 ms on the chain, 0.5 ms (frame) and 1 ms (cable) in the engine. "
-            "The frame's observations and rewards agree within 0.5 % and 1 % where both take steps of 0.1 ms, with all "
-            "laws and effects (`tests/test_env_chain.py`); at the steps timed here the default frame's do too. On the "
-            "cable, whose damper sticks, the same agreement needs steps of 0.02 ms, and 0.005 ms in the engine. One "
-            "thread, except for the rows on threads: these are the C entry's part of a step in wall-clock time, and "
-            "need two idle cores. The last rows are whole steps with observation, reward and info by the number of "
-            "rows, and the memory of a row, of which its own motion of 2501 samples is 20 KiB.",
+            '`engine="chain"` uses the C entry `mrdamp_rows_step` instead of MuJoCo; the rest of the '
+            "environment is the same. The control period is 5 ms. Steps are 1 ms on the chain, and "
+            "0.5 ms (frame) or 1 ms (cable) in the engine. The frame's observations and rewards agree"
+            " within 0.5 % and 1 % if both take steps of 0.1 ms, with all laws and effects "
+            "(`tests/test_env_chain.py`); those of the default frame also agree at the steps timed "
+            "here. On the cable, whose damper sticks, the same agreement requires steps of 0.02 ms, "
+            "and 0.005 ms in the engine. One thread is used except in the rows on threads; these give"
+            " the C entry's part of a step in wall-clock time and need two idle cores. The last rows "
+            "are whole steps with observation, reward and info for different numbers of rows, and the"
+            " memory of a row, which includes 20 KiB for its motion of 2501 samples.",
             (*against_the_engine(effort), *threads(effort), *sizes(effort)),
         )
     ]

@@ -21,9 +21,9 @@ STARTS = {
     "environment": "import mrdamp, gymnasium; gymnasium.make('mrdamp/Frame-v0')",
 }
 _TEXT = (
-    "CPU time of a new interpreter, user and system, with warm files; the interpreter's own start is in both sides. "
-    "`import mrdamp` registers its plugins and environments when MuJoCo and Gymnasium are imported; "
-    "`import mujoco` alone loads the plugin by its entry point."
+    "CPU time of a new interpreter, user and system, with warm files; both sides include the "
+    "interpreter's own start. `import mrdamp` registers its plugins and environments when MuJoCo and "
+    "Gymnasium are imported; `import mujoco` alone loads the plugin by its entry point."
 )
 
 
