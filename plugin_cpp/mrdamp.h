@@ -1,6 +1,6 @@
 /* mrdamp: magnetorheological damper, plain C interface (no MuJoCo needed).
  *
- * One physics: what this header runs is the chain that the MuJoCo plugin steps.
+ * This header and the MuJoCo plugin run the same chain.
  * SI units; x, v: piston displacement and velocity, extension positive; the
  * damper force is positive when the rod is driven with v > 0.
  *
@@ -37,10 +37,10 @@ MRDAMP_API double mrdamp_attribute_max(int i);
 MRDAMP_API int mrdamp_law_count(void);
 MRDAMP_API const char* mrdamp_law_name(int law);
 MRDAMP_API int mrdamp_law_find(const char* name);    /* -1: unknown */
-/* 1: the law needs attribute i; 2: it may use it; 0: it has no use for it */
+/* 1: the law requires attribute i; 2: it is optional; 0: it is not used */
 MRDAMP_API int mrdamp_law_uses(int law, int i);
 MRDAMP_API void mrdamp_defaults(double* params);
-/* checks ranges and what the law needs; the same checks as in MJCF */
+/* checks ranges and the parameters required by the law, as in MJCF */
 MRDAMP_API int mrdamp_check(int law, const double* params, char* err, int err_size);
 
 /* ---- NARX networks ------------------------------------------------------------- */
@@ -67,15 +67,15 @@ enum {                     /* columns of the output */
 };
 
 typedef struct {
-  int hold;        /* 1: the command is held between samples (MuJoCo's way); 0: straight lines */
-  int threads;     /* parameter sets are shared among them; <= 1: none */
+  int hold;        /* 1: the command is constant between samples (as in MuJoCo); 0: linear */
+  int threads;     /* that share the parameter sets; <= 1: none */
   double substep;  /* s: overrides the attribute where > 0 */
 } mrdamp_options;
 
 /* nset parameter vectors, each through the whole record.
  *   params  nset x mrdamp_attribute_count()
  *   dt      s, sample time;  n samples of x (m), v (m/s, NULL: differentiated from x),
- *           a (m/s2, NULL: differentiated from v, used by moving_mass alone), u (command)
+ *           a (m/s2, NULL: differentiated from v, used by moving_mass only), u (command)
  *   columns ncol of the enum above;  out  nset x ncol x n
  * Results do not depend on the number of threads. */
 MRDAMP_API int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt,
@@ -90,7 +90,7 @@ typedef struct {
   const double* stiffness; /* N/m, storey 1 (ground to floor 1) .. storeys */
   const double* damping;   /* N s/m */
   const double* friction;  /* N, dry friction per storey; NULL: none */
-  int damper_from, damper_to; /* floors it stands between, 0 the ground; damper_to < 0: no damper */
+  int damper_from, damper_to; /* floors of its ends, 0 the ground; damper_to < 0: no damper */
   /* per floor accelerometer, NULL: ideal: gain, offset (m/s2), leakage (s, high-pass; 0 none), lag (s), its second
    * pole (s) */
   const double* acc_gain;
@@ -98,19 +98,19 @@ typedef struct {
   const double* acc_leakage;
   const double* acc_lag;
   const double* acc_lag2;
-  const double* friction_width; /* m/s, velocity over which dry friction turns; NULL, 0: it builds up over a drift */
-  const double* friction_presliding; /* m, that drift; NULL, 0: 10 um */
-  /* Storeys that are no straight springs, to hold other causes against those of the catalogue: no attributes of the
-   * plugin stand for them. Force per storey beside stiffness times drift x; NULL, 0: none. */
+  const double* friction_width; /* m/s, width of the sign change of dry friction; NULL, 0: presliding instead */
+  const double* friction_presliding; /* m, presliding drift; NULL, 0: 10 um */
+  /* Nonlinear storeys, for causes outside the catalogue; the plugin has no attributes for them. Additional force per
+   * storey as a function of the drift x; NULL, 0: none. */
   const double* one_sided; /* N/m: one_sided x while x is positive, above minus the stiffness */
   const double* cubic;     /* N/m3: cubic x^3 */
-  const double* damping2;  /* N s2/m2 per storey, damping2 |v| v beside damping v; NULL, 0: none */
-  /* per floor accelerometer, NULL: none: share of the charge that leaks with another time constant, that (s; 0 it does
-   * not leak), damping ratio of a second-order lag in place of the first pole (0: that pole) */
+  const double* damping2;  /* N s2/m2 per storey, damping2 |v| v in addition to damping v; NULL, 0: none */
+  /* per floor accelerometer, NULL: none: share of the charge with another leakage time constant, that (s; 0: no
+   * leakage), damping ratio of a second-order lag in place of the first pole (0: first order) */
   const double* acc_leakage_share;
   const double* acc_leakage2;
   const double* acc_ratio;
-  /* per floor accelerometer: offset besides that dies away from the start (m/s2; NULL, 0: none), its time constant (s;
+  /* per floor accelerometer: additional offset that decays from the start (m/s2; NULL, 0: none), its time constant (s;
    * NULL, 0: 1) */
   const double* acc_settle;
   const double* acc_settle_time;
@@ -124,20 +124,20 @@ MRDAMP_API int mrdamp_run_frame(int law, const mrdamp_narx* net, int nset, const
                                 const double* u, const mrdamp_options* options, double* out, char* err, int err_size);
 
 /* ---- rows of closed loops, a control period at a time ------------------------------------ */
-/* n copies of one structure with dampers, each under its own load and commands: for controllers that run against
- * many at once. A row's state is mrdamp_rows_size() doubles of the caller's, all that its future hangs on but for loads
- * and commands; to copy them is to copy the row. */
+/* n copies of one structure with dampers, each with its own load and commands, for controllers of many at once. A row's
+ * state is mrdamp_rows_size() doubles of the caller, complete except for loads and commands; copying them copies the
+ * row. */
 typedef struct mrdamp_rows mrdamp_rows;
 
 typedef struct {
   int count;                     /* of dampers, 1 or more */
   const int* law;                /* of each */
-  const mrdamp_narx* const* net; /* of each, NULL where there is none; must outlive the rows */
+  const mrdamp_narx* const* net; /* of each, NULL for none; must outlive the rows */
   const double* params;          /* count x mrdamp_attribute_count() */
-  const double* command_max;     /* of each, what criteria take currents over */
+  const double* command_max;     /* of each, reference of the currents in the criteria */
 } mrdamp_dampers;
 
-/* Oscillators of 1 kg with one damper on all of them: a cable's natural coordinates. */
+/* Oscillators of 1 kg coupled by one damper: a cable's natural coordinates. */
 typedef struct {
   int modes;
   const double* frequency; /* rad/s */
@@ -145,21 +145,21 @@ typedef struct {
   const double* stroke;    /* of the damper, m per unit of each coordinate */
   int places;              /* where motion is measured */
   const double* at;        /* places x modes, m per unit of each coordinate */
-  double mass;             /* kg of the whole, that mean squares are taken over */
+  double mass;             /* kg of the whole, reference of the mean squares */
 } mrdamp_modes;
 
-/* A quarter car: a frame of two floors, wheel and body, on a ground that is the road, with one damper between the two. What
- * the tyre pulls with is limited to the weight, where the wheel leaves the road. */
+/* A quarter car: a frame of two floors, wheel and body, on the road as the ground, with one damper between the two. The
+ * tension of the tyre is limited to the weight, at which the wheel lifts off. */
 typedef struct {
   double body, wheel;                  /* kg */
   double stiffness, damping;           /* of the suspension: N/m, N s/m */
   double tyre_stiffness, tyre_damping; /* N/m, N s/m */
-  double weight;                       /* N, what the road carries at rest */
+  double weight;                       /* N, static load of the tyre */
   int sections;                        /* of the filter of the body's acceleration, 1 or more */
   const double* weighting;             /* sections x 5: b0 b1 b2 a1 a2, at the rows' step */
 } mrdamp_car;
 
-/* What shakes a row: samples x loads, straight between samples and held behind the last one, none from step `steps` on.
+/* Load of a row: samples x loads, linear between samples, constant after the last one, zero from step `steps` on.
  * Loads: the ground's acceleration (m/s2) of a frame, the road's of a car, a force (N) on each coordinate of modes. */
 typedef struct {
   const double* values;
@@ -180,27 +180,27 @@ enum { MRDAMP_CAR_CRITERIA = 9 };
 /* Measurements of modes: accelerations, displacements, velocities at the places. Of a frame: absolute accelerations
  * through their sensors, displacements and velocities to the ground of every floor, drifts of every storey. Then, by
  * damper: FORCE, REFERENCE, stroke, its velocity, CURRENT. An accelerometer is read once in a control period.
- * between: count pairs of floors. period (s) is stepped in `steps` steps, of which the chain takes each as one inner step. NULL and a line on failure. The frame's own
- * damper_from, damper_to are passed over. */
+ * between: count pairs of floors. period (s) is divided into `steps` steps, each of which is one inner step of the chain.
+ * NULL and a line on failure. The frame's own damper_from, damper_to are ignored. */
 MRDAMP_API mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between,
                                           double period, int steps, int instants, char* err, int err_size);
 MRDAMP_API mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
                                           int instants, char* err, int err_size);
-/* Measurements and commands as of a frame of two floors; `instants` does nothing. */
+/* Measurements and commands as of a frame of two floors; `instants` is ignored. */
 MRDAMP_API mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* dampers, double period, int steps,
                                         int instants, char* err, int err_size);
 MRDAMP_API void mrdamp_rows_free(mrdamp_rows* rows);
-MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates stand at 4, then
+MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates begin at 4, then
                                                                    * their velocities */
 MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
 MRDAMP_API int mrdamp_rows_criteria(const mrdamp_rows* rows); /* MRDAMP_CRITERIA or MRDAMP_CAR_CRITERIA */
-/* White noise on every measurement from now on: its standard deviation, mrdamp_rows_measurements() of them. */
+/* Sets white noise on every measurement: standard deviations, mrdamp_rows_measurements() of them. */
 MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
 /* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. The dampers start at
  * the first command that a step gives. */
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,
                                   double* measurements);
-/* One control period of n rows with commands (n x count) held: state n x size, loads n, criteria n x mrdamp_rows_criteria(),
+/* One control period of n rows with constant commands (n x count): state n x size, loads n, criteria n x mrdamp_rows_criteria(),
  * measurements n x mrdamp_rows_measurements(). Results do not depend on the number of threads. One call at a time. */
 MRDAMP_API void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
                                  double* criteria, double* measurements, int threads);
@@ -211,7 +211,7 @@ MRDAMP_API mrdamp_damper* mrdamp_damper_new(int law, const double* params, const
 MRDAMP_API void mrdamp_damper_free(mrdamp_damper* damper);
 MRDAMP_API void mrdamp_damper_reset(mrdamp_damper* damper);
 /* Force (N) at the end of a step of dt (s) that ends at displacement x and velocity v with the command
- * u held over the step; the first call after a reset starts the damper at x. No allocation, no locks. */
+ * u constant over the step; the first call after a reset starts the damper at x. No allocation, no locks. */
 MRDAMP_API double mrdamp_damper_step(mrdamp_damper* damper, double dt, double x, double v, double u);
 /* value of a MRDAMP_... column after the last step */
 MRDAMP_API double mrdamp_damper_value(const mrdamp_damper* damper, int column);

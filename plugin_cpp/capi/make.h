@@ -1,4 +1,4 @@
-// What the C entries share: errors, and dampers from parameter vectors.
+// Shared parts of the C entries: errors, and dampers from parameter vectors.
 #ifndef MRDAMP_CAPI_MAKE_H_
 #define MRDAMP_CAPI_MAKE_H_
 

@@ -1,5 +1,5 @@
-// A linear structure with its dampers, and storeys that are more than a spring and a dashpot: one step at a time, the
-// structure exact, all forces that hang on its motion solved for within the step.
+// A linear structure with dampers and nonlinear storeys. The structure is stepped exactly; all forces that depend on
+// its motion are solved for within the step.
 #ifndef MRDAMP_CORE_ASSEMBLY_H_
 #define MRDAMP_CORE_ASSEMBLY_H_
 
@@ -11,28 +11,27 @@
 
 namespace mrdamp {
 
-// What a storey has beside its stiffness and damping, see mrdamp_frame.
+// Forces of a storey in addition to its stiffness and damping, see mrdamp_frame.
 struct Storey {
   double friction = 0, friction_width = 0, presliding = 1e-5;
   double one_sided = 0, cubic = 0, damping2 = 0;
-  // Its stiffness and damping, which the structure holds too, pull with `lift` (N) at most, as a tyre on a road that
-  // carries that load at rest; 0: as much as they do.
+  // Largest tension (N) of its linear spring and dashpot, as of a tyre with this static load; 0: unlimited.
   double lift = 0, stiffness = 0, damping = 0;
 
   bool Acts() const { return friction > 0 || one_sided != 0 || cubic != 0 || damping2 > 0 || lift > 0; }
-  // Force at the end of a step of drift dx that ends at x with velocity v; the dry friction's bristle q follows.
+  // Force at the end of a step of drift dx that ends at x with velocity v; updates the bristle q of the dry friction.
   double Force(double x, double v, double dx, double* q) const;
 };
 
-// Its elements are the dampers, then the storeys. Everything that a later step hangs on is public and plain.
+// Its elements are the dampers, then the storeys. The whole state is public and plain.
 class Assembly {
  public:
   struct Element {
-    double force = 0;    // N, now
-    double next = 0;     // N, at the end of the step that is solved for
-    double start = 0;    // N, that the step's force ran from
-    double rise = kUnset;  // N s/m, its slope over what the step may bring; unset before the first step
-    bool ready = false;  // the damper's trial state was stepped to the end that was found
+    double force = 0;    // N, at the present
+    double next = 0;     // N, at the end of the step being solved
+    double start = 0;    // N, at the start of the step
+    double rise = kUnset;  // N s/m, its slope over the range of the step; unset before the first step
+    bool ready = false;  // the damper's trial state is that of the solution
   };
   struct Site {
     const Damper* d;
@@ -43,15 +42,15 @@ class Assembly {
     explicit Site(const Damper& damper) : d(&damper), state(damper), trial(damper) {}
   };
 
-  // All three must outlive it. quick: a damper that gives way softly is solved for from where the last step left it, to
-  // 1e-5 of its force (the laws are within 1e-4 of their equations); else from two trials of its own, to 1e-7.
+  // All three must outlive it. quick: a damper with a small slope is solved from the last step's solution, to 1e-5 of
+  // its force (the laws are within 1e-4 of their equations); else from two trials, to 1e-7.
   Assembly(const Linear& linear, const std::vector<Damper>& dampers, const std::vector<Storey>& storeys, bool quick = false);
 
-  // At rest with a command to each damper.
+  // State of rest with a command for each damper.
   void Start(const double* command);
-  // The damper's force now, under a command that has just been given.
+  // The damper's force at the present, with a new command.
   void Command(int damper, double command);
-  // A step over which loads run from load0 to load1 and commands from u0 to u1; `settle`: those at its end.
+  // A step with loads linear from load0 to load1 and commands from u0 to u1; `settle`: those at its end.
   void Step(const double* load0, const double* load1, const double* u0, const double* u1, const double* settle);
 
   double Stroke(int element) const { return linear_.Along(element, q.data(), 0); }
@@ -68,7 +67,7 @@ class Assembly {
 
   const Linear& linear_;
   const std::vector<Storey>& storeys_;
-  const double tolerance_;  // of a force that is solved for, over it
+  const double tolerance_;  // relative, of a solved force
   const bool quick_;
   std::vector<double> free_, next_, blend_;
 };

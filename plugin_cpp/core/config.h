@@ -16,8 +16,8 @@ using Lookup = std::function<const char*(const char* name)>;
 // Strict: the whole text is one finite number. false and one line (without the attribute's name) otherwise.
 bool ParseNumber(const char* text, double* value, std::string* error);
 
-// Reads `law`, its parameters, the effects and, for narx, `weights` ("text:NAME" is asked of `text`, anything
-// else is a file: as named, or in a folder of the environment variable MRDAMP_PATH). false and one line on failure.
+// Reads `law`, its parameters, the effects and, for narx, `weights`: "text:NAME" is looked up by `text`, anything
+// else is a file, by its path or in a folder of the environment variable MRDAMP_PATH. false and one line on failure.
 bool ParseDamper(const Lookup& config, const Lookup& text, Damper* damper, std::unique_ptr<NarxNet>* net,
                  std::string* error);
 

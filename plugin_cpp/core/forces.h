@@ -28,7 +28,7 @@ inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double
   const ChainState& c = s.c;
   if (d.law == Law::kNarx) {
     const double now = c.time / d.net->sample_time - s.past->count;
-    // Rounding must not put a grid sample into the next interval, nor the start before the first.
+    // Rounding must not move a grid sample into the next interval, nor the start before the first one.
     const double part = now < 1e-9 ? 0 : std::min(now, 1.0);
     const double yield = d.p.heating_kappa_yield != 0 ? std::exp(-d.p.heating_kappa_yield * c.heat) : 1;
     return {yield * Narx::Force(*d.net, *s.past, part, x, v, field), 0, 0};
@@ -42,7 +42,7 @@ inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double
   }
 }
 
-// Force of the fluid alone, that moves at v, before any gas in it; the law's spring is left at the piston's x in `spring`.
+// Force of the fluid alone, moving at v, before any gas; the law's spring at the piston's x is returned in `spring`.
 inline double FlowForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
   const Params& p = d.p;
   LawForce f = ForceOfLaw(d, s, field, x, v);
@@ -61,7 +61,7 @@ inline double FlowForce(const Damper& d, const State& s, double field, double x,
   return f.fluid;
 }
 
-// The same with what gas does to it.
+// The same with the effect of gas.
 inline double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
   const Params& p = d.p;
   double force = FlowForce(d, s, field, x, v, slope, spring);
@@ -88,7 +88,7 @@ inline double PistonForce(const Damper& d, const State& s, double field, double 
   const Params& p = d.p;
   double spring, fluid = FluidForce(d, s, field, x, v, slope, &spring);
   if (HasPocket(p)) {
-    // Pressed gas carries its own force whatever the velocity; at its stop it carries none of its own side.
+    // Compressed gas carries its own force at any velocity; at its stop it carries none.
     const double side = p.trapped_gas_direction;
     if (s.c.gas.stretch != 0 || !(fluid * side < 0)) {
       fluid = PocketForce(p, s.c.gas.stretch);

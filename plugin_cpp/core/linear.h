@@ -1,4 +1,4 @@
-// A linear structure with scalar elements on it, stepped exactly for inputs that are held or run straight.
+// A linear structure with scalar elements, stepped exactly for inputs that are constant or linear over the step.
 #ifndef MRDAMP_CORE_LINEAR_H_
 #define MRDAMP_CORE_LINEAR_H_
 
@@ -8,13 +8,13 @@
 
 namespace mrdamp {
 
-// n coordinates q; rates of their velocities per unit of everything that acts.
+// n coordinates q; rates of their velocities per unit of every input.
 struct LinearSystem {
   int n, loads, elements;
   Matrix rate;    // n x 2 n: of the coordinates, then of their velocities
   Matrix load;    // n x loads
   Matrix stroke;  // elements x n: elongation of each element per unit of the coordinates
-  Matrix push;    // n x elements: per N of an element, which pulls where it is extended
+  Matrix push;    // n x elements: per N of an element's tension
 
   LinearSystem(int coordinates, int load_count, int element_count)
       : n(coordinates), loads(load_count), elements(element_count), rate(n, 2 * n), load(n, loads),
@@ -55,13 +55,13 @@ class Sparse {
   std::vector<double> value_;
 };
 
-// The structure over a step of h: x1 = free x0 + hold i0 + ramp i1 for inputs i that run straight from i0 to i1, which
-// are the loads and the elements' forces.
+// The structure over a step of h: x1 = free x0 + hold i0 + ramp i1 for inputs i that run linearly from i0 to i1: the
+// loads and the elements' forces.
 class Linear {
  public:
   Linear(const LinearSystem& system, double h);
 
-  // Where the step ends without the elements; q and end: 2 n.
+  // End of the step without the elements; q and end: 2 n.
   void Free(const double* q, const double* load0, const double* load1, double* end) const {
     for (int i = 0; i < 2 * n_; i++) end[i] = 0;
     free_.Add(q, end);
@@ -77,13 +77,14 @@ class Linear {
   // Elongation of an element (offset 0) or its rate (offset n).
   double Along(int element, const double* q, int offset) const { return stroke_.Row(element, q + offset); }
 
-  // How an element's end moves over a step, in x and v, for a force of another that is held and one that builds up.
+  // Change of an element's end over a step, in x and v, per unit of another element's force, constant or increasing
+  // linearly.
   struct Give {
     double hold_x, hold_v, ramp_x, ramp_v;
   };
   const Give& GiveOf(int of, int by) const { return give_[static_cast<std::size_t>(of) * elements_ + by]; }
 
-  // Rates of the velocities now, (n): of the motion and the elements' forces, and where `load` is given of the loads.
+  // Rates of the present velocities, (n): from the motion, the elements' forces and, if `load` is given, the loads.
   void Rates(const double* q, const double* forces, const double* load, double* rate) const {
     for (int i = 0; i < n_; i++) rate[i] = 0;
     rate_.Add(q, rate);

@@ -1,4 +1,4 @@
-// A dense matrix with just what the frame needs.
+// A dense matrix with the operations of the frame.
 #ifndef MRDAMP_CORE_MATRIX_H_
 #define MRDAMP_CORE_MATRIX_H_
 

@@ -1,4 +1,4 @@
-// All numbers of one damper as a plain struct of doubles, made from attributes.def.
+// All parameters of one damper as a plain struct of doubles, generated from attributes.def.
 #ifndef MRDAMP_CORE_PARAMS_H_
 #define MRDAMP_CORE_PARAMS_H_
 
@@ -37,11 +37,11 @@ enum class Law : int { kBingham, kBoucWen, kHyperbolicTangent, kModifiedBoucWen,
 inline constexpr int kLawCount = 5;
 extern const char* const kLawNames[kLawCount];
 
-// Index of an attribute in Params; -1 where there is none of that name.
+// Index of an attribute in Params; -1 if there is none of that name.
 int FindAttribute(const char* name);
-// Number of the law; -1 where there is none of that name.
+// Number of the law; -1 if there is none of that name.
 int FindLaw(const char* name);
-// Is the attribute a required (1) or optional (2) parameter of the law, neither (0)?
+// 1 if the attribute is a required, 2 if it is an optional parameter of the law, else 0.
 int LawUses(Law law, int attribute);
 
 }  // namespace mrdamp

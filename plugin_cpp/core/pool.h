@@ -1,4 +1,4 @@
-// Threads that wait for work, so that short work need not start any.
+// A pool of waiting threads, so that short work does not start any.
 #ifndef MRDAMP_CORE_POOL_H_
 #define MRDAMP_CORE_POOL_H_
 
@@ -9,8 +9,8 @@
 
 namespace mrdamp {
 
-// Every worker has a range of its own, whose data stay in its core's cache from call to call, and takes from the others'
-// when its own is done. The caller never waits for a thread that has not begun.
+// Every worker has its own range, whose data stay in its core's cache between calls, and takes work from the others
+// when it has finished. The caller never waits for a thread that has not begun.
 class Pool {
  public:
   static constexpr int kMost = 256;
@@ -39,7 +39,7 @@ class Pool {
   };
   struct Team;
 
-  // Makes threads; how many workers there are, the caller among them.
+  // Creates threads; returns the number of workers, the caller included.
   int Gather(int workers);
   void Run(int n, int workers, int piece, const std::function<void(int, int, int)>& task);
 

@@ -1,4 +1,4 @@
-// A whole record through the chain.
+// Simulation of a whole record by the chain.
 #ifndef MRDAMP_CORE_RECORD_H_
 #define MRDAMP_CORE_RECORD_H_
 
@@ -11,7 +11,7 @@
 
 namespace mrdamp {
 
-// The state of one damper with the stores its law and effects need.
+// The state of one damper with the optional parts that its law and effects need.
 struct OwnedState {
   State s;
   NarxHistory past;
@@ -37,7 +37,7 @@ struct OwnedState {
   }
 };
 
-// Inputs of a record: n samples each; v and a filled in by Differentiate where they were not measured.
+// Inputs of a record: n samples each; v and a are computed by Differentiate if they were not measured.
 struct RecordView {
   double dt;
   int n;
@@ -50,10 +50,10 @@ struct RecordView {
 // Central differences, one-sided at the ends.
 std::vector<double> Differentiate(const double* x, int n, double dt);
 
-// Runs one damper; out[c] (n doubles) per wanted column of mrdamp.h.
+// Runs one damper; out[c] (n doubles) for each requested column of mrdamp.h.
 void RunRecord(const Damper& d, const RecordView& r, int ncol, const int* columns, double* out);
 
-// task(0 .. n - 1) on up to `threads` threads; the tasks must not touch each other.
+// task(0 .. n - 1) on up to `threads` threads; the tasks must be independent.
 template <class Task>
 void ParallelFor(int n, int threads, Task&& task) {
   threads = std::min({threads, n, 256});

@@ -13,29 +13,29 @@
 
 namespace mrdamp {
 
-// What every row is made of, and how it is measured.
+// Structure, dampers and measurements of every row.
 struct RowsPlan {
   LinearSystem system{0, 0, 0};
   std::vector<Damper> dampers;
   std::vector<Storey> storeys;
   double period = 0;  // s, of control
-  int steps = 1;      // in a period
-  int instants = 1;   // of a step that criteria are taken at, from its start
-  // Where motion is measured: places x n, its accelerometers, and whether those feel the load besides.
+  int steps = 1;      // per period
+  int instants = 1;   // of a step at which criteria are evaluated, from its start
+  // Points of measurement: places x n, their accelerometers, and whether these include the load's acceleration.
   Matrix place{0, 0};
   std::vector<SensorParams> accelerometers;
   bool loaded = false;
-  Matrix drift{0, 0};  // drifts x n, measured too
-  // Criteria: largest |drift| and |acceleration|, or mean squares of the coordinates and of their accelerations, or those
-  // of a ride where there are `sections`: b0 b1 b2 a1 a2 of each section of a filter of the second place's acceleration.
-  // Drift 0 is then the tyre's, on storey 0, and drift 1 the stroke.
+  Matrix drift{0, 0};  // drifts x n, also measured
+  // Criteria: largest |drift| and |acceleration|, or mean squares of the coordinates and of their accelerations, or,
+  // if there are `sections`, those of a ride: b0 b1 b2 a1 a2 of each section of a filter of the second place's
+  // acceleration. Drift 0 is then the tyre's, on storey 0, and drift 1 the stroke.
   bool peaks = true;
   std::vector<double> sections;
-  double square = 1;  // of those, times this
-  std::vector<double> command_max;  // that currents are taken over
+  double square = 1;  // factor on these
+  std::vector<double> command_max;  // reference of the currents
 };
 
-// A row's state is `size()` plain doubles, all that its future hangs on but for loads and commands.
+// The state of a row is `size()` plain doubles, complete except for loads and commands.
 class Rows {
  public:
   explicit Rows(RowsPlan plan);
@@ -48,19 +48,19 @@ class Rows {
   // Standard deviation of each measurement.
   void SetNoise(const double* deviation) { noise_.assign(deviation, deviation + measurements_); }
 
-  // A row at rest; seed: of its noise. out: its measurements without any command.
+  // A row at rest; seed: of its noise. out: its measurements without a command.
   void Start(double seed, const mrdamp_load& load, double* state, double* out) const;
   // n rows; state n x size(), commands n x dampers, criteria n x criteria(), out n x measurements.
   void Step(int n, double* state, const mrdamp_load* loads, const double* commands, double* criteria, double* out,
             int threads);
 
  private:
-  // What one thread works in.
+  // Work space of one thread.
   struct Desk {
     Assembly assembly;
     std::vector<Sensor> sensors, accelerometers;
     std::vector<double> load0, load1, forces;
-    std::vector<double> rate, before, from, current;  // rates now; those, coordinates, currents at the step's start
+    std::vector<double> rate, before, from, current;  // present rates; three of the step's start
     std::vector<double> filter;  // of a ride: two for each section
   };
   enum Header { kStep, kStarted, kSeed, kDrawn, kHeader };

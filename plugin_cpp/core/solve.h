@@ -1,5 +1,5 @@
-// Root of an increasing scalar function: secant steps kept inside a bracket.
-// Where a part of it is quick to find and bends sharply, that part is solved for in every step.
+// Root of an increasing scalar function by secant steps within a bracket. A part that is cheap to evaluate and
+// strongly curved is solved for in every step.
 #ifndef MRDAMP_CORE_SOLVE_H_
 #define MRDAMP_CORE_SOLVE_H_
 
@@ -7,8 +7,8 @@
 
 namespace mrdamp {
 
-// slow(x) + quick(x) increasing, `tolerance` on the sum; *slope a positive guess of slow', then the last secant.
-// step(x, y, sum, slope): where y + slope (x' - x) + quick(x') is zero, as x' - x; y of slow alone, sum of both. A jump
+// slow(x) + quick(x) increasing, `tolerance` on the sum; *slope: a positive estimate of slow', then the last secant.
+// step(x, y, sum, slope): root of y + slope (x' - x) + quick(x'), as x' - x; y of slow alone, sum of both. A jump
 // through zero (dry friction) ends at the jump. The number of calls of slow is bounded.
 template <class Slow, class Quick, class Step>
 double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double* slope, double tolerance) {
@@ -33,11 +33,11 @@ double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double* slope
     if (has_lo && has_hi) {
       const double width = hi - lo;
       if (!(width > 1e-15 * (std::fabs(lo) + std::fabs(hi)))) return 0.5 * (lo + hi);
-      // Every third step halves the bracket, so that a kink cannot hold the secant up; the first only where it does.
+      // Every third step bisects the bracket, so that a kink cannot stall the secant; the first only if it does.
       const bool halve = i == 2 ? !(std::fabs(y) < 0.1 * std::fabs(y_old)) : i % 3 == 2;
       if (halve || !(next > lo && next < hi)) next = lo + 0.5 * width;
     } else if (i > 2) {
-      next = x + 4 * move;  // no bracket yet: the slope was too steep a guess
+      next = x + 4 * move;  // no bracket yet: the estimated slope was too large
     }
     x_old = x;
     part_old = part;
@@ -49,7 +49,7 @@ double SolveSum(Slow&& slow, Quick&& quick, Step&& step, double x, double* slope
   return x;
 }
 
-// f(x) increasing, `slope` a positive guess of f', `tolerance` on |f|; as above.
+// f(x) increasing, `slope` a positive estimate of f', `tolerance` on |f|; as above.
 template <class F>
 double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
   const auto nothing = [](double) { return 0.0; };
@@ -57,9 +57,9 @@ double SolveIncreasing(F&& f, double x, double slope, double tolerance) {
   return SolveSum(f, nothing, along, x, &slope, tolerance);
 }
 
-// Root of the increasing f, y0 at 0, that is steepest at `turn` and flattens to either side of it, as friction does:
-// Newton's steps from there do not overshoot. rise(aside): its slope where f was last taken, or first before that, as
-// far aside as a slope at a turn is taken. Not a number where they do not arrive.
+// Root of the increasing f, y0 at 0, which is steepest at `turn` and flattens to both sides of it, as friction does:
+// Newton's steps from there do not overshoot. rise(aside): slope where f was last evaluated, or first before it, at
+// the distance at which a slope at a turn is taken. NaN if they do not converge.
 template <class F, class Slope>
 double FrictionBalance(F&& f, Slope&& rise, double y0, double turn, double aside, double tolerance) {
   const double first = rise(0.0), toward = rise(y0 < 0 ? aside : -aside);
@@ -67,7 +67,7 @@ double FrictionBalance(F&& f, Slope&& rise, double y0, double turn, double aside
   if (std::fabs(y) <= tolerance) return at;
   at = 0;
   y = y0;
-  bool anew = true;  // f was last taken elsewhere
+  bool anew = true;  // f was last evaluated elsewhere
   if (turn * y0 < 0) {
     y = f(at = turn);
     anew = false;

@@ -1,4 +1,4 @@
-// How much of a step's force is the force at its end.
+// Weight of the force at the end of a step.
 #ifndef MRDAMP_CORE_WEIGHT_H_
 #define MRDAMP_CORE_WEIGHT_H_
 

@@ -1,4 +1,4 @@
-// Stage `driver`: the coil current follows the command late.
+// Stage `driver`: the coil current lags the command.
 #ifndef MRDAMP_EFFECTS_DRIVER_H_
 #define MRDAMP_EFFECTS_DRIVER_H_
 
@@ -9,7 +9,7 @@
 
 namespace mrdamp {
 
-// driver_lag: tau i' = u - i, exact for a command that runs straight from u0 to u1 in dt.
+// driver_lag: tau i' = u - i, exact for a command that is linear from u0 to u1 in dt.
 inline double Lag(double i, double u0, double u1, double tau, double dt) {
   if (!(tau > 0)) return u1;
   const double trail = (u1 - u0) / dt * tau;
@@ -22,17 +22,17 @@ inline bool HasFirstPole(const Params& p) {
 
 inline bool HasLag(const Params& p) { return HasFirstPole(p) || p.driver_lag_tau2 > 0; }
 
-// driver_lag in full. Plain doubles.
+// State of driver_lag. Plain doubles.
 struct Coil {
-  Oscillator first;    // behind the first pole, the pair, or a controller, whose integral then is `rate`
-  double second = 0;   // behind the second one too
-  double current = 0;  // what magnetises
+  Oscillator first;    // output of the first pole, the pair, or a controller, whose integral is then `rate`
+  double second = 0;   // output of the second pole
+  double current = 0;  // magnetising current
 
   void Start(const Params& p, double u) {
     first = {u, p.driver_lag_gain > 0 ? u : 0};
     second = current = u;
   }
-  // Over a command that runs straight from u0 to u1 in dt.
+  // Step with a command that is linear from u0 to u1 in dt.
   void Step(const Params& p, double u0, double u1, double dt) {
     const double from = HasFirstPole(p) ? first.y : u0;
     if (p.driver_lag_gain > 0 && p.driver_lag_tau > 0) {
@@ -47,8 +47,8 @@ struct Coil {
   }
 
  private:
-  // tau i' = v - i under v = gain e + I with I' = gain e / integral, e = u - i, and |v| no more than the limit, where the
-  // integral waits. In steps that the closed loop is slow in, by the midpoint.
+  // tau i' = v - i with v = gain e + I, I' = gain e / integral, e = u - i, and |v| limited; the integral is frozen at
+  // the limit. Steps are short compared with the closed loop, by the midpoint rule.
   static void Control(const Params& p, Oscillator* c, double u0, double u1, double dt) {
     const double gain = p.driver_lag_gain, tau = p.driver_lag_tau, reset = p.driver_lag_integral;
     const double limit = p.driver_lag_limit > 0 ? p.driver_lag_limit : kInf;
@@ -68,7 +68,7 @@ struct Coil {
       c->rate += h * d_integral;
     }
   }
-  // The first pole: slower or faster while the current falls, and no faster than a rate (1/s).
+  // The first pole: another time constant while the current falls, and a limited rate (1/s).
   static double Drive(double i, double u0, double u1, const Params& p, double dt) {
     const bool falls = p.driver_lag_fall > 0 && std::fabs(0.5 * (u0 + u1)) < std::fabs(i);
     const double next = Lag(i, u0, u1, falls ? p.driver_lag_fall : p.driver_lag_tau, dt);
@@ -78,11 +78,11 @@ struct Coil {
   }
 };
 
-// command_delay: u(t - d) over a store of the latest commands. Plain doubles, so that it can live in MuJoCo's
-// plugin state. Commands closer together than d / (kCapacity - 2) share a slot: the delay is then right to 1 %.
+// command_delay: u(t - d) from a store of the latest commands. Plain doubles, stored in MuJoCo's plugin state.
+// Commands closer together than d / (kCapacity - 2) share a slot: the delay is then accurate to 1 %.
 struct DelayLine {
   static constexpr int kCapacity = 128;
-  double count = 0, head = 0;  // stored knots; index of the newest
+  double count = 0, head = 0;  // number of stored knots; index of the newest
   double time[kCapacity] = {};
   double value[kCapacity] = {};
 
@@ -103,7 +103,7 @@ struct DelayLine {
     value[h] = u;
   }
 
-  // Command at time t; held from knot to knot, or straight lines between them.
+  // Command at time t; constant from knot to knot, or linear between them.
   double At(double t, bool hold) const {
     const int n = static_cast<int>(count);
     if (n == 0) return 0;
@@ -134,10 +134,10 @@ struct DelayLine {
   }
 
  private:
-  // Of the k-th knot from the newest.
+  // The k-th knot from the newest.
   int Index(int k) const { return (static_cast<int>(head) + kCapacity - k) % kCapacity; }
 
-  // How many knots are after time t. They are about as far from one another, so that little is left to look for.
+  // Number of knots after time t. They are nearly equidistant, so that the search is short.
   int Behind(double t) const {
     const int n = static_cast<int>(count);
     const double newest = time[Index(0)], span = newest - time[Index(n - 1)];
@@ -150,22 +150,22 @@ struct DelayLine {
   }
 };
 
-// s: delays from d - spread to d + spread are as likely as one another.
+// s: delays are uniformly distributed from d - spread to d + spread.
 inline double Spread(const Params& p) { return p.command_delay_spread * p.command_delay_d; }
 
-// What of a command has arrived at time t on the average.
+// Mean share of a command that has arrived at time t.
 inline double Arrived(const DelayLine& line, const Params& p, double t, bool hold) {
   const double spread = Spread(p), sent = t - p.command_delay_d;
   return spread > 0 ? line.Mean(sent - spread, sent + spread, hold) : line.At(sent, hold);
 }
 
-// How far back the store has to reach.
+// Length of the store.
 inline double Reach(const Params& p) { return p.command_delay_d + Spread(p) + p.command_delay_period; }
 
 inline bool HasDelay(const Params& p) { return Reach(p) > 0; }
 
-// command_delay with a controller's clock, which takes the command at its ticks and holds it: the mean of what arrives
-// between the times a and b. A mean, so that what it gives changes smoothly with the clock's numbers.
+// command_delay with the sampling clock of a controller, which samples the command at its ticks and holds it: the
+// mean of what arrives between the times a and b. The mean is a smooth function of the clock's parameters.
 inline double Held(const DelayLine& line, const Params& p, double a, double b, bool hold) {
   const double period = p.command_delay_period, phase = p.command_delay_phase;
   double sum = 0, t = a;

@@ -1,4 +1,4 @@
-// Stage `fluid`: what happens to the fluid's share of the force.
+// Stage `fluid`: effects on the fluid's part of the force.
 #ifndef MRDAMP_EFFECTS_FLUID_H_
 #define MRDAMP_EFFECTS_FLUID_H_
 
@@ -16,7 +16,7 @@ inline double Warm(double rise, double power, double capacity, double loss, doub
   return rest + (rise - rest) * std::exp(-loss / capacity * dt);
 }
 
-// heating of the fluid, and of the body around it (K both) where it has one.
+// heating of the fluid and, optionally, of the housing (K both).
 struct Rise {
   double fluid, body;
 };
@@ -27,62 +27,62 @@ inline Rise Heat(const Params& p, Rise r, double power, double dt) {
           Warm(r.body, flow, p.heating_body, p.heating_loss, dt)};
 }
 
-// What is left of the viscosity.
+// Remaining share of the viscosity.
 inline double Thinned(const Params& p, double rise) {
   if (!(p.heating_shape > 0)) return std::exp(-p.heating_kappa * rise);
   return std::pow(std::fmax(1 + p.heating_kappa * rise / p.heating_shape, 1e-3), -p.heating_shape);
 }
 
-// asymmetry: 1 + a sgn v, turned over a small velocity so that the force has no jump.
+// asymmetry: 1 + a sgn v, smoothed over a small velocity so that the force has no jump.
 inline double Asymmetry(const Params& p, double v) {
   return p.asymmetry_a == 0 ? 1 : 1 + p.asymmetry_a * std::tanh(v / p.asymmetry_width);
 }
 
-// The same by the side that the force f pushes to; its derivative df'/df in `rate`.
+// The same with the sign of the force f; its derivative df'/df in `rate`.
 inline double AsymmetryByForce(const Params& p, double f, double* rate) {
   const double q = f / p.asymmetry_force, t = std::tanh(q);
   *rate = 1 + p.asymmetry_a * (t + q * (1 - t * t));
   return f * (1 + p.asymmetry_a * t);
 }
 
-// asymmetry_travel: a plate that goes along with the stroke from one stop (-1) to the other (1).
+// asymmetry_travel: a plate that moves with the stroke from one stop (-1) to the other (1).
 inline double FollowPlate(const Params& p, double plate, double path) {
   return std::fmin(std::fmax(plate + 2 * path / p.asymmetry_travel, -1), 1);
 }
 
-// asymmetry_time: a plate that pressure or flow moves against its spring and the fluid around it, first order.
+// asymmetry_time: a plate moved by pressure or flow against its spring and the fluid, first order.
 inline bool HasTimedPlate(const Params& p) {
   return p.asymmetry_time > 0 && !(p.asymmetry_travel > 0) && p.asymmetry_a != 0;
 }
 
-// Where the plate would rest (-1 to 1) at the fluid's force f and velocity v.
+// Equilibrium of the plate (-1 to 1) at the fluid's force f and velocity v.
 inline double PlateRest(const Params& p, double f, double v) {
   return std::tanh(p.asymmetry_force > 0 ? f / p.asymmetry_force : v / p.asymmetry_width);
 }
 
-// Gas that is in series with the fluid, which then moves less than the piston.
+// Gas in series with the fluid, which then moves less than the piston.
 inline bool HasSeries(const Params& p) { return p.trapped_gas_series > 0 && p.trapped_gas_force > 0; }
 inline bool HasSecantPocket(const Params& p) { return HasSeries(p) && p.trapped_gas_secant > 0; }
 inline bool HasPocket(const Params& p) { return HasSeries(p) && !(p.trapped_gas_secant > 0); }
 
 inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || (p.trapped_gas_force > 0 && !HasSeries(p)); }
 
-// Stroke over which a pocket is pressed shut; 0 where every turn opens it.
+// Stroke over which a pocket is compressed completely; 0 if it opens at every turn.
 inline double PocketReach(const Params& p) {
   if (p.trapped_gas_reach > 0) return p.trapped_gas_reach;
   return p.trapped_gas_time > 0 || p.trapped_gas_force > 0 ? p.trapped_gas_s_g : 0;
 }
 
-// trapped_gas: the stroke since the last turn. A turn counts from some way back, so that the noise of a measured
-// displacement is none.
+// trapped_gas: the stroke since the last turn. A turn counts after a minimum reversal, so that noise of a measured
+// displacement causes none.
 struct Stroke {
   double extreme = 0;    // m: furthest point of this stroke
-  double turn = 0;       // m: where it began
+  double turn = 0;       // m: start of the stroke
   double direction = 0;  // +1 extension, -1 compression, 0 not yet moved
   double last = 0;       // m
-  double pocket = 0;     // m that the gas is pressed together by extension, 0 to its reach
+  double pocket = 0;     // m of compression by extension, 0 to its reach
 
-  // dt: since it was at `last`, in which a pocket with a time of its own opens while it is not pressed.
+  // dt: time since `last`, in which a pocket with a time constant opens while it is not compressed.
   void Follow(double x, const Params& p, double dt = 0) {
     const double reach = PocketReach(p), back = p.trapped_gas_turn;
     const bool compressed = p.trapped_gas_direction < 0;
@@ -108,7 +108,7 @@ struct Stroke {
   }
 };
 
-// What is left of the force.
+// Remaining share of the force.
 inline double TrappedGas(const Params& p, const Stroke& stroke, double x, double v) {
   const double reach = PocketReach(p);
   const bool by_velocity = reach > 0 && p.trapped_gas_width > 0;
@@ -122,9 +122,8 @@ inline double TrappedGas(const Params& p, const Stroke& stroke, double x, double
   return 1 - p.trapped_gas_d * moving * (p.trapped_gas_end > 0 ? std::fmax(1 - power, 0) : std::exp(-power));
 }
 
-// The fluid's force f behind gas that carries no more than its own pressure does until it is pressed together: a
-// polytropic change of its volume, limit = force (1 - s)^-shape, and a minimum of the two that is rounded a little.
-// Its derivative in `rate`.
+// The fluid's force f with gas that carries at most its own pressure until it is compressed: polytropic, limit =
+// force (1 - s)^-shape, with a smoothed minimum of the two. Its derivative in `rate`.
 inline double LimitedByGas(const Params& p, const Stroke& stroke, double f, double* rate) {
   *rate = 1;
   if (f * p.trapped_gas_direction < 0) return f;
@@ -137,55 +136,56 @@ inline double LimitedByGas(const Params& p, const Stroke& stroke, double f, doub
   return share * f;
 }
 
-// A pocket in series: gas at rest under the accumulator's pressure, force = pressure times area, is pressed together by
-// q as f = force ((1 - q / s_g)^-shape - 1), a polytropic change of its volume, and carries what the fluid does. To the
-// other side it stands at its stop. How far the piston is ahead of the fluid at the fluid's force f.
+// A pocket in series: gas at rest at the accumulator's pressure, force = pressure times area. Compression by q gives
+// f = force ((1 - q / s_g)^-shape - 1), polytropic, equal to the fluid's force. In the other direction it is at its
+// stop. Returns the lead of the piston over the fluid at the fluid's force f.
 inline double PocketStretch(const Params& p, double f) {
   if (f * p.trapped_gas_direction < 0) return 0;
   const double q = -p.trapped_gas_s_g * std::expm1(-std::log1p(std::fabs(f) / p.trapped_gas_force) / p.trapped_gas_shape);
   return f < 0 ? -q : q;
 }
 
-// The force of gas that is pressed together by `stretch`.
+// Force of the gas at a compression `stretch`.
 inline double PocketForce(const Params& p, double stretch) {
   const double share = std::fmin(std::fabs(stretch) / p.trapped_gas_s_g, 1 - 1e-12);
   const double f = p.trapped_gas_force * std::expm1(-p.trapped_gas_shape * std::log1p(-share));
   return stretch < 0 ? -f : f;
 }
 
-// Its give (m/N) there.
+// Its compliance (m/N) there.
 inline double PocketGive(const Params& p, double stretch) {
   const double left = std::fmax(1 - std::fabs(stretch) / p.trapped_gas_s_g, 1e-12);
   return p.trapped_gas_s_g / (p.trapped_gas_shape * p.trapped_gas_force) * std::pow(left, p.trapped_gas_shape + 1);
 }
 
-// What of the rate the fluid lacks: all of it while the piston presses; on its way back what the gas gives up is filled
-// from behind the piston. Turned over a small velocity.
+// Share of the rate that the fluid lacks: all of it while the piston compresses the gas; on the way back the gas is
+// refilled from behind the piston. Smoothed over a small velocity.
 inline double PocketShare(const Params& p, double v) {
   return p.trapped_gas_direction == 0 ? 1 : 0.5 * (1 + std::tanh(v * p.trapped_gas_direction / std::fmax(p.trapped_gas_width, 1e-6)));
 }
 
 struct Pocket {
-  double stretch = 0;  // m that the gas is pressed together, with the sign of the force
+  double stretch = 0;  // m of compression, with the sign of the force
   double rate = 0;     // m/s
   double flow = 0;     // m/s, velocity of the fluid
-  double slope = 0;    // N s/m, d(force)/dv of the fluid at the last balance, where the next one's solve begins
+  double slope = 0;    // N s/m, d(force)/dv of the fluid at the last balance, start of the next solve
 
   void Press(const Params& p, double f, double path);
 };
 
-// Whether gas in series with a fluid that gives way by its secant carries the fluid's force f.
+// True if gas in series with a fluid, linearised by its secant, carries the fluid's force f.
 inline bool CarriedByGas(const Params& p, double f) {
   return p.trapped_gas_direction == 0 || f * p.trapped_gas_direction > 0;
 }
 
-// The force through it: the gas's own, beside it the fluid's whole one to the other side.
+// The transmitted force: the gas's own, in the other direction the whole force of the fluid.
 inline double ThroughSecantPocket(const Params& p, const Pocket& gas, double f) {
   return PocketForce(p, gas.stretch) + (CarriedByGas(p, f) ? 0 : f);
 }
 
-// Pressed on over a path (m) by a fluid that would carry f with all of the motion, and does as a dashpot of that secant
-// with its part: dq = abs(dx) (sign(f) - held(q) / abs(f)). An exponential Rosenbrock step, exact where held is straight.
+// Compression over a path (m) by a fluid that would carry f with all of the motion, and acts as a dashpot of that
+// secant with its part: dq = abs(dx) (sign(f) - held(q) / abs(f)). An exponential Rosenbrock step, exact if held is
+// linear.
 inline void Pocket::Press(const Params& p, double f, double path) {
   const double way = std::fabs(path), size = std::fmax(std::fabs(f), 0.05 * p.trapped_gas_force);
   const double part = way / (size * PocketGive(p, stretch));

@@ -16,31 +16,32 @@ inline double SaturationCurve(const Params& p, double i) {
   return i / std::pow(1 + std::pow(std::fabs(q), p.saturation_shape), 1 / p.saturation_shape);
 }
 
-// saturation: the curve, whose slope at zero is one; or scaled so that it gives the current back at `full`, where the
-// law's coefficients were calibrated.
+// saturation: a curve with slope one at zero, or scaled so that it equals the current at `full`, where the law's
+// coefficients were calibrated.
 inline double Saturate(const Params& p, double i) {
   if (!(p.saturation_i_s > 0)) return i;
   const double b = SaturationCurve(p, i);
   return p.saturation_full > 0 ? b * p.saturation_full / SaturationCurve(p, p.saturation_full) : b;
 }
 
-// Bound of the branch at the current i on the side of `sign`, which the way up (1) or down (-1) from zero leads to.
+// Bound of the branch at the current i on the side of `sign`, approached from zero with increasing (1) or decreasing
+// (-1) current.
 inline double Bound(const Params& p, double i, double sign) {
   const double growth = sign * i < 0 ? p.remanence_down : p.remanence_up;
   return std::fmax(1 + growth * std::fabs(i), 0);
 }
 
-// remanence: h' = (i' / D)(L(i) - sgn(i') h), a function of the path of i alone; exact where the bound L runs straight.
+// remanence: h' = (i' / D)(L(i) - sgn(i') h), a function of the path of i alone; exact if the bound L is linear.
 inline double Branch(const Params& p, double h, double from, double to) {
   const double sign = to > from ? 1 : -1, way = to - from;
   return Lag(h, sign * Bound(p, from, sign), sign * Bound(p, to, sign), p.remanence_d, std::fabs(way));
 }
 
-// Where on its hysteresis a magnetic circuit is. Plain doubles.
+// State of the hysteresis of a magnetic circuit. Plain doubles.
 struct Magnet {
   static constexpr int kStops = 6;
   double branch = 0;         // h
-  double stop[kStops] = {};  // in units of the current, where remanence_stops asks for them
+  double stop[kStops] = {};  // in units of the current, for remanence_stops
 
   // At rest with the first command u.
   void Start(const Params& p, double u) {
@@ -49,8 +50,8 @@ struct Magnet {
     for (int k = 0; k < kStops; k++) stop[k] = branch * Width(p, k);
     Follow(p, before, u);
   }
-  // Along a path of the current. With stops (Prandtl and Ishlinskii) small loops close where they began, which those
-  // of the equation do not; demagnetised, both begin with the slope 1 / D.
+  // Along a path of the current. With stops (Prandtl and Ishlinskii) minor loops close; those of the equation do not.
+  // From the demagnetised state both begin with the slope 1 / D.
   void Follow(const Params& p, double from, double to) {
     if (to == from) return;
     if (from * to < 0 && (p.remanence_up != 0 || p.remanence_down != 0)) {  // the bounds have a corner at zero
@@ -74,7 +75,7 @@ struct Magnet {
   static double Width(const Params& p, int k) { return p.remanence_d * 2 * (k + 1) / (kStops + 1); }
 };
 
-// Loops close towards a core's saturation, where nothing is left that a path could have changed.
+// Loops close towards saturation of the core, where the path has no influence.
 inline double FieldOf(const Params& p, double i, double h) {
   const double q = p.remanence_knee > 0 ? i / p.remanence_knee : 0;
   return Saturate(p, i - p.remanence_b * h * std::exp(-q * q));

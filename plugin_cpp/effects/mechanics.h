@@ -1,4 +1,4 @@
-// Stage `mechanics`: forces beside the fluid's. A rigid moving mass is added where the acceleration is known.
+// Stage `mechanics`: forces parallel to the fluid's. A rigid moving mass is added where the acceleration is known.
 #ifndef MRDAMP_EFFECTS_MECHANICS_H_
 #define MRDAMP_EFFECTS_MECHANICS_H_
 
@@ -14,27 +14,27 @@ inline double GasSpring(const Params& p, double x) {
   return p.gas_spring_k * x * (1 + (p.gas_spring_k2 + p.gas_spring_k3 * x) * x) + p.gas_spring_f0;
 }
 
-// moving_mass: what of it follows the rod rigidly (kg).
+// moving_mass: part that moves rigidly with the rod (kg).
 inline double RigidMass(const Params& p) {
   return p.moving_mass_hz > 0 ? p.moving_mass_m * (1 - p.moving_mass_share) : p.moving_mass_m;
 }
 
-// What of that follows the piston behind a mount, and the rod's end; without a mount they are one.
+// Parts of it that move with the piston behind a mount and with the rod's end; without a mount they are one.
 inline double PistonMass(const Params& p) { return p.moving_mass_beyond > 0 ? 0 : RigidMass(p); }
 inline double RodMass(const Params& p, bool mount) { return mount && !(p.moving_mass_beyond > 0) ? 0 : RigidMass(p); }
 
-// Accelerations (m/s2) that masses on springs of their own feel.
+// Accelerations (m/s2) of sprung masses' supports.
 struct Felt {
   Oscillator first, second;
 };
 
-// The rod's acceleration a (m/s2) over dt as they feel it.
+// Update by the rod's acceleration a (m/s2) over dt.
 inline void Ring(const Params& p, Felt* felt, double a, double dt) {
   if (p.moving_mass_hz > 0) felt->first.Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);
   if (p.moving_mass_hz2 > 0) felt->second.Step(2 * kPi * p.moving_mass_hz2, p.moving_mass_ratio, a, a, dt);
 }
 
-// What a mass on springs and dashpots of its own pulls with (N), from the accelerations that it feels.
+// Force (N) of masses on springs and dashpots, from these accelerations.
 inline double RingingForce(const Params& p, const Felt& felt) {
   if (!(p.moving_mass_hz > 0)) return 0;
   const double lag = p.moving_mass_ratio / kPi, first = felt.first.y + lag / p.moving_mass_hz * felt.first.rate;
@@ -57,7 +57,7 @@ struct SealFriction {
     const double rest = (dx > 0 ? limit : -limit) / sigma;
     return rest + (q - rest) * std::exp(-std::fabs(dx) * sigma / limit);
   }
-  // Without presliding: turned over a small velocity. Its slope in `slope`.
+  // Without presliding: smoothed over a small velocity. Its derivative in `slope`.
   static double Slip(double limit, double width, double v, double* slope) {
     const double t = std::tanh(v / width);
     *slope = limit / width * (1 - t * t);

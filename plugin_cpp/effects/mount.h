@@ -11,21 +11,21 @@ namespace mrdamp {
 
 inline bool HasMount(const Params& p) { return p.mount_compliance_k > 0 || p.backlash_gap > 0; }
 
-// The mount remembers its path.
+// True if the mount has a state.
 inline bool HasRubber(const Params& p) { return p.mount_compliance_friction > 0 || p.mount_compliance_loss > 0; }
 
 inline double MountStiffness(const Params& p) {
   return p.mount_compliance_k > 0 ? p.mount_compliance_k : p.backlash_k;
 }
 
-// What of a deflection d is beyond one of `least` either way.
+// Part of a deflection d beyond `least` in either direction.
 inline double Beyond(double least, double d) { return d > least ? d - least : d < -least ? d + least : 0; }
 
-// What of a stretch d = x - x_piston is beyond the clearance.
+// Part of a stretch d = x - x_piston beyond the clearance.
 inline double BeyondGap(const Params& p, double d) { return Beyond(0.5 * p.backlash_gap, d); }
 
-// Force (N) through the mount stretched by d: k d (1 + k3 d^2) beyond the clearance, and `stiffer` k (|d| - stop) more
-// beyond the stop.
+// Force (N) of the mount at a stretch d: k d (1 + k3 d^2) beyond the clearance, and an additional `stiffer` k (|d| -
+// stop) beyond the stop.
 inline double MountForce(const Params& p, double d) {
   d = BeyondGap(p, d);
   const double more = p.mount_compliance_stiffer;
@@ -33,22 +33,22 @@ inline double MountForce(const Params& p, double d) {
   return MountStiffness(p) * (d * (1 + p.mount_compliance_k3 * d * d) + stopped);
 }
 
-// Over some time of an even path: what a spring that lets go keeps of its stretch, and of the path.
+// For a uniform path over some time: what a relaxing spring retains of its stretch, and of the path.
 struct Easing {
   double keep = 1, take = 1;
 };
 
-// Of the mount's second spring over dt (s).
+// The same for the mount's second spring over dt (s).
 inline Easing Ease(const Params& p, double dt) {
   if (!(p.mount_compliance_loss > 0)) return {};
   const double part = dt / p.mount_compliance_time;
   return {std::exp(-part), part > 0 ? -std::expm1(-part) / part : 1};
 }
 
-// Friction inside the mount as a share of its largest, held' = (d' - abs(d') held) / slide (Dahl 1968; in parallel with
-// the spring as Berg, Vehicle System Dynamics 30 (1998), has friction in rubber): a function of the path of the stretch alone.
-// Beside them a second spring that lets go in its own time, eased' = d' - eased / time (Zener 1948, the standard linear
-// solid): rubber is stiffer for fast motions than for slow ones.
+// Friction inside the mount relative to its largest value, held' = (d' - abs(d') held) / slide (Dahl 1968; parallel
+// to the spring, as in rubber by Berg, Vehicle System Dynamics 30 (1998)): a function of the stretch's path alone. A
+// second parallel spring relaxes, eased' = d' - eased / time (Zener 1948, the standard linear solid): rubber is
+// stiffer for fast motions than for slow ones.
 struct Rubber {
   double stretch = 0;  // m, beyond the clearance
   double held = 0;     // -1 to 1
@@ -69,7 +69,7 @@ struct Rubber {
     if (p.mount_compliance_loss > 0) eased = Eased(p, d, over);
     stretch = BeyondGap(p, d);
   }
-  // Force (N) through spring and friction at a stretch, with what its slope takes: both cost one exponential.
+  // Force (N) of spring and friction at a stretch, with the terms of its slope; both need one exponential.
   struct View {
     double beyond, held, force;
   };
@@ -80,7 +80,7 @@ struct Rubber {
     const double share = Held(p, d);
     return {BeyondGap(p, d), share, spring + p.mount_compliance_friction * share};
   }
-  // The slope (N/m) there, within the clearance that at its ends; of friction towards `aside` (m) from there.
+  // The slope (N/m) there (within the clearance that at its ends); for friction in the direction of `aside` (m).
   double Slope(const Params& p, const View& at, double aside, const Easing& over = {}) const {
     const double stopped = std::fabs(at.beyond) > p.mount_compliance_stop ? p.mount_compliance_stiffer : 0;
     const double grown = 1 + 3 * p.mount_compliance_k3 * at.beyond * at.beyond + stopped;
@@ -99,14 +99,14 @@ inline double Turn(const Params& p, const Rubber& rubber) {
   return rubber.stretch > 0 ? rubber.stretch + half : rubber.stretch < 0 ? rubber.stretch - half : 0;
 }
 
-// A damper before a balance: its force (N), that less the mount's, the slope (N s/m) of its own over its velocity.
+// A damper before a balance: its force (N), the same minus the mount's, its slope (N s/m) with its velocity.
 struct Pushed {
   double force, sum, slope;
 };
 
-// By how much faster (m/s) a piston has to go for damper and mount to balance, where h (s) of that is taken off a
-// stretch whose force is in `view`. The mount costs little, and is what bends: at the ends of its clearance, where its
-// friction turns.
+// Increase (m/s) of the piston's velocity that balances damper and mount; h (s) of it reduces the stretch whose force
+// is in `view`. The mount is cheap to evaluate and strongly curved at the ends of its clearance, where its friction
+// turns.
 inline double MountBalance(const Params& p, const Rubber& rubber, const Easing& over, const Rubber::View& view,
                            double stretch, double h, const Pushed& damper, double tolerance) {
   Rubber::View seen = view;
@@ -114,7 +114,7 @@ inline double MountBalance(const Params& p, const Rubber& rubber, const Easing& 
     seen = rubber.Look(p, stretch - h * move, over);
     return damper.force + damper.slope * move - seen.force;
   };
-  // A move ahead lets the stretch go.
+  // A forward move reduces the stretch.
   const auto rise = [&](double aside) { return damper.slope + h * rubber.Slope(p, seen, -h * aside, over); };
   if (p.mount_compliance_friction > 0) {
     const double move = FrictionBalance(both, rise, damper.sum, (stretch - Turn(p, rubber)) / h,

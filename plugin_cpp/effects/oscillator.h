@@ -1,4 +1,4 @@
-// An oscillator of second order: what a mass on a spring feels, and a low-pass with a pair of complex poles.
+// A second-order oscillator: a mass on a spring, and a low-pass with a pair of complex poles.
 #ifndef MRDAMP_EFFECTS_OSCILLATOR_H_
 #define MRDAMP_EFFECTS_OSCILLATOR_H_
 
@@ -10,10 +10,10 @@ namespace mrdamp {
 struct Oscillator {
   double y = 0, rate = 0;
 
-  // Exact for an x that runs straight from x0 to x1 in dt.
+  // Exact for an x that is linear from x0 to x1 in dt.
   void Step(double w, double zeta, double x0, double x1, double dt) {
     const double slope = (x1 - x0) / dt, behind = 2 * zeta / w * slope;
-    const double e = y - (x0 - behind), f = rate - slope;  // off the straight line that y would settle on
+    const double e = y - (x0 - behind), f = rate - slope;  // deviation from the particular solution
     const double decay = std::exp(-zeta * w * dt), wd = w * std::sqrt(1 - zeta * zeta);
     const double c = decay * std::cos(wd * dt), s = decay * std::sin(wd * dt) / wd;
     y = x1 - behind + e * c + (f + zeta * w * e) * s;

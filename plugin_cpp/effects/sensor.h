@@ -13,9 +13,9 @@ struct SensorParams {
   double gain = 1, offset = 0;
   double leakage = 0;        // s, high-pass of the charge; 0: none
   double lag = 0, lag2 = 0;  // s, low-pass; 0: none
-  double share = 0, leakage2 = 0;  // of the charge that leaks with another time constant, and that (s; 0: it does not)
-  double ratio = 0;                // damping of a low-pass of second order in place of the first pole; 0: that pole
-  double settle = 0, settle_time = 1;  // offset besides, which dies away from the start, and its time constant, s
+  double share = 0, leakage2 = 0;  // share of the charge with another time constant, and that (s; 0: no leakage)
+  double ratio = 0;                // damping of a second-order low-pass in place of the first pole; 0: first order
+  double settle = 0, settle_time = 1;  // additional offset that decays from the start, and its time constant, s
 
   static SensorParams Of(const Params& p) {
     return {p.sensor_gain_g, p.sensor_offset_f, p.sensor_leakage_tau, p.sensor_lag_tau, p.sensor_lag_tau2,
@@ -23,13 +23,13 @@ struct SensorParams {
   }
 };
 
-// gain -> leakage (y' = F' - y / tau) -> lag -> offset; exact for a signal that runs straight between samples.
+// gain -> leakage (y' = F' - y / tau) -> lag -> offset; exact for a signal that is linear between samples.
 struct Sensor {
   double in = 0;       // last true signal
-  double charge = 0;   // behind the leakage
-  double charge2 = 0;  // the same of what leaks with the other time constant
+  double charge = 0;   // after the leakage
+  double charge2 = 0;  // the same of the part with the other time constant
   double first = 0, second = 0;
-  double unsettled = 1;  // share of the settling offset that is left
+  double unsettled = 1;  // remaining share of the decaying offset
   Oscillator filter;
 
   void Start(const SensorParams& p, double f) {

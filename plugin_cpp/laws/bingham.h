@@ -7,7 +7,7 @@
 namespace mrdamp {
 
 struct Bingham {
-  // The sign function is a tanh too steep to tell: at rest a step needs a force that goes with a velocity.
+  // A very steep tanh in place of the sign function: at rest a step requires a force that depends on the velocity.
   static constexpr double kSharpest = 1e-9;  // m/s
 
   static LawForce Force(const Params& p, const Coefficients& k, double v) {

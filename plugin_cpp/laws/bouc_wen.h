@@ -8,7 +8,7 @@
 namespace mrdamp {
 
 struct BoucWen {
-  // z over a step from velocity va to vb (a straight line of mean dx / dt): split where the path turns.
+  // z over a step from velocity va to vb (linear, of mean dx / dt): split where the path turns.
   static double Step(const Params& p, const Coefficients& k, double z, double va, double vb, double dt) {
     if (va * vb < 0) {
       const double turn = dt * va / (va - vb);

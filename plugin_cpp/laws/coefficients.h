@@ -1,4 +1,4 @@
-// A law's numbers at one field and one temperature.
+// Coefficients of a law at one field and one temperature.
 #ifndef MRDAMP_LAWS_COEFFICIENTS_H_
 #define MRDAMP_LAWS_COEFFICIENTS_H_
 
@@ -9,15 +9,14 @@
 
 namespace mrdamp {
 
-// What the fluid is like at this moment: the field variable b, and the factors by which heat lowers
-// viscosity and yield force.
+// Present state of the fluid: the field variable b, and the factors by which heat lowers viscosity and yield force.
 struct Fluid {
   double b = 0;
   double viscosity = 1;
   double yield = 1;
 };
 
-// Force of a law: the fluid's share, which the fluid effects multiply, and the parallel spring's.
+// Force of a law: the fluid's part, on which the fluid effects act, and the parallel spring's.
 struct LawForce {
   double fluid = 0;
   double spring = 0;
@@ -31,11 +30,11 @@ struct Coefficients {
   double gamma, beta;           // with their decrease at a large field
 };
 
-// p(b) = a + slope b + c b^2 + e (1 - exp(-r b)), never below zero: outside the range of its fit a straight
-// line may cross zero, and a negative viscosity would feed energy in.
+// p(b) = a + slope b + c b^2 + e (1 - exp(-r b)), never below zero: outside the range of its fit a line may cross
+// zero, and a negative viscosity would supply energy.
 inline double Follow(double a, double slope, double c, double e, double r, double b) {
   double p = a + b * (slope + c * b);
-  if (e != 0) p += e * (1 - std::exp(-r * std::max(b, 0.0)));  // a saturating part has no say below zero
+  if (e != 0) p += e * (1 - std::exp(-r * std::max(b, 0.0)));  // a saturating part is constant below zero
   return std::max(p, 0.0);
 }
 

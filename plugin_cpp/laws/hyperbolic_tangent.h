@@ -1,9 +1,9 @@
 // Hyperbolic tangent (Gavin 2001; Gamota, Filisko 1991, doi:10.1122/1.550221):
 //   m0 g'' = -(k0 + k1) g - (c0 + c1) g' + k1 x + c1 v - f0 tanh(g' / v_ref),  F = k1 (x - g) + c1 (v - g').
 //
-// With published numbers the rate f0 / (m0 v_ref) is near 5e5 1/s: g' is as good as slaved to x, v and g. It is
-// stepped by backward Euler, g by the exponentially fitted rule (core/weight.h): one monotone scalar equation a step,
-// stable at any step, and a force that never falls where the velocity rises, which the solves around it rely on.
+// With published parameters the rate f0 / (m0 v_ref) is near 5e5 1/s: g' nearly follows x, v and g. It is stepped by
+// backward Euler and g by the exponentially fitted rule (core/weight.h): one monotone scalar equation per step,
+// stable for any step, with a force that never decreases with the velocity, as the surrounding solves require.
 #ifndef MRDAMP_LAWS_HYPERBOLIC_TANGENT_H_
 #define MRDAMP_LAWS_HYPERBOLIC_TANGENT_H_
 
@@ -20,8 +20,8 @@ struct HyperbolicTangent {
     return q * (1 - s * (1.0 / 3 - s * (2.0 / 15 - s * (17.0 / 315 - s * (62.0 / 2835)))));
   }
 
-  // Root of a p + f tanh(p / w) = b with a > 0, f >= 0; w -> 0 is the sign function. tanh is concave where the
-  // root lies, so Newton's steps from below rise to it without overshoot; one from a guess above falls below it.
+  // Root of a p + f tanh(p / w) = b with a > 0, f >= 0; w -> 0 is the sign function. tanh is concave at the root, so
+  // that Newton's steps from below converge without overshoot; one from an estimate above leads below it.
   static double Root(double a, double f, double w, double b, double guess = 0) {
     const double sign = b < 0 ? -1 : 1;
     b = std::fabs(b);
@@ -32,19 +32,19 @@ struct HyperbolicTangent {
       const double t = Tanh(p / w);
       const double step = (b - a * p - f * t) / (a + f * (1 - t * t) / w);
       p = std::max(low, p + step);
-      if (!(step * step > 1e-13 * w * (p + w))) break;  // what is left is below step^2 / w
+      if (!(step * step > 1e-13 * w * (p + w))) break;  // the remaining error is below step^2 / w
     }
     return sign * p;
   }
 
-  // The instantaneous g' where the device has no inertia.
+  // The instantaneous g' if the device has no inertia.
   static double MasslessRate(const Params& p, const Coefficients& k, double g, double x, double v) {
     const double a = k.c0 + k.c1;
     const double b = k.k1 * x + k.c1 * v - (k.k0 + k.k1) * g;
     return Root(std::max(a, 1e-12), k.yield, p.v_ref, b);
   }
 
-  // guess: of the new rate, where the solve begins.
+  // guess: of the new rate, start of the solve.
   static void Step(const Params& p, const Coefficients& k, double* g, double* rate, double x, double va, double vb,
                    double dt, double guess) {
     const double mass = p.m0 / dt, spring = k.k0 + k.k1, dashpot = std::max(k.c0 + k.c1, 1e-12);

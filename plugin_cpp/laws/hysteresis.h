@@ -11,7 +11,7 @@
 
 namespace mrdamp {
 
-// u after the path s of u' = A - B u^2, and the path left when u has reached zero from below (0: it has not).
+// u after the path s of u' = A - B u^2, and the remaining path when u reaches zero from below (0: it does not).
 inline double Square(double u, double A, double B, double s, double* left) {
   *left = 0;
   const double rate = std::sqrt(std::fabs(A * B));
@@ -28,7 +28,7 @@ inline double Square(double u, double A, double B, double s, double* left) {
     *left = s - std::atanh(-u / c) / rate;
     return 0;
   }
-  // tan(atan(w) + rate s) by the sum's rule, up to near where the law is stopped from running away.
+  // tan(atan(w) + rate s) by the addition theorem, up to near the limit that bounds the law.
   const double w = u / c, turn = rate * s < 1.5 ? std::tan(rate * s) : 0, over = 1 - w * turn;
   if (turn > 0 && over > 0 && w + turn < 14 * over && !(u < 0 && w + turn > 0)) return c * (w + turn) / over;
   const double angle = std::atan(w) + rate * s;
@@ -39,7 +39,7 @@ inline double Square(double u, double A, double B, double s, double* left) {
   return angle > 1.5 ? c * std::tan(1.5) : c * std::tan(angle);
 }
 
-// Same for u' = A - B |u| (n = 1): sign is that of u on this stretch.
+// Same for u' = A - B |u| (n = 1): sign is that of u on this part.
 inline double Linear(double u, double A, double B, double s, double* left) {
   *left = 0;
   const double k = u < 0 ? -B : B;  // u' = A - k u
@@ -52,13 +52,13 @@ inline double Linear(double u, double A, double B, double s, double* left) {
   return next;
 }
 
-// Any n: Rosenbrock-exponential steps no longer than a tenth of the path on which u is built up.
+// Any n: Rosenbrock-exponential steps no longer than a tenth of the path over which u builds up.
 inline double General(double u, double A, double beta, double gamma, double n, double s) {
   const double sum = beta + gamma;
   const double reach = sum > 0 ? std::pow(A / sum, 1 / n) / A : s;
-  // Past a few reaches u rests: what remains of a long path changes nothing.
+  // After a few times this path u is constant: the rest of a long path changes nothing.
   if (s > 20 * reach) s = 20 * reach;
-  const double wanted = std::ceil(s / (0.1 * reach));  // not a number where A has no reach
+  const double wanted = std::ceil(s / (0.1 * reach));  // NaN if A gives no such path
   const int steps = wanted >= 1 ? static_cast<int>(std::fmin(wanted, 200)) : 1;
   const double ds = s / steps;
   for (int i = 0; i < steps; i++) {
@@ -79,7 +79,7 @@ inline double Hysteresis(double z, double dx, double A, double beta, double gamm
   const double sign = dx > 0 ? 1 : -1;
   double s = std::fabs(dx), u = z * sign, left = 0;
   if (u < 0 && beta > gamma) {
-    // A field that falls may leave z beyond the rest on the far side, from where the law would run away.
+    // A decreasing field may leave z beyond the equilibrium on the far side, where the law would diverge.
     const double far = std::pow(A / (beta - gamma), 1 / n) * (1 - 1e-9);
     if (u < -far) u = -far;
   }

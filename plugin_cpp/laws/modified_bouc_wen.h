@@ -18,7 +18,7 @@ struct ModifiedBoucWen {
     return (k.c1 * v - k.yield * z - k.k0 * r) / (k.c0 + k.c1);
   }
 
-  // largest rate (1/s) of r: what a step has to resolve
+  // largest rate (1/s) of r, to be resolved by a step
   static double Stiffness(const Params& p, const Coefficients& k) { return (k.yield * p.A + k.k0) / (k.c0 + k.c1); }
 
   static void Step(const Params& p, const Coefficients& k, double* z, double* r, double va, double vb, double dt) {
@@ -26,7 +26,8 @@ struct ModifiedBoucWen {
     if (!(c > 0)) return;
     const double rate = Rate(k, *z, *r, va);
     const double trend = k.c1 * (vb - va) / (dt * c);
-    // Which way the path goes decides the slope of z: by the middle of the step, so that a turn is not missed.
+    // The direction of the path determines the slope of z: taken at the middle of the step, so that a turn is not
+    // missed.
     const double sign = rate + 0.5 * dt * trend >= 0 ? 1 : -1;
     const double slope = HysteresisSlope(*z, sign, p.A, k.beta, k.gamma, p.n);
     const double q = (k.yield * (slope > 0 ? slope : 0) + k.k0) * dt / c;

@@ -46,14 +46,14 @@ struct NarxHistory {
 };
 
 struct Narx {
-  // Lags filled with the state at rest: x and i as they are, v = 0 behind the first sample, no force.
+  // Lags filled with the state of rest: present x and i, v = 0 before the first sample, zero force.
   static void Start(const NarxNet& net, NarxHistory* past, double x, double v, double i);
-  // Takes in one grid sample.
+  // Appends one grid sample.
   static void Push(const NarxNet& net, NarxHistory* past, double x, double v, double i);
-  // Puts other values in place of the newest sample's.
+  // Replaces the newest sample's values.
   static void Amend(const NarxNet& net, NarxHistory* past, double x, double v, double i);
-  // Force `part` of a sample time after the newest grid sample, 0 <= part < 1: the network as if now were a
-  // sample, over lags interpolated between the grid's. At part = 0 it is the grid's own force.
+  // Force at the fraction `part` of a sample time after the newest grid sample, 0 <= part < 1: the network as if the
+  // present were a sample, with lags interpolated on the grid. At part = 0 it is the grid's own force.
   static double Force(const NarxNet& net, const NarxHistory& past, double part, double x, double v, double i);
 };
 

@@ -18,7 +18,7 @@ namespace mrdamp {
 
 inline constexpr char kDamperName[] = "mrdamp.damper";
 
-// What one instance keeps beside MuJoCo's state: parsed attributes, and the results of the last compute().
+// Data of an instance in addition to MuJoCo's state: parsed attributes, and the results of the last compute().
 class DamperInstance {
  public:
   // Null and a line on failure.
@@ -30,16 +30,16 @@ class DamperInstance {
   // Adds the force as an arrow, coloured by the current, to a scene.
   void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
-  // What the force sensor reads; `a` is the acceleration along the actuator.
+  // Input of the force sensor; `a` is the acceleration along the actuator.
   double Force(double a) const { return seen_.force + RodMass(damper_.p, mount_) * a; }
   const Observation& seen() const { return seen_; }
   const Damper& damper() const { return damper_; }
   double length() const { return x_; }
   double velocity() const { return v_; }
   int actuator() const { return actuator_; }
-  // Not switched off by the actuation flag or its group.
+  // True unless switched off by the actuation flag or its group.
   bool Acts(const mjModel* m) const;
-  // Reads the attributes again where their bytes have changed since.
+  // Reads the attributes again if their bytes have changed.
   void Refresh(const mjModel* m);
 
  private:
@@ -47,7 +47,7 @@ class DamperInstance {
   bool Parse(const mjModel* m, std::string* error);
   // Brings the chain from its stored state to the motion in d.
   void CatchUp(const mjModel* m, const mjData* d);
-  // Force without the moving mass after `h` of the step has gone by at the velocity v; 0: the present state.
+  // Force without the moving mass after `h` of the step at the velocity v; 0: the present state.
   double Trial(double v, double h);
 
   int instance_ = 0, actuator_ = 0, output_ = 0;
@@ -55,9 +55,9 @@ class DamperInstance {
   Damper damper_;
   std::unique_ptr<NarxNet> net_;
   std::vector<char> attributes_;
-  std::vector<int> peers_;  // all dampers of the model, this one among them; the first one solves for all
+  std::vector<int> peers_;  // all dampers of the model, including this one; the first one solves for all
 
-  std::vector<int> others_;  // actuators that are no damper
+  std::vector<int> others_;  // actuators that are not dampers
 
   double time_ = 0, x_ = 0, v_ = 0, u_ = 0;
   State now_, trial_;
@@ -74,10 +74,10 @@ class DamperInstance {
   std::vector<double> weight_, forces_;
 };
 
-// The damper that an actuator is, or null.
+// The damper of an actuator, or null.
 const DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator);
 
-// Value of a plugin attribute; null where it is not given.
+// Value of a plugin attribute; null if it is not given.
 const char* AttributeOf(const mjModel* m, int instance, const char* name);
 
 // Name for a message: "actuator 'mr'".

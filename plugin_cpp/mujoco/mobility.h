@@ -1,4 +1,4 @@
-// How a model's actuator outputs move under forces, and where they go without the dampers'.
+// Response of a model's actuator outputs to forces, and their motion without the dampers' forces.
 #ifndef MRDAMP_MUJOCO_MOBILITY_H_
 #define MRDAMP_MUJOCO_MOBILITY_H_
 
@@ -18,7 +18,7 @@ inline double Dot(const mjData* d, int output, const double* x) {
 
 class Mobility {
  public:
-  // Takes in the forces of this step, those of the actuators `others` among them, and the equality constraints.
+  // Reads the forces of this step, including those of the actuators `others`, and the equality constraints.
   void Update(const mjModel* m, mjData* d, const std::vector<int>& others);
   // Fills inverse (nv) with M^-1 J' of an output and returns its acceleration without any damper's force.
   double Row(const mjModel* m, mjData* d, int output, double h, std::vector<double>* inverse);

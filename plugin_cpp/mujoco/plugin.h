@@ -1,4 +1,4 @@
-// What both plugins do the same way: the life of an instance, and attributes that change at run time.
+// Shared parts of both plugins: life of an instance, and attributes that change at run time.
 #ifndef MRDAMP_MUJOCO_PLUGIN_H_
 #define MRDAMP_MUJOCO_PLUGIN_H_
 
@@ -18,7 +18,7 @@ Instance* Data(const mjData* d, int instance) {
   return reinterpret_cast<Instance*>(d->plugin_data[instance]);
 }
 
-// The attribute bytes of an instance, as they stand in the model.
+// The present attribute bytes of an instance in the model.
 inline const char* AttributeBytes(const mjModel* m, int instance, std::size_t* size) {
   const int begin = m->plugin_attradr[instance];
   const int end = instance + 1 < m->nplugin ? m->plugin_attradr[instance + 1] : static_cast<int>(m->npluginattr);
@@ -26,7 +26,7 @@ inline const char* AttributeBytes(const mjModel* m, int instance, std::size_t* s
   return m->plugin_attr + begin;
 }
 
-// Have the bytes changed since they were kept?
+// True if the bytes have changed since they were stored.
 inline bool AttributesChanged(const mjModel* m, int instance, const std::vector<char>& kept) {
   std::size_t size;
   const char* now = AttributeBytes(m, instance, &size);
@@ -39,8 +39,8 @@ inline void KeepAttributes(const mjModel* m, int instance, std::vector<char>* ke
   kept->assign(now, now + size);
 }
 
-// Fills in the callbacks of an instance's life. Instance::Make(m, instance, &error) gives a pointer or a line; the
-// line is copied before anything can skip a destructor.
+// Sets the callbacks of an instance's life. Instance::Make(m, instance, &error) returns a pointer or an error line,
+// which is copied before anything can skip a destructor.
 template <class Instance>
 void SetLife(mjpPlugin* plugin) {
   plugin->init = [](const mjModel* m, mjData* d, int instance) {

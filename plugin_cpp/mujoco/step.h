@@ -7,13 +7,13 @@
 
 namespace mrdamp {
 
-// What the step knows of one damper. Trial(v, part): its force (without the moving mass) after the part of the step
-// has gone by at the velocity v; part 0 is the present state.
+// One damper in a step. Trial(v, part): its force (without the moving mass) after the fraction `part` of the step at
+// the velocity v; part 0 is the present state.
 struct StepDamper {
-  double velocity;   // m/s, now
+  double velocity;   // m/s, at the present
   double free;       // m/s at the end of the step, without any damper's force
-  double force;      // N, now
-  double slope;      // N s/m, of the present state's force in the velocity
+  double force;      // N, at the present
+  double slope;      // N s/m, derivative of the present state's force with the velocity
   double mass;       // kg, moving mass along the damper
   std::function<double(double v, double part)> trial;
 };
