@@ -8,13 +8,14 @@ from dataclasses import replace
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees, sensor_unexplained
-from mrdamp.diagnosis.constants import UNSTEADY
+from mrdamp.diagnosis.constants import INEXACT, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import (
     Noise,
@@ -42,14 +43,19 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     """Completed search of a damper's case. Raises InputError."""
     rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
     notes = list(audit(case))
+    noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
+    notes += unsteady
+    again = _law_of_baseline(case, rig, noise, progress)
+    if again is not None:
+        case = replace(case, model=again.model)
+        rig = DamperRig(again.model, case.records, threads=jobs).with_motion()
+        notes.append(again.note())
     progress("comparing channels that see the same thing", 0.01)
     channels = compared(rig.records, rig.terms, rig.nominal_model.attributes)
     rig = replace(
         rig,
         known={c.term.name: c.settings for c in channels if c.term is not None and c.settings is not None},
     )
-    noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
-    notes += unsteady
     progress("recalibrating the nominal parameters", 0.02)
     untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
     base = baseline_gap(untouched, rig)
@@ -80,7 +86,19 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
             search.looks_like, decision = None, replace(decision, outside=None)
         return fits, unexplained(decision, fits)
 
-    return Searched(case, rig, search, noise, floor, base, notes, judged, complete)
+    return Searched(case, rig, search, noise, floor, base, notes, judged, complete, again)
+
+
+def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
+    """The law identified again on the baseline, if the given simulator does not reach the noise there."""
+    if not case.baseline:
+        return None
+    untouched = _shortened(replace(rig, records=case.baseline))
+    own = own_cost(untouched, baseline_gap(untouched, rig))
+    if own <= INEXACT * untouched.cost(floors(untouched, noise, {})):
+        return None
+    progress("identifying the law on the baseline", 0.01)
+    return baseline_law(rig, case.baseline)
 
 
 def judge(search: Search, *, clears_sensor: bool = False, baseline: Problem | None = None) -> Judged:

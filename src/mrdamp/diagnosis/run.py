@@ -15,7 +15,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.report.assembly import assemble
-from mrdamp.diagnosis.report.file_gaps import with_file_gaps
+from mrdamp.diagnosis.report.file_gaps import with_file_gaps, with_given
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.report.sentence import sentence
 from mrdamp.diagnosis.searched import Searched
@@ -65,4 +65,5 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     )
     answer = found.complete(answer, fits[decision.chosen.index])
     base = found.base if found.case.baseline else None
-    return with_file_gaps(answer, found.case, final.problem, final.fit.residual, base)
+    answer = with_file_gaps(answer, found.case, final.problem, final.fit.residual, base)
+    return answer if found.again is None else with_given(answer, found.again, final.problem)

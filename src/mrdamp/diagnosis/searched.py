@@ -9,6 +9,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.diagnosis.report.result import Diagnosis
@@ -24,7 +25,7 @@ class Searched:
     case: as compared (a frame's averaged). rig: with whole records. floor (blocks,): gaps due to noise alone.
     base (channels,): gap of the nominal simulator on the rig's baseline. notes: of the audit. judge: computes
     all fits and the decision. complete: adds what only this rig can provide to the answer, given the
-    decision's fit.
+    decision's fit. again: the law identified again on the baseline, which the case's model then has.
     """
 
     case: Case
@@ -36,3 +37,4 @@ class Searched:
     notes: list[str]
     judge: Callable[[], Judged]
     complete: Callable[[Diagnosis, Fit], Diagnosis]
+    again: BaselineLaw | None = None

@@ -41,12 +41,20 @@ from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig, models_of
 from mrdamp.diagnosis.report.next_test import next_test
-from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, Where
+from mrdamp.diagnosis.report.result import (
+    Candidate,
+    Diagnosis,
+    Gap,
+    Named,
+    Remainder,
+    Where,
+    pooled,
+    step,
+)
 from mrdamp.model.core import Array
 
 #: Number of simulators with parameters drawn within their intervals.
 _DRAWN = 20
-_RESAMPLES, _SEED = 2000, 3
 
 
 def assemble(
@@ -77,15 +85,15 @@ def assemble(
     nominal = whole.of_settings([{}])[0]
     nominal_gaps = whole.gaps(nominal)
     recalibrated = heldout(whole, _on_whole(search, whole, search.base))
-    waterfall = [_step("nominal", nominal_gaps), _step("recalibrated", recalibrated)]
+    waterfall = [step("nominal", nominal_gaps), step("recalibrated", recalibrated)]
     free = bool(chosen.hypothesis.nominal)
     for k in range(1, len(chosen.hypothesis.causes)):
         part = search.smallest(free, chosen.hypothesis.causes[:k])
         if part is not None:
             part = _on_whole(search, whole, part)
-            waterfall.append(_step("+ " + " + ".join(part.hypothesis.causes), heldout(whole, part)))
+            waterfall.append(step("+ " + " + ".join(part.hypothesis.causes), heldout(whole, part)))
     label = " + ".join(chosen.hypothesis.causes) or "recalibrated"
-    last = _step(f"+ {label}" if chosen.hypothesis.causes else label, final.heldout)
+    last = step(f"+ {label}" if chosen.hypothesis.causes else label, final.heldout)
     waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
     around = spread(final.problem, final.fit)
     intervals = around.intervals() if decision.verdict != "none" else {}
@@ -261,19 +269,6 @@ def _candidate_gap(search: Search, fits: list[Fit], causes: tuple[str, ...]) -> 
         alike = [f for f in alike if bool(f.hypothesis.nominal) == bool(causes)]
     found = min(alike, key=lambda f: f.cost)
     return pooled(heldout(search.problem, found))
-
-
-def pooled(gaps: Array) -> float:
-    """Gap of all blocks together; records and channels have equal weight."""
-    return float(np.sqrt(np.mean(gaps**2)))
-
-
-def _step(name: str, gaps: Array) -> Step:
-    """A bar with its interval by bootstrap over records."""
-    rng = np.random.default_rng(_SEED)
-    picks = rng.integers(0, len(gaps), (_RESAMPLES, len(gaps)))
-    low, high = np.percentile(np.sqrt(np.mean(gaps[picks] ** 2, axis=1)), [2.5, 97.5])
-    return Step(name, pooled(gaps), (float(low), float(high)))
 
 
 def _conditions(problem: Problem) -> tuple[dict[str, Array], Array]:

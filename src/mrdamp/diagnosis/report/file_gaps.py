@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
+from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import END, SKIP, Problem
-from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.report.result import Diagnosis, step
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -50,6 +52,26 @@ def with_file_gaps(
         baseline=None if base is None else float(np.sqrt(np.mean(base**2))),
     )
     return replace(found, gap=gap, notes=tuple(notes))
+
+
+def with_given(found: Diagnosis, again: BaselineLaw, problem: Problem) -> Diagnosis:
+    """The answer of a search with the law identified again, with the given simulator in the first place: its gap,
+    its bar and its residuals in the pictures.
+
+    problem: of the last fit, with the whole records.
+    """
+    rig = DamperRig(again.given, problem.rig.records).with_motion()
+    given = Problem(rig, problem.records, stride=problem.stride, trust=problem.trust)
+    residual = given.of_settings([{}])[0]
+    bars = (step("nominal", given.gaps(residual)), replace(found.waterfall[0], name="law of the baseline"))
+    alone = {**again.to_dict(), "gap": found.gap.nominal}
+    return replace(
+        found,
+        gap=replace(found.gap, nominal=predicted_gap(again.given, problem), baseline=again.before),
+        waterfall=(*bars, *found.waterfall[1:]),
+        baseline_law=alone,
+        pictures={**found.pictures, "nominal": residual / given.weights},
+    )
 
 
 def predicted_gap(model: Model, problem: Problem) -> float:

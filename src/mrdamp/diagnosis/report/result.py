@@ -6,8 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.model import Model
+from mrdamp.model.core import Array
+
+#: Resamples of a bar's interval, and their seed.
+_RESAMPLES, _SEED = 2000, 3
 
 
 @dataclass(frozen=True)
@@ -161,6 +167,7 @@ class Diagnosis:
     outside: Mapping[str, Any] | None = (
         None  # cause outside the catalogue that explains an unknown gap
     )
+    baseline_law: Mapping[str, Any] | None = None  # law identified again on the baseline, if it is used
     stepped: tuple[
         Mapping[str, Any], ...
     ] = ()  # check of the MJCF on records: gaps offline and in MuJoCo
@@ -189,6 +196,7 @@ class Diagnosis:
             "channels_compared": [dict(c) for c in self.compared],
             "standing": dict(self.standing) if self.standing is not None else None,
             "outside_catalogue": dict(self.outside) if self.outside is not None else None,
+            "baseline_law": dict(self.baseline_law) if self.baseline_law is not None else None,
             "indistinguishable": [list(t) for t in self.indistinguishable],
             "unseen": [dict(u) for u in self.unseen],
             "where": self.where.to_dict(),
@@ -202,3 +210,16 @@ class Diagnosis:
             "notes": list(self.notes),
             "seconds": round(self.seconds, 1),
         }
+
+
+def pooled(gaps: Array) -> float:
+    """Gap of all blocks together; records and channels have equal weight."""
+    return float(np.sqrt(np.mean(gaps**2)))
+
+
+def step(name: str, gaps: Array) -> Step:
+    """A bar with its interval by bootstrap over records."""
+    rng = np.random.default_rng(_SEED)
+    picks = rng.integers(0, len(gaps), (_RESAMPLES, len(gaps)))
+    low, high = np.percentile(np.sqrt(np.mean(gaps[picks] ** 2, axis=1)), [2.5, 97.5])
+    return Step(name, pooled(gaps), (float(low), float(high)))

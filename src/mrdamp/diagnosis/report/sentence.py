@@ -51,6 +51,17 @@ def percent(x: float) -> str:
 
 
 def sentence(d: Diagnosis) -> str:
+    """The answer in plain words; with the law that was identified again on the baseline, if it is used."""
+    if d.baseline_law is None:
+        return _sentence(d)
+    again = d.baseline_law
+    return (
+        f"{_sentence(d)} The law was identified again on the baseline ({again['law']}); without a cause it leaves"
+        f" {percent(again['gap'])}."
+    )
+
+
+def _sentence(d: Diagnosis) -> str:
     """Result in a few sentences: the cause, the reduction of the gap, the remainder."""
     g = d.gap
     shrink = f"the gap goes from {percent(g.nominal)} to {percent(g.corrected)}"
@@ -105,7 +116,9 @@ def _unknown(d: Diagnosis) -> str:
         )
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
     apart = next((row for row in d.compared if row["unexplained"]), None)
-    same = abs(g.corrected - g.nominal) <= 1e-3 * g.nominal
+    alone = g.nominal if d.baseline_law is None else float(d.baseline_law["gap"])
+    unchanged = "unchanged" if d.baseline_law is None else "with the law of the baseline and no effect"
+    same = abs(g.corrected - alone) <= 1e-3 * alone
     if apart is not None and same:
         one, other = apart["channels"]
         places = {name: share for name, share in d.where.places.items() if name != "damper"}
@@ -113,11 +126,11 @@ def _unknown(d: Diagnosis) -> str:
         return (
             f"No cause in the catalogue is established for the gap of {percent(g.nominal)}: whatever the damper's law,"
             f" {one} and {other} differ by {percent(apart['difference'])} (noise {percent(apart['noise'])}){most}, and"
-            f" no effect explains it. The simulator is handed over unchanged."
+            f" no effect explains it. The simulator is handed over {unchanged}."
         )
     if same:
         handed = (
-            "no correction holds in regimes left out of its fit, so the simulator is handed over unchanged"
+            f"no correction holds in regimes left out of its fit, so the simulator is handed over {unchanged}"
         )
     else:
         handed = f"the best correction leaves {percent(g.corrected)}"

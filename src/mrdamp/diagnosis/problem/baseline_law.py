@@ -1,0 +1,123 @@
+"""The law identified again on the rig's baseline: the ladder of laws for a nominal simulator whose law is not
+the rig's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mrdamp.diagnosis.constants import BASELINE_LAW_BETTER
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.errors import InputError
+from mrdamp.identify import identify
+from mrdamp.identify.laws import DEPENDENCES, EXTRAS, Scales
+from mrdamp.model import Model
+from mrdamp.records import Record
+
+LAWS = ("bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
+#: Local fits of each law; least number of baseline records: one half is fitted, the other one predicted.
+_STARTS, _LEAST = 3, 4
+
+
+@dataclass(frozen=True)
+class BaselineLaw:
+    """A simulator identified on the baseline's records.
+
+    given: the case's own simulator. dependence: of the coefficients on the command. before, after: gap of the
+    given simulator and of this one on the baseline's records; the latter by fits to the other half of the records.
+    """
+
+    given: Model
+    model: Model
+    dependence: str
+    before: float
+    after: float
+
+    def note(self) -> str:
+        """Line for a person."""
+        return (
+            f"law identified again on the baseline: {self.model.law}, coefficients {self.dependence} in the command;"
+            f" its gap on baseline records outside the fit is {100 * self.after:.1f} %, the given simulator's"
+            f" {100 * self.before:.1f} %"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Entry of `diagnosis.json`."""
+        return {
+            "law": self.model.law,
+            "dependence": self.dependence,
+            "baseline_gap_given": self.before,
+            "baseline_gap": self.after,
+        }
+
+
+def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | None:
+    """The law of LAWS with the least error on the baseline, or None if none of them is better than the given
+    simulator.
+
+    All laws are fitted with the richest dependence on the command that the records show, along with the given
+    simulator's own effects. The best of them is fitted again to each half of the records and judged on the other
+    half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
+    identified on records of this state, and if it predicts the case's records no worse. None also for a network,
+    for effects that `mrdamp identify` does not fit, and for fewer than four records.
+    """
+    model = given.nominal_model
+    extras = _extras(model)
+    if len(baseline) < _LEAST or extras is None or model.law not in (*LAWS, "bingham"):
+        return None
+    levels = Scales.of(baseline).levels
+    dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
+    before = _gap(given, model, baseline)
+
+    def fitted(law: str, records: Sequence[Record]) -> Model | None:
+        start = model.attributes if law == model.law else None
+        try:
+            fit = identify(
+                law, records, extras=extras, dependence=dependence, start=start, starts=_STARTS, threads=given.threads
+            )
+        except InputError:
+            return None
+        return replace(fit.model, name=model.name, extra=model.extra, sample_rate_hz=model.sample_rate_hz)
+
+    found = {law: fit for law in LAWS if (fit := fitted(law, baseline)) is not None}
+    gaps = {law: _gap(given, fit, baseline) for law, fit in found.items()}
+    if not gaps:
+        return None
+    law = min(gaps, key=lambda name: gaps[name])
+    best = found[law]
+    if not gaps[law] < BASELINE_LAW_BETTER * before:
+        return None
+    halves = []
+    for fit_on, judge_on in ((baseline[::2], baseline[1::2]), (baseline[1::2], baseline[::2])):
+        half = fitted(law, fit_on)
+        halves.append(np.inf if half is None else _gap(given, half, judge_on))
+    after = float(np.sqrt(np.mean(np.square(halves))))
+    if not after < BASELINE_LAW_BETTER * before:
+        return None
+    if not _gap(given, best, given.records) <= _gap(given, model, given.records):
+        return None
+    return BaselineLaw(model, best, dependence, before, after)
+
+
+def _extras(model: Model) -> tuple[str, ...] | None:
+    """Names of the effects to fit along, None if `mrdamp identify` does not fit one of them."""
+    out = {"offset"}
+    for effect in model.effects:
+        own = set(effect.parameters)
+        if effect.name == "gas_spring" and own <= {"f0", "k"}:
+            out |= {"gas_spring"} if "k" in own else set()
+        elif effect.name in EXTRAS and effect.name != "gas_spring" and len(own) == 1:
+            out.add(effect.name)
+        else:
+            return None
+    return tuple(sorted(out))
+
+
+def _gap(given: DamperRig, model: Model, records: Sequence[Record]) -> float:
+    """RMS over records and channels of the relative error in free run."""
+    problem = Problem(DamperRig(model, tuple(records), threads=given.threads).with_motion(), coarse=True)
+    return float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))

@@ -1,0 +1,134 @@
+"""The law identified again on the rig's baseline.
+
+The rig is a Bouc-Wen damper whose hysteretic force bends with the current, integrated by SciPy, with noise. Its
+simulator has straight lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.problem import baseline_law as module
+from mrdamp.diagnosis.problem.baseline_law import baseline_law
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.identify import identify
+from mrdamp.model import Effect, Model
+from mrdamp.model.core import Array
+from mrdamp.records import Record
+
+DT = 0.002
+#: Amplitude (m), frequency (Hz) and command of a test.
+TESTS = [
+    (0.008, 1.1, 0.0), (0.008, 1.1, 1.0), (0.014, 0.8, 0.35), (0.005, 2.3, 0.6), (0.011, 1.6, -1.0), (0.006, 1.9, -1.0)
+]  # fmt: skip
+
+
+def record(name: str, test: tuple[float, float, float], seed: int, *, lag: float = 0.0) -> Record:
+    """Three seconds; a command below 0 stands for steps between levels."""
+    amplitude, hz, level = test
+    rng = np.random.default_rng(seed)
+    t = DT * np.arange(1500)
+    x = amplitude * (np.sin(2 * np.pi * hz * t) + 0.2 * np.sin(2 * np.pi * 0.41 * hz * t + 1 + seed))
+    v = np.gradient(x, DT)
+    u = np.full(len(t), level)
+    if level < 0:
+        u = rng.choice([0.0, 0.25, 0.5, 0.75, 1.0], 12)[np.minimum((t / 0.25).astype(int), 11)]
+    current = u
+    if lag:
+        a = np.exp(-DT / lag)
+        current = np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0])
+
+    def rate(when: float, z: Array) -> Array:
+        w = np.interp(when, t, v)
+        return 1500.0 * w - 650.0 * np.abs(w) * z - 350.0 * w * np.abs(z)
+
+    z = solve_ivp(rate, (0, t[-1]), [0.0], t_eval=t, max_step=DT, rtol=1e-6).y[0]
+    force = (500 + 400 * current) * v + (60 + 620 * current**0.55) * z + 20
+    force = force + rng.normal(0, 2.0, len(t))
+    return Record(name, None, DT, {"displacement_m": x, "command": u.astype(float), "force_N": force})
+
+
+@cache
+def baseline() -> tuple[Record, ...]:
+    return tuple(record(f"baseline_{k}", test, 20 + k) for k, test in enumerate(TESTS))
+
+
+@cache
+def records(lag: float = 0.0) -> tuple[Record, ...]:
+    return tuple(record(f"test_{k}", test, 40 + k, lag=lag) for k, test in enumerate(TESTS))
+
+
+@cache
+def lines() -> Model:
+    """The simulator that was commissioned with straight lines."""
+    fit = identify("bouc_wen", baseline(), dependence="linear", starts=2, threads=1)
+    return replace(fit.model, name="nominal")
+
+
+def rig(model: Model, lag: float = 0.0) -> DamperRig:
+    return DamperRig(model, records(lag)).with_motion()
+
+
+def test_a_law_with_a_curve_is_found_on_the_baseline() -> None:
+    found = baseline_law(rig(lines()), baseline())
+    assert found is not None
+    assert found.given is not found.model
+    assert found.model.name == "nominal"
+    assert found.after < 0.5 * found.before
+    assert f"{100 * found.after:.1f} %" in found.note()
+
+
+def test_a_simulator_is_kept_if_nothing_is_gained_or_cannot_be_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    few, unfitted = baseline()[:3], replace(lines(), effects=(Effect("moving_mass", {"m": 1.0}),))
+    assert baseline_law(rig(lines()), few) is None
+    assert baseline_law(rig(unfitted), baseline()) is None
+    best = identify("bouc_wen", baseline(), dependence="quadratic_saturating", starts=2, threads=1).model
+    assert baseline_law(rig(best), baseline()) is None
+    # What is better on the baseline and worse on the case's records has been fitted to the baseline's own errors.
+    own = module._gap
+    given = rig(lines())
+    monkeypatch.setattr(
+        module, "_gap", lambda r, m, some: own(r, m, some) + (some is r.records and m is not r.nominal_model)
+    )
+    assert baseline_law(given, baseline()) is None
+
+
+def test_the_given_simulator_stands_first_in_the_answer() -> None:
+    case = Case("rig", Path(), lines(), records(0.04), (), baseline())
+    found: Diagnosis = diagnose(case)
+    assert [e.effect for e in found.effects] == ["driver_lag"]
+    assert found.gap.corrected < 1.5 * found.gap.noise_floor
+    assert found.baseline_law is not None
+    assert [s.name for s in found.waterfall[:2]] == ["nominal", "law of the baseline"]
+    assert found.gap.corrected < found.baseline_law["gap"] < found.gap.nominal
+    assert found.waterfall[0].gap == pytest.approx(found.gap.nominal, rel=0.02)
+    assert "identified again on the baseline" in found.sentence
+    assert found.to_dict()["baseline_law"]["law"] == found.corrected.law
+    shown = found.pictures["nominal"]
+    assert len(shown) == len(found.pictures["measured"])
+
+
+def test_a_simulator_that_reaches_the_noise_of_its_baseline_is_not_identified_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    best = identify("bouc_wen", baseline(), dependence="quadratic_saturating", starts=2, threads=1).model
+    from mrdamp.diagnosis import damper_run
+
+    def never(*_: object) -> None:
+        raise AssertionError("identified again")
+
+    monkeypatch.setattr(damper_run, "baseline_law", never)
+    monkeypatch.setattr(damper_run, "INEXACT", 1e6)
+    case = Case("rig", Path(), best, records(), (), baseline())
+    noise = damper_run.channel_noise(case, rig(best))
+    assert damper_run._law_of_baseline(case, rig(best), noise, lambda *_: None) is None
