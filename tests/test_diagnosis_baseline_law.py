@@ -15,10 +15,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from mrdamp.diagnosis import damper_run
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.problem import baseline_law as module
 from mrdamp.diagnosis.problem.baseline_law import baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import identify
@@ -50,7 +52,7 @@ def record(name: str, test: tuple[float, float, float], seed: int, *, lag: float
 
     def rate(when: float, z: Array) -> Array:
         w = np.interp(when, t, v)
-        return 1500.0 * w - 650.0 * np.abs(w) * z - 350.0 * w * np.abs(z)
+        return np.asarray(1500.0 * w - 650.0 * np.abs(w) * z - 350.0 * w * np.abs(z))
 
     z = solve_ivp(rate, (0, t[-1]), [0.0], t_eval=t, max_step=DT, rtol=1e-6).y[0]
     force = (500 + 400 * current) * v + (60 + 620 * current**0.55) * z + 20
@@ -122,13 +124,11 @@ def test_a_simulator_that_reaches_the_noise_of_its_baseline_is_not_identified_ag
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     best = identify("bouc_wen", baseline(), dependence="quadratic_saturating", starts=2, threads=1).model
-    from mrdamp.diagnosis import damper_run
-
     def never(*_: object) -> None:
         raise AssertionError("identified again")
 
     monkeypatch.setattr(damper_run, "baseline_law", never)
     monkeypatch.setattr(damper_run, "INEXACT", 1e6)
     case = Case("rig", Path(), best, records(), (), baseline())
-    noise = damper_run.channel_noise(case, rig(best))
+    noise = channel_noise(case, rig(best))
     assert damper_run._law_of_baseline(case, rig(best), noise, lambda *_: None) is None
