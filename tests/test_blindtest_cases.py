@@ -200,11 +200,11 @@ def test_share_of_a_cause_in_company() -> None:
     plain = Truth(device.numbers)
     test = next(t for t in excitation.damper_tests(rng, device.machine, long=False) if t.kind == "random")
     parts = {"sensor_gain": {"sensor.gain": 0.25}, "nothing": {"sat_form": 1.0, "sat_level": 1e9}}
-    shares = damper_case.shown(plain, parts, [test])
+    shares = damper_case.gaps_of_causes(plain, parts, [test])
     assert shares == pytest.approx({"sensor_gain": 0.25 / 1.25, "nothing": 0.0}, abs=1e-4)
-    alone = damper_case.shown(plain, {"sensor_gain": {"sensor.gain": 0.25}}, [test])
+    alone = damper_case.gaps_of_causes(plain, {"sensor_gain": {"sensor.gain": 0.25}}, [test])
     assert alone["sensor_gain"] == pytest.approx(0.2, abs=1e-4)
-    late = damper_case.shown(plain, {"channel_shift": {"reading.shift": 0.01}}, [test])
+    late = damper_case.gaps_of_causes(plain, {"channel_shift": {"reading.shift": 0.01}}, [test])
     assert late["channel_shift"] > 0.01
 
 
@@ -216,7 +216,7 @@ def test_dropouts_that_hit_no_command_do_not_show() -> None:
     tests = excitation.frame_tests(rng, device.machine.command)
     parts = {"dropouts": {"command.dropouts": 1.0}}
     off, on = (next(t for t in tests if t.kind == kind) for kind in ("quake_off", "quake_on"))
-    assert frame_case.shown(plain, parts, [off])["dropouts"] == pytest.approx(0.0, abs=1e-9)
+    assert frame_case.gaps_of_causes(plain, parts, [off])["dropouts"] == pytest.approx(0.0, abs=1e-9)
     hit = next(
         replace(on, seed=k)
         for k in range(20)
@@ -225,7 +225,7 @@ def test_dropouts_that_hit_no_command_do_not_show() -> None:
         ).mean()
         > 0.1
     )
-    assert frame_case.shown(plain, parts, [hit])["dropouts"] > 0.02
+    assert frame_case.gaps_of_causes(plain, parts, [hit])["dropouts"] > 0.02
 
 
 def test_faint_case_is_drawn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -144,7 +144,7 @@ def test_shares() -> None:
     assert found["single effects named"] == Share(1, 3)
     assert found["pairs named"] == Share(1, 1)
     assert found["no false alarm (none, parameters)"] == Share(1, 2)
-    assert found["unknown said"] == Share(1, 1)
+    assert found["unknown recognised"] == Share(1, 1)
     assert found["stage"] == Share(4, 5)
     assert found["all"] == Share(4, 7)
     low, high = Share(19, 20).interval  # Newcombe 1998, table I: 0.764 to 0.991

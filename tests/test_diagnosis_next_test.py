@@ -189,7 +189,7 @@ def test_a_sensor_gain_that_the_law_can_make_itself_is_told_as_beyond_any_test()
     fits, decision = judge(search)
     chosen = fits[decision.chosen.index]
     test, _ = next_test(search, chosen, fits, decision, (), [{"effect": "sensor_gain"}], np.array([5.0]))
-    assert "no test within these limits parts sensor_gain" in test["why"]
+    assert "no test within these limits separates sensor_gain" in test["why"]
 
 
 def test_ties_are_what_the_test_is_for() -> None:

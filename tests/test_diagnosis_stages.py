@@ -79,9 +79,9 @@ def test_nothing_is_fitted_or_screened_twice() -> None:
     assert screening.screen(search, first, search.addable(("sign",))) is promised
     assert problem.runs == runs
     free = search.fitted(Hypothesis(problem.rig.nominal, (sign,)), np.zeros(2), most=5)
-    assert set(map(id, search.cache.held().fits.values())) == {id(first)}
+    assert set(map(id, search.cache.with_fixed_law().fits.values())) == {id(first)}
     assert id(free) in set(map(id, search.cache.fits.values()))
-    assert list(search.cache.held().screens) == list(search.cache.screens)
+    assert list(search.cache.with_fixed_law().screens) == list(search.cache.screens)
 
 
 def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:

@@ -93,10 +93,10 @@ def table(
     by_record: dict[str, dict[str, float]] = {}
     for row in t.rows:
         model = models[row.file]
-        seen, new = ([error(model, r) for r in half] for half in (records.train, records.validation))
+        fitted, new = ([error(model, r) for r in half] for half in (records.train, records.validation))
         by_record[row.name] = {e.record: e.nrmse for e in new}
         norms = row_of("", {r.name: simulate(model, r) for r in records.validation}, records.validation).norms
-        values: list[float | None] = [pooled(seen), pooled(new), norms.e_x, norms.e_v]
+        values: list[float | None] = [pooled(fitted), pooled(new), norms.e_x, norms.e_v]
         if t.sample_time:
             values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
         if t.without:
@@ -231,10 +231,10 @@ def summarise(kept: Mapping[str, Mapping[str, Sequence[float | None]]]) -> None:
         for t in page.tables:
             for row in t.rows:
                 if row.file in kept.get(name, {}):
-                    seen, new, *_, mark = kept[name][row.file]
+                    fitted, new, *_, mark = kept[name][row.file]
                     where = f"[{name}]({name}.md), {t.title[0].lower()}{t.title[1:]}"
                     lines.append(
-                        f"| {where} | {row.name} | {seen:.3f} | {new:.3f} | {'' if mark is None else mark} |"
+                        f"| {where} | {row.name} | {fitted:.3f} | {new:.3f} | {'' if mark is None else mark} |"
                     )
     path = PAGES / "README.md"
     before, _, rest = path.read_text(encoding="utf-8").partition(_BEGIN)

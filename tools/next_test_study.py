@@ -67,7 +67,7 @@ class Outcome:
     more than the best one with it, RMS over the noise."""
 
     answer: str
-    settled: bool
+    resolved: bool
     margin: float
     behind: float
 
@@ -113,7 +113,7 @@ def answer(found: Diagnosis) -> str:
     return f"{named} (tied: {'; '.join(ties)})" if ties else named
 
 
-def settled(found: Diagnosis, cause: str) -> bool:
+def resolved(found: Diagnosis, cause: str) -> bool:
     """True where the cause is named, alone, and nothing is tied."""
     return [e.effect for e in found.effects] == [cause] and not found.indistinguishable
 
@@ -190,7 +190,7 @@ def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence, count
     recorder.write_case(folder / "before", "damper", nominal, records)
     case = read_case(folder / "before")
     before = diagnose(case, limits=_LIMITS)
-    if settled(before, cause) or before.next_signal is None:
+    if resolved(before, cause) or before.next_signal is None:
         return None
     open_causes, envelope = left_open(before), make_rig(case).envelope
 
@@ -244,21 +244,21 @@ def table(rows: Sequence[Row]) -> str:
     lines = ["| cause | before | with the proposed test | with random tests, settled | margin, nats | behind, noises |",
              "|---|---|---|---|---|---|"]  # fmt: skip
     for r in rows:
-        done = sum(o.settled for o in r.random)
+        done = sum(o.resolved for o in r.random)
         margins, behind = (np.median([getattr(o, k) for o in r.random]) for k in ("margin", "behind"))
         lines.append(
-            f"| {r.cause} | {r.before} | {'settled' if r.proposed.settled else r.proposed.answer} "
+            f"| {r.cause} | {r.before} | {'settled' if r.proposed.resolved else r.proposed.answer} "
             f"| {done} of {len(r.random)} | {r.proposed.margin:.1f}, {margins:.1f} "
             f"| {r.proposed.behind:.2f}, {behind:.2f} |"
         )
-    ours = [r.proposed.settled for r in rows]
-    theirs = [o.settled for r in rows for o in r.random]
+    ours = [r.proposed.resolved for r in rows]
+    theirs = [o.resolved for r in rows for o in r.random]
     lines.append("")
     for kind, marks in (("proposed", ours), ("random", theirs)):
         low, high = binomtest(sum(marks), len(marks)).proportion_ci(method="wilson")
         share = f"{np.mean(marks):.2f} ({low:.2f} to {high:.2f}, Wilson)"
         lines.append(f"{kind}: {sum(marks)} of {len(marks)} settled, {share}.")
-    shares = [np.mean([r.proposed.settled, *(o.settled for o in r.random)]) for r in rows]
+    shares = [np.mean([r.proposed.resolved, *(o.resolved for o in r.random)]) for r in rows]
     p = at_least([np.array([1 - s, s]) for s in shares], sum(ours))
     below = [sum(o.margin < r.proposed.margin for o in r.random) for r in rows]
     level = [sum(o.margin == r.proposed.margin for o in r.random) for r in rows]
@@ -315,7 +315,7 @@ def main() -> int:
     a = p.parse_args()
     effects = [e for _ in range(a.rounds) for e in a.effects]
     seeds = np.random.SeedSequence(a.seed).spawn(len(effects))
-    rows, settled_before = [], 0
+    rows, resolved_before = [], 0
     for k, (cause, seed) in enumerate(zip(effects, seeds, strict=True), 1):
         name = f"case_{k:02d}"
         kept = a.out / f"{name}.json"
@@ -327,11 +327,11 @@ def main() -> int:
                 continue
             write_atomic(kept, json.dumps(row and asdict(row)) + "\n")
         data = json.loads(kept.read_text(encoding="utf-8"))
-        settled_before += data is None
+        resolved_before += data is None
         rows += [Row.of(data)] if data is not None else []
         outcome = "settled by the sines" if data is None else f"{rows[-1].before} -> {rows[-1].proposed}"
         print(f"{k}/{len(effects)} {cause}: {outcome}", file=sys.stderr, flush=True)
-    print(f"{len(rows)} cases left open by sines at constant command, {settled_before} settled.\n")
+    print(f"{len(rows)} cases left open by sines at constant command, {resolved_before} settled.\n")
     if rows:
         print(table(rows))
         save_picture(picture(rows), a.out / "next_test.png")

@@ -30,7 +30,7 @@ class Truth:
     outside: Numbers = field(default_factory=dict)
     filtered: bool = False
     storeys: Sequence[Numbers] = ()
-    between: tuple[int, int] = (0, 1)
+    damper_floors: tuple[int, int] = (0, 1)
 
     def having(self, changes: Numbers) -> Truth:
         """The same rig with a cause added. `storey2.damping` is relative for mass, stiffness and damping."""
@@ -155,7 +155,7 @@ def sensor(truth: Truth, name: str, force: Array, rng: np.random.Generator) -> A
     if get("clip") > 0:
         out = np.clip(out, -get("clip"), get("clip"))
     if get("range") > 0:
-        coarse = _held(np.flatnonzero(np.abs(out) > get("range")), len(out), get("range_hold"))
+        coarse = _within_hold(np.flatnonzero(np.abs(out) > get("range")), len(out), get("range_hold"))
         out = np.where(coarse, (1 + get("range_gain")) * out, out)
     if get("leakage") > 0:
         out = _high_pass(out, get("leakage"))
@@ -211,7 +211,7 @@ def _now_and_then(rng: np.random.Generator, n: int) -> Array:
     return np.asarray(np.interp(np.arange(n) / RATE_HZ, edges, np.tile([0.0, 1.0, 1.0, 0.0], times)))
 
 
-def _held(set_at: NDArray[np.intp], n: int, hold: float) -> NDArray[np.bool_]:
+def _within_hold(set_at: NDArray[np.intp], n: int, hold: float) -> NDArray[np.bool_]:
     """Mask of the samples (n,) no later than `hold` (s) after one of `set_at`."""
     last = np.full(n, -n)
     last[set_at] = set_at
@@ -291,7 +291,7 @@ def frame_channels(
     ground: actual ground acceleration (m/s2) at half steps, if it differs from the test's.
     """
     ground, u = test.fine(test.motion) if ground is None else ground, test.fine(test.command)
-    out = rig.run_frame(truth.numbers, truth.storeys, truth.between, ground, driven(truth, u, rng))
+    out = rig.run_frame(truth.numbers, truth.storeys, truth.damper_floors, ground, driven(truth, u, rng))
     channels = {"ground_acceleration_m_s2": felt_ground(truth, test)[::2], "command": u[::2]}
     for floor in (1, 2, 3):
         other = out[f"acceleration{floor - 1 or 3}"]

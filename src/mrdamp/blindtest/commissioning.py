@@ -60,11 +60,11 @@ def commission(
     left: error of a simulator on them. Raises Faint if the error is out of reach.
     """
     low, high = (MISFIT[0], PARTED) if rng.random() < 0.5 else (PARTED, MISFIT[1])
-    wanted = float(np.exp(rng.uniform(np.log(1.1 * low), np.log(0.95 * high))))
+    target = float(np.exp(rng.uniform(np.log(1.1 * low), np.log(0.95 * high))))
     tests = [_short(test) for test in excitation.damper_tests(rng, machine, long=False)]
     noises = [int(k) for k in rng.integers(2**32, size=len(tests))]
     best: Commissioned | None
-    size, start, seed = _TENTH * wanted / 0.1, None, int(rng.integers(2**31))
+    size, start, seed = _TENTH * target / 0.1, None, int(rng.integers(2**31))
     best, before = None, 0.0
     for attempt in range(_TRIES):
         truth = plain.having(recipe.numbers(size))
@@ -73,15 +73,15 @@ def commission(
         tested = held_out(truth)
         misfit = left(model, tested)
         found = Commissioned(truth, model, size, misfit, records, tested)
-        if best is None or abs(np.log(misfit / wanted)) < abs(np.log(best.misfit / wanted)):
+        if best is None or abs(np.log(misfit / target)) < abs(np.log(best.misfit / target)):
             best = found
-        if wanted / _NEAR < misfit < wanted * _NEAR and low <= misfit <= high:
+        if target / _NEAR < misfit < target * _NEAR and low <= misfit <= high:
             break
         if before > high and misfit > 0.9 * before:  # the law alone leaves too much
             break
         before = misfit
         start = model.attributes
-        size = float(np.clip(size * np.clip(wanted / misfit, 0.3, 3.0), 0.03, 2.5))
+        size = float(np.clip(size * np.clip(target / misfit, 0.3, 3.0), 0.03, 2.5))
     if best is None or not low <= best.misfit <= high:
         raise Faint(f"the simulator leaves {best.misfit if best else np.nan:.3f}, out of {low} to {high}")
     return best

@@ -16,7 +16,7 @@ from mrdamp.blindtest.excitation import Excitation
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import RATE_HZ, Array, Numbers, run_damper
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, shares_shown, size_for
+from mrdamp.blindtest.sizing import Task, gap_by_cause, goal, must_show, pooled, relative, size_for
 
 #: Causes that require a second force channel to be separated from the nominal parameters.
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset", "auto_range", "cell_hysteresis", "clipped_range")
@@ -39,7 +39,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     found = [_cause(rng, task, part, scale) for part in task.parts]
     parts = {c.label: c.sized(sized_to(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
     for tests_of_it in (few, list(held_out.values())):
-        must_show(shown(plain, parts, tests_of_it), level)
+        must_show(gaps_of_causes(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
     parameters = _nominal_parameters(rng, task, device, plain, few)
@@ -85,7 +85,7 @@ def _cause(rng: np.random.Generator, task: Task, part: str, scale: Scale) -> Cau
     return unknown.draw(rng, part, scale) if task.outside else causes.draw(rng, part, scale)
 
 
-def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
+def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], target: float) -> float:
     """The size of the cause on a rig without other causes for a given gap."""
     predicted = [nominal_damper(plain.numbers, plain, test) for test in tests]
     reads = any(name.startswith("reading.") for name in cause.sized(1.0))
@@ -98,10 +98,10 @@ def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: fl
             gaps.append(relative(nominal_damper(plain.numbers, truth, test) if reads else before, measured))
         return pooled(gaps)
 
-    return size_for(gap, wanted)
+    return size_for(gap, target)
 
 
-def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
+def gaps_of_causes(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
     """Gap (relative to the RMS) due to each of a case's causes on tests: the reduction of the residual
     without it."""
 
@@ -110,7 +110,7 @@ def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation
         forces = [damper_channels(truth, test, test.rng)["force_N"] for test in tests]
         return [(f, f - nominal_damper(plain.numbers, truth, t)) for f, t in zip(forces, tests, strict=True)]
 
-    return shares_shown(list(parts), residuals)
+    return gap_by_cause(list(parts), residuals)
 
 
 def _nominal_parameters(

@@ -133,8 +133,8 @@ def nominal_parameters(
     """
     way = direction(rng, device.parameters)
     if task.label == "parameters":
-        wanted = goal(rng, weak=False, noise=0.0)
-        size = size_for(lambda size: gap(perturbed(device.parameters, way, size)), wanted)
+        target = goal(rng, weak=False, noise=0.0)
+        size = size_for(lambda size: gap(perturbed(device.parameters, way, size)), target)
         return perturbed(device.parameters, way, size)
     share, size = slight
     slightly = task.parts and not task.weak and not task.outside and rng.random() < share

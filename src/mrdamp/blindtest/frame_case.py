@@ -19,7 +19,7 @@ from mrdamp.blindtest.frame_causes import FrameScale
 from mrdamp.blindtest.recorder import Noise
 from mrdamp.blindtest.rig import Array, Numbers, run_frame
 from mrdamp.blindtest.scale import Scale
-from mrdamp.blindtest.sizing import Task, goal, must_show, pooled, relative, shares_shown, size_for
+from mrdamp.blindtest.sizing import Task, gap_by_cause, goal, must_show, pooled, relative, size_for
 
 #: Masses (kg), stiffnesses (N/m) and damping (N s/m) of the frame of Dyke et al. 1996, doi:10.1088/0964-1726/5/5/006.
 _MASS, _STIFFNESS, _DAMPING = (98.3, 98.3, 98.3), (5.16e5, 6.84e5, 6.84e5), (125.0, 50.0, 50.0)
@@ -42,7 +42,7 @@ def make(task: Task, folder: Path, tests: Path, seed: np.random.SeedSequence) ->
     found = [frame_causes.draw(rng, part, scale, outside=task.outside) for part in task.parts]
     parts = {c.label: c.sized(sized_to(plain, c, few, goal(rng, weak=task.weak, noise=level))) for c in found}
     for tests_of_it in (few, list(held_out.values())):
-        must_show(shown(plain, parts, tests_of_it), level)
+        must_show(gaps_of_causes(plain, parts, tests_of_it), level)
     numbers = causes.merged(list(parts.values()))
     truth = plain.having(numbers)
     parameters = _nominal_parameters(rng, task, device, plain, few)
@@ -69,7 +69,7 @@ def measure(device: dampers.Device, plain: Truth, inputs: Sequence[Excitation]) 
     runs = []
     for test in inputs:
         u = test.fine(test.command)
-        runs.append(run_frame(plain.numbers, plain.storeys, plain.between, test.fine(test.motion), u))
+        runs.append(run_frame(plain.numbers, plain.storeys, plain.damper_floors, test.fine(test.motion), u))
 
     def rms(of: Sequence[Array]) -> float:
         return float(np.sqrt(np.mean(np.concatenate(of) ** 2)))
@@ -118,7 +118,7 @@ def drawn_damper_floors(rng: np.random.Generator) -> tuple[int, int]:
 def structure_of(plain: Truth) -> dict[str, Any]:
     names = {"mass": "mass_kg", "stiffness": "stiffness_n_m", "damping": "damping_n_s_m"}
     structure = {long: [s[short] for s in plain.storeys] for short, long in names.items()}
-    return {"structure": structure, "damper_between": list(plain.between)}
+    return {"structure": structure, "damper_between": list(plain.damper_floors)}
 
 
 def informative(inputs: Sequence[Excitation]) -> list[Excitation]:
@@ -126,7 +126,7 @@ def informative(inputs: Sequence[Excitation]) -> list[Excitation]:
     return [next(test for test in inputs if test.kind == kind) for kind in _TELLING]
 
 
-def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: float) -> float:
+def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], target: float) -> float:
     predicted = [frame_channels(plain, test, test.rng) for test in tests]
     reads = any(name.startswith("ground.") for name in cause.sized(1.0))
 
@@ -138,10 +138,10 @@ def sized_to(plain: Truth, cause: Cause, tests: Sequence[Excitation], wanted: fl
             gaps.append(_error(said, frame_channels(truth, test, test.rng)))
         return pooled(gaps)
 
-    return size_for(gap, wanted)
+    return size_for(gap, target)
 
 
-def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
+def gaps_of_causes(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation]) -> dict[str, float]:
     """Gap (relative to the RMS) due to each of a case's causes on tests: the reduction of the residual
     without it."""
 
@@ -151,7 +151,7 @@ def shown(plain: Truth, parts: Mapping[str, Numbers], tests: Sequence[Excitation
         said = [frame_channels(plain, test, test.rng, felt_ground(truth, test)) for test in tests]
         return [(m[n], m[n] - s[n]) for m, s in zip(measured, said, strict=True) for n in _MEASURED]
 
-    return shares_shown(list(parts), residuals)
+    return gap_by_cause(list(parts), residuals)
 
 
 def _nominal_parameters(

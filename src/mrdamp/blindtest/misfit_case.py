@@ -66,7 +66,7 @@ class Bench:
     run: Run
     cause: Callable[[], Cause]
     size: Callable[[Cause, float], float]
-    shown: Callable[[Mapping[str, Numbers], Sequence[Excitation]], dict[str, float]]
+    gaps_of_causes: Callable[[Mapping[str, Numbers], Sequence[Excitation]], dict[str, float]]
     records: Callable[[Truth], dict[str, dict[str, Array]]]
     nominal: Mapping[str, Any]
     recipe: misfit.Recipe
@@ -141,8 +141,8 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
         {"force_N": "nominal_N"},
         run,
         cause,
-        lambda found, wanted: damper_case.sized_to(made.truth, found, few, wanted),
-        lambda parts, on: damper_case.shown(made.truth, parts, on),
+        lambda found, target: damper_case.sized_to(made.truth, found, few, target),
+        lambda parts, on: damper_case.gaps_of_causes(made.truth, parts, on),
         lambda truth: damper_case.recorded(rng, truth, inputs, noise, channels),
         commissioning.nominal(made.model),
         recipe,
@@ -151,14 +151,14 @@ def _damper(rng: np.random.Generator, task: Task) -> Bench:
 
 def _frame(rng: np.random.Generator, task: Task) -> Bench:
     device = misfit.device(rng, frame=True, mounted=task.mounted)
-    between = frame_case.drawn_damper_floors(rng)
-    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), frame_case.drawn_storeys(rng), between)
+    damper_floors = frame_case.drawn_damper_floors(rng)
+    plain = Truth(device.numbers, {}, bool(rng.random() < 0.5), frame_case.drawn_storeys(rng), damper_floors)
     inputs = excitation.frame_tests(rng, device.machine.command)
     held_out = excitation.held_out_frame_tests(rng, device.machine.command)
     few = frame_case.informative(inputs)
     scale = frame_case.measure(device, plain, few)
     recipe = misfit.draw(rng, task, device, scale.damper)
-    speed = _PEAKS * scale.rate[max(between) - 1]
+    speed = _PEAKS * scale.rate[max(damper_floors) - 1]
     machine = Machine(_PEAKS * scale.damper.stroke, speed, device.machine.command)
     on_bench = recorder.damper_noise(rng, scale.damper.force, scale.damper.command)
     structure = frame_case.structure_of(plain)
@@ -187,8 +187,8 @@ def _frame(rng: np.random.Generator, task: Task) -> Bench:
         {name: name.replace("floor", "nominal_floor").removesuffix("_m_s2") for name in _FLOORS},
         run,
         cause,
-        lambda found, wanted: frame_case.sized_to(made.truth, found, few, wanted),
-        lambda parts, on: frame_case.shown(made.truth, parts, on),
+        lambda found, target: frame_case.sized_to(made.truth, found, few, target),
+        lambda parts, on: frame_case.gaps_of_causes(made.truth, parts, on),
         lambda truth: frame_case.recorded(rng, truth, inputs, noise),
         {**commissioning.nominal(made.model), **structure},
         recipe,
@@ -209,9 +209,9 @@ def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dic
     base, least = bench.made.misfit, _NOISE * bench.level
     low, high = (_NEAR[0] * base, _NEAR[1] * base) if task.weak else (max(_LEAST, _CLEAR * base), _MOST)
     for _ in range(_FORMS):
-        wanted = max(float(np.exp(rng.uniform(np.log(low), np.log(high)))), least)
+        target = max(float(np.exp(rng.uniform(np.log(low), np.log(high)))), least)
         cause = bench.cause()
-        numbers = dict(cause.sized(bench.size(cause, wanted)))
+        numbers = dict(cause.sized(bench.size(cause, target)))
         tested = _runs(bench.run, bench.made.truth.having(numbers), bench.held_out)
         if _opened(bench, cause.label, numbers, tested) >= max(_SHOWN * low, 0.5 * least):
             return cause.stage, numbers, tested
@@ -221,7 +221,7 @@ def _sized(rng: np.random.Generator, task: Task, bench: Bench) -> tuple[str, dic
 def _opened(bench: Bench, label: str, numbers: Numbers, tested: Tested) -> float:
     """The gap due to a cause on the tests outside the case, relative to the RMS."""
     if any(name.startswith(("reading.", "ground.")) for name in numbers):  # the simulator's inputs change too
-        return bench.shown({label: numbers}, list(bench.held_out.values()))[label]
+        return bench.gaps_of_causes({label: numbers}, list(bench.held_out.values()))[label]
     plain = bench.made.held_out
     return pooled([relative(plain[test][k], c[k]) for test, c in tested.items() for k in bench.outputs])
 

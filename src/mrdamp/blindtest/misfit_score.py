@@ -63,7 +63,7 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
         "of these, well above the misfit": _share([r for r in single if not r.weak]),
         "of these, near visibility": _share([r for r in single if r.weak]),
         "controls without an invented cause": _share(own),
-        "unknown said": _share([r for r in rows if r.want == "unknown"]),
+        "unknown recognised": _share([r for r in rows if r.want == "unknown"]),
         "stage": _text(Share(sum(r.stage_right for r in placed), len(placed))),
         "expected calibration error": _number(score.calibration_error(rows)),
         "left over base, median": _number(float(np.median(left)) if left else math.nan),

@@ -79,7 +79,7 @@ def run_damper(numbers: Numbers, x: Array, v: Array, u: Array) -> dict[str, Arra
 
 
 def run_frame(
-    numbers: Numbers, storeys: Sequence[Numbers], between: tuple[int, int], ground: Array, u: Array
+    numbers: Numbers, storeys: Sequence[Numbers], damper_floors: tuple[int, int], ground: Array, u: Array
 ) -> dict[str, Array]:
     """A shear frame of three storeys on a shaking table with the damper between two floors (0 is the ground).
 
@@ -93,7 +93,7 @@ def run_frame(
     table = np.concatenate([_row(storey_names, s) for s in storeys])
     held = [_row(names, numbers), table, *(np.ascontiguousarray(a, dtype=float) for a in (ground, u))]
     rig, frame, *inputs = (_pointer(a) for a in held)
-    ends = (ctypes.c_int(between[0]), ctypes.c_int(between[1]))
+    ends = (ctypes.c_int(damper_floors[0]), ctypes.c_int(damper_floors[1]))
     step = ctypes.c_double(1 / RATE_HZ)
     _finite(lib.rig_frame(rig, frame, *ends, step, ctypes.c_long(n), *inputs, _pointer(out)))
     return dict(zip(_FRAME, out.T, strict=True))
@@ -102,7 +102,7 @@ def run_frame(
 def run_frame_controlled(
     numbers: Numbers,
     storeys: Sequence[Numbers],
-    between: tuple[int, int],
+    damper_floors: tuple[int, int],
     ground: Array,
     every: int,
     command: Callable[[float, dict[str, float]], float],
@@ -128,7 +128,7 @@ def run_frame_controlled(
             failed.append(error)
             return 0.0
 
-    ends = (ctypes.c_int(between[0]), ctypes.c_int(between[1]))
+    ends = (ctypes.c_int(damper_floors[0]), ctypes.c_int(damper_floors[1]))
     step = ctypes.c_double(1 / RATE_HZ)
     done = lib.rig_frame_controlled(
         _pointer(rig), _pointer(frame), *ends, step, ctypes.c_long(n), _pointer(ag), ctypes.c_long(every),

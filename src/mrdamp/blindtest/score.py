@@ -226,7 +226,7 @@ def shares(rows: Sequence[Row]) -> dict[str, Share]:
         "nothing invented (no effect where there is none)": share(
             lambda r: r.want in NOT_EFFECTS, lambda r: r.verdict in NOT_EFFECTS
         ),
-        "unknown said": share(lambda r: r.want == "unknown"),
+        "unknown recognised": share(lambda r: r.want == "unknown"),
         "controls without an invented cause": share(lambda r: r.want == "own"),
         "stage": share(lambda r: r.want in ("effect", "unknown"), lambda r: r.stage_right),
         "all": share(lambda r: True),

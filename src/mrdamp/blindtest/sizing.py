@@ -80,7 +80,7 @@ def goal(rng: np.random.Generator, *, weak: bool, noise: float) -> float:
 Residuals = Callable[[Sequence[str]], list[tuple[Array, Array]]]
 
 
-def shares_shown(causes: Sequence[str], residuals: Residuals) -> dict[str, float]:
+def gap_by_cause(causes: Sequence[str], residuals: Residuals) -> dict[str, float]:
     """Gap (relative to the RMS) due to each of a case's causes: the part of the residual that vanishes
     without it."""
     everything = residuals(causes)
@@ -101,18 +101,18 @@ def must_show(shares: Mapping[str, float], noise: float) -> None:
             raise Faint(f"{cause}: opens a gap of {share:.4f} at a noise of {noise:.4f}")
 
 
-def size_for(gap: Callable[[float], float], wanted: float) -> float:
+def size_for(gap: Callable[[float], float], target: float) -> float:
     """The size from 0.004 to 1 at which an increasing gap equals the wanted one within 15 %; a limit if it is
     out of reach."""
     low, high = (np.log(_SMALLEST), np.log(1e-6)), (0.0, np.log(gap(1.0)))
-    if high[1] <= np.log(wanted):
+    if high[1] <= np.log(target):
         return 1.0
     size = -1.0
     for step in range(_STEPS):
         found = size, float(np.log(max(gap(float(np.exp(size))), 1e-6)))
-        if abs(found[1] - np.log(wanted)) < 0.15:
+        if abs(found[1] - np.log(target)) < 0.15:
             break
-        low, high = (found, high) if found[1] < np.log(wanted) else (low, found)
-        share = (np.log(wanted) - low[1]) / (high[1] - low[1]) if step % 2 == 0 and low[1] > -13 else 0.5
+        low, high = (found, high) if found[1] < np.log(target) else (low, found)
+        share = (np.log(target) - low[1]) / (high[1] - low[1]) if step % 2 == 0 and low[1] > -13 else 0.5
         size = low[0] + float(np.clip(share, 0.1, 0.9)) * (high[0] - low[0])
     return float(np.exp(size))

@@ -89,23 +89,23 @@ class Path:
     value: float
     values: list[float]
     ended: str = ""
-    held: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    block_commands: Array = field(default_factory=lambda: np.empty(0), repr=False)
     present: float = field(default=np.inf, repr=False)
     now: tuple[Array, Array] = field(default_factory=lambda: (np.empty(0), np.empty(0)), repr=False)
     trust: float = field(default=0.0, repr=False)
     _small: int = field(default=0, repr=False)
 
-    def begin(self, held: Array, trust: float) -> None:
+    def begin(self, block_commands: Array, trust: float) -> None:
         """A search in other blocks."""
-        self.held, self.trust, self._small, self.ended = held, trust, 0, ""
+        self.block_commands, self.trust, self._small, self.ended = block_commands, trust, 0, ""
 
     def take(
-        self, held: Array, value: float, now: tuple[Array, Array], best: int, commands: Array, effort: Effort
+        self, block_commands: Array, value: float, now: tuple[Array, Array], best: int, commands: Array, effort: Effort
     ) -> None:
         """The best of the fractions of a change, if it is better, and the next trust region."""
         gain = self.present - value
         if gain > 0:
-            self.held, self.present, self.now = held, value, now
+            self.block_commands, self.present, self.now = block_commands, value, now
             self.trust = min(1.0, 2 * self.trust * float(_FRACTIONS[best]))
         else:
             self.trust *= float(_FRACTIONS[-1]) ** 0.5
@@ -149,9 +149,9 @@ def search(
 def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: int, effort: Effort) -> None:
     """Searches with commands that are held over `hold` periods, from where each path stands."""
     for path in paths:
-        path.begin(_held(path.commands, hold), effort.trust)
+        path.begin(_block_means(path.commands, hold), effort.trust)
     y, states = rollouts.run(
-        np.stack([_spread(path.held, hold, rollouts.periods) for path in paths]), states=True
+        np.stack([_spread(path.block_commands, hold, rollouts.periods) for path in paths]), states=True
     )
     for path, channels, kept, value in zip(paths, y, states, objective.value(y), strict=True):
         path.now, path.present = (channels, kept), float(value)
@@ -160,7 +160,8 @@ def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: in
         if not live:
             return
         tried = np.stack([
-            path.held + _FRACTIONS[:, None] * _change(rollouts, objective, path, hold, effort) for path in live
+            path.block_commands + _FRACTIONS[:, None] * _change(rollouts, objective, path, hold, effort)
+            for path in live
         ]).clip(rollouts.low, rollouts.high)  # fmt: skip
         flat = _spread(tried.reshape(-1, tried.shape[-1]), hold, rollouts.periods)
         y, states = rollouts.run(flat, states=True)
@@ -183,12 +184,12 @@ def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: in
 def _change(rollouts: Rollouts, objective: Peaks, path: Path, hold: int, effort: Effort) -> Array:
     """Change of the held commands (blocks,) that the linearised run asks for."""
     y, states = path.now
-    held, commands = path.held, _spread(path.held, hold, rollouts.periods)
+    block_commands, commands = path.block_commands, _spread(path.block_commands, hold, rollouts.periods)
     period, channel = objective.near(y, effort.near, hold)
-    wanted = np.zeros(rollouts.periods, dtype=bool)
+    horizon_periods = np.zeros(rollouts.periods, dtype=bool)
     for k in np.unique(period):
-        wanted[max(0, k - effort.horizon) : k] = True
-    at = np.flatnonzero(wanted)
+        horizon_periods[max(0, k - effort.horizon) : k] = True
+    at = np.flatnonzero(horizon_periods)
     each = sensitivity(rollouts.slopes(y, states, commands, at), at, period, channel, effort.horizon)
     blocks = at // hold
     first = np.flatnonzero(np.diff(blocks, prepend=-1))
@@ -199,9 +200,9 @@ def _change(rollouts: Rollouts, objective: Peaks, path: Path, hold: int, effort:
     some = np.flatnonzero(np.abs(slope).max(axis=0) > 1e-3 * np.abs(slope).max())
     here = blocks[first][some]
     reach = path.trust * (rollouts.high - rollouts.low)
-    low = np.maximum(-reach, rollouts.low - held[here])
-    high = np.minimum(reach, rollouts.high - held[here])
-    change = np.zeros(len(held))
+    low = np.maximum(-reach, rollouts.low - block_commands[here])
+    high = np.minimum(reach, rollouts.high - block_commands[here])
+    change = np.zeros(len(block_commands))
     change[here] = _minimax(
         slope[:, some], np.abs(sample) / objective.scale[channel], objective.group[channel], objective.weights,
         low, high,
@@ -223,12 +224,12 @@ def _minimax(slope: Array, size: Array, group: Whole, weights: Array, low: Array
     return np.asarray(solved.x[:n]) if solved.x is not None else np.zeros(n)
 
 
-def _held(commands: Array, hold: int) -> Array:
+def _block_means(commands: Array, hold: int) -> Array:
     """(blocks,) means over `hold` periods; the last block may be short."""
     first = np.arange(0, len(commands), hold)
     return np.asarray(np.add.reduceat(commands, first) / np.diff(np.append(first, len(commands))))
 
 
-def _spread(held: Array, hold: int, periods: int) -> Array:
+def _spread(block_commands: Array, hold: int, periods: int) -> Array:
     """(..., periods) of commands (..., blocks) held over `hold` periods."""
-    return np.repeat(held, hold, axis=-1)[..., :periods]
+    return np.repeat(block_commands, hold, axis=-1)[..., :periods]

@@ -45,7 +45,7 @@ def frame_bound(
     specs = dict.fromkeys([spec for some in starts.values() for spec in some] + [_EXTRA])
     runs = {spec: bench.history(spec, load, amplitude) for spec in specs}
     played = bench.played(load, amplitude)
-    commands = {spec: _held(run, period, played.duration) for spec, run in runs.items()}
+    commands = {spec: _held_commands(run, period, played.duration) for spec, run in runs.items()}
     rollouts, peaks = _rollouts(bench, played, period), _Scales(free)
     rollouts.periods = min(rollouts.periods, 1 + max(peaks.last(run, period) for run in runs.values()))
     out: dict[str, Any] = {}
@@ -101,8 +101,8 @@ def _rollouts(bench: FrameBench, played: GroundMotion, period: float) -> Rollout
     return Rollouts(make, played, columns, 0.0, float(largest[0]))
 
 
-def _held(run: FrameRun, period: float, duration: float) -> Array:
+def _held_commands(run: FrameRun, period: float, duration: float) -> Array:
     """A run's commands (n,) at a period (s), held as they were."""
-    clock = period * np.arange(int(np.floor(duration / period + 1e-9)) + 1)
-    at = np.searchsorted(run.time, clock + 1e-9, side="right") - 1
+    time = period * np.arange(int(np.floor(duration / period + 1e-9)) + 1)
+    at = np.searchsorted(run.time, time + 1e-9, side="right") - 1
     return np.asarray(run.command[at])

@@ -160,15 +160,15 @@ def _files(contender: Contender) -> str:
 def add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Criteria]], case: str) -> None:
     """Histories of one case of a frame. shown: controller -> run and criteria, the uncontrolled one first."""
     # Runs of different periods end within a sample of each other.
-    clock = np.arange(min(len(run.time) for run, _ in shown.values())) * SAMPLE_TIME
-    clock = clock[clock <= min(run.time[-1] for run, _ in shown.values())]
+    time = np.arange(min(len(run.time) for run, _ in shown.values())) * SAMPLE_TIME
+    time = time[time <= min(run.time[-1] for run, _ in shown.values())]
 
     def at(run: FrameRun, values: Array) -> Array:
-        return np.stack([np.interp(clock, run.time, column) for column in values.T], axis=1)
+        return np.stack([np.interp(time, run.time, column) for column in values.T], axis=1)
 
     page.figure(
         "One of the runs",
-        drifts(clock, {name: at(run, run.drift) for name, (run, _) in shown.items()}),
+        drifts(time, {name: at(run, run.drift) for name, (run, _) in shown.items()}),
         f"Storey drifts, {case}.",
         "Storey drifts over time under some of the controllers.",
     )
@@ -180,17 +180,17 @@ def add_frame_runs(page: Page, unit: str, shown: Mapping[str, tuple[FrameRun, Cr
     )
     driven = {name: run for name, (run, _) in shown.items() if np.ptp(run.command) > 0}
     if driven:
-        held = {n: np.searchsorted(run.time, clock + 1e-9, side="right") - 1 for n, run in driven.items()}
+        held = {n: np.searchsorted(run.time, time + 1e-9, side="right") - 1 for n, run in driven.items()}
         page.figure(
             "",
             command_history(
-                clock,
+                time,
                 {n: run.command[held[n]] for n, run in driven.items()},
-                {n: np.interp(clock, run.time, run.force) for n, run in driven.items()},
+                {n: np.interp(time, run.time, run.force) for n, run in driven.items()},
                 unit,
                 list(shown),
             ),
-            "What the controllers command, and the force that comes of it.",
+            "Commands of the controllers and the resulting forces.",
             "Command and force over time.",
         )
 
@@ -232,8 +232,8 @@ def _summary(result: Comparison, bench: Bench) -> str:
         for c in result.contenders
         if np.isfinite(result.summary(c.name, "mean_command").mean) and not c.bound
     }
-    text = f"{sum(not c.bound for c in result.contenders)} controllers on {runs} runs each"
+    text = f"{sum(not c.bound for c in result.contenders)} controllers, {runs} run{'s' * (runs != 1)} each"
     if not rated:
         return f"{text}."
     best = min(rated, key=rated.__getitem__)
-    return f"{text}: the best real one is {best}, at {rated[best]:.0%} of {bench.reference} on average."
+    return f"{text}: the best controller of a damper is {best}, at {rated[best]:.0%} of {bench.reference} on average."

@@ -96,11 +96,11 @@ def run_plant(
     every = round(controller.period / period)
     if abs(every * period - controller.period) > 1e-9 * period or every < 1:
         period, every = controller.period, 1
-    plant, held = make(period), ZeroOrderHold(controller, every)
-    held.reset()
+    plant, sampled = make(period), ZeroOrderHold(controller, every)
+    sampled.reset()
     y, rows, said = plant.reset(load), [], []
     while not plant.finished:
-        command = held.command(plant.time, y)
+        command = sampled.command(plant.time, y)
         y = plant.step(command)
         rows.append((command, y["current"], y["true_force"], y["stroke"]))
         said.append(tuple(plant.of_period))

@@ -210,11 +210,10 @@ def _page(
     unit = command_unit(records)
     base = criteria[UNCONTROLLED]
     summary = (
-        f"A {fit.model.law} damper fitted to {len(records.train)} records of `{records.name}` runs freely over "
-        f"{len(records.validation)} others with an error of {fit.held_out_nrmse:.1%} of the force's standard "
-        "deviation; "
-        f"in the three-storey frame, {best} brings the peak drift to "
-        f"{criteria[best].peak_drift.max() / base.peak_drift.max():.0%} of the frame without a damper."
+        f"The free-run error of a {fit.model.law} damper, fitted to {len(records.train)} records of "
+        f"`{records.name}`, is {fit.held_out_nrmse:.1%} of the force's standard deviation on "
+        f"{len(records.validation)} held-out records. In the three-storey frame, {best} reduces the peak drift to "
+        f"{criteria[best].peak_drift.max() / base.peak_drift.max():.0%} of the one without a damper."
     )
     page = Page(f"mrdamp: {records.name}", summary, footer="Made by `mrdamp demo`.")
     compare = [
@@ -360,7 +359,7 @@ def _frame_pictures(
         pictures.command_history(
             time, {n: r.command for n, r in driven.items()}, {n: r.force for n, r in driven.items()}, unit
         ),
-        "What clipped-optimal and force tracking command, and the force that comes of it.",
+        "Commands of clipped-optimal and force tracking, and the resulting forces.",
         "Command and force over time.",
     )
 

@@ -113,11 +113,11 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
         evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
         # With a wrong law the damper's block is always faulty.
-        told = [b for b in found if b.kind != "damper"] if search.inexact and unexplained else found
+        counted = [b for b in found if b.kind != "damper"] if search.inexact and unexplained else found
         where = replace(
             answer.where,
-            stages=shares_by_stage(search, chosen, answer.verdict, told, evidence),
-            intervals=intervals_by_stage(search, chosen, answer.verdict, told, evidence),
+            stages=shares_by_stage(search, chosen, answer.verdict, counted, evidence),
+            intervals=intervals_by_stage(search, chosen, answer.verdict, counted, evidence),
             places=place_shares(found),
             place_intervals=place_intervals(found),
         )
@@ -198,7 +198,7 @@ def _search(
     search.own = own_cost(problem, base)
     search.steady = noise.steady
     if before is not None:
-        search.cache = before.cache.held()
+        search.cache = before.cache.with_fixed_law()
         for found in before.ranked(False):
             if len(found.hypothesis.causes) == 1:
                 search.keep(found)
@@ -212,8 +212,8 @@ def _search(
     )
     damper_may_be_at_fault = any(b == "damper" or b.startswith("storey") for b in at_fault)
     law_explains_more = False
-    for number, (what, sought, wanted, depth) in enumerate(steps):
-        if not wanted or _enough(search, rig, at_fault, law=number > 2):
+    for number, (what, sought, needed, depth) in enumerate(steps):
+        if not needed or _enough(search, rig, at_fault, law=number > 2):
             continue
         problem.rig = sought
         if depth == 2:
@@ -240,8 +240,8 @@ def _search(
                 search.extend(True, 1)
                 if search.solved(search.ranked(True)[0]):
                     break
-        held = [f for f in search.ranked(False) if f.hypothesis.terms][:_FREED]
-        for f in held if not _enough(search, rig, at_fault) else []:
+        fixed_law = [f for f in search.ranked(False) if f.hypothesis.terms][:_FREED]
+        for f in fixed_law if not _enough(search, rig, at_fault) else []:
             search.keep(_freed(search, rig, f))
     problem.rig = rig
     if not law_explains_more and not _enough(search, rig, at_fault):
@@ -270,9 +270,9 @@ def _search(
 def _ahead(search: Search) -> bool:
     """True if one cause with free parameters leaves much less than the best one without: two causes without
     would only stand in for the parameters."""
-    free, held = search.best(True, 1), search.best(False, 1)
+    free, fixed_law = search.best(True, 1), search.best(False, 1)
     return (
-        free is not None and held is not None and search.unexplained(free) < _AHEAD * search.unexplained(held)
+        free is not None and fixed_law is not None and search.unexplained(free) < _AHEAD * search.unexplained(fixed_law)
     )
 
 
@@ -336,11 +336,11 @@ def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: boo
     return bool(best.hypothesis.terms) and at_fault <= covered and little
 
 
-def _freed(search: Search, rig: FrameRig, held: Fit) -> Fit:
+def _freed(search: Search, rig: FrameRig, fixed_law: Fit) -> Fit:
     """The same causes with free nominal parameters."""
-    free = Hypothesis(rig.nominal, held.hypothesis.terms)
+    free = Hypothesis(rig.nominal, fixed_law.hypothesis.terms)
     return search.fitted(
-        free, np.concatenate([np.zeros(len(rig.nominal)), held.point]), most=4, stage=" freed"
+        free, np.concatenate([np.zeros(len(rig.nominal)), fixed_law.point]), most=4, stage=" freed"
     )
 
 

@@ -83,8 +83,8 @@ class RealFrame:
         names += [(n, n) for n in ("stroke", "stroke_velocity", "force")]
         largest = self.nominal.attributes["command_max"]
 
-        def command(t: float, seen: dict[str, float]) -> float:
-            u = controller.command(t, {ours: seen[theirs] for ours, theirs in names})
+        def command(t: float, measured: dict[str, float]) -> float:
+            u = controller.command(t, {ours: measured[theirs] for ours, theirs in names})
             return min(max(u, 0.0), largest)
 
         every = round(controller.period * RATE_HZ)

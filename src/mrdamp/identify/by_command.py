@@ -116,7 +116,7 @@ def identify_by_command(
             parameters[f"{name[:-1]}b"] = slope
     model = _model(fits[0][1].model, parameters, commands)
     if progress:
-        progress("judging", 1.0)
+        progress("evaluating", 1.0)
     constant = [record for _, records in groups for record in records]
     return ByCommand(
         tuple(fits),
@@ -129,7 +129,7 @@ def identify_by_command(
 
 def _model(first: Model, attributes: dict[str, float], commands: Sequence[float]) -> Model:
     own = {name: attributes.get(name, value) for name, value in first.parameters.items()}
-    held = {"command_min": min(commands), "command_max": max(commands)}
+    command_range = {"command_min": min(commands), "command_max": max(commands)}
     return replace(
-        first, parameters={**own, **held}, effects=effects_from(attributes), name=f"{first.law} by command"
+        first, parameters={**own, **command_range}, effects=effects_from(attributes), name=f"{first.law} by command"
     )

@@ -150,7 +150,7 @@ def table_1(
                 raise InputError(f"{name}: no force of {record.n} samples for held-out record {record.name}")
         forces[name] = given
     if progress:
-        progress("judging", 1.0)
+        progress("evaluating", 1.0)
     rows = tuple(row_of(name, given, records.validation) for name, given in forces.items())
     return Table1(rows, fits, forces, records.validation)
 

@@ -213,13 +213,13 @@ def identify(
     best = min(final, key=lambda item: item[:2])[2]
     model = model_of(search, best)
     commands = np.concatenate([record.command for record in train])
-    held = {"command_min": float(commands.min()), "command_max": float(commands.max())}
+    low, high = float(commands.min()), float(commands.max())
     parameters = (
-        {**model.parameters, **held} if held["command_min"] < held["command_max"] else model.parameters
+        {**model.parameters, "command_min": low, "command_max": high} if low < high else model.parameters
     )
     model = replace(model, parameters=parameters, sample_rate_hz=round(1 / train[0].sample_time, 6))
     if progress:
-        progress("judging", 1.0)
+        progress("evaluating", 1.0)
     return Fit(
         model,
         tuple(error(model, record) for record in train),

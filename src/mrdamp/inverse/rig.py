@@ -102,11 +102,11 @@ def records_of(
             "force_N": out["force_N"] + noise[2],
         }  # fmt: skip
         made.append(Record(f"{'smooth' if k % 2 else 'steps'}_{k + 1}", None, 1 / rate, channels))
-    held = set(range(2, count, 3)) or {count - 1}
+    validation = set(range(2, count, 3)) or {count - 1}
     return RecordSet(
         "made",
-        tuple(r for k, r in enumerate(made) if k not in held),
-        tuple(r for k, r in enumerate(made) if k in held),
+        tuple(r for k, r in enumerate(made) if k not in validation),
+        tuple(r for k, r in enumerate(made) if k in validation),
     )
 
 

@@ -102,11 +102,11 @@ def trial(
     net = None if isinstance(network, bool) else network
     if network is True:
         assert records is not None
-        train, held = (
+        train, validation = (
             [series(r, NETWORK_PERIOD) for r in part] for part in (records.train, records.validation)
         )
         net = train_inverse(
-            train, held, commands=(low, high), judge=tracking_judge(model, motion, low, high), seed=seed,
+            train, validation, commands=(low, high), judge=tracking_judge(model, motion, low, high), seed=seed,
             workers=workers,
             progress=lambda what, share: say(f"network: {what}", 0.3 + 0.4 * share),
         )  # fmt: skip

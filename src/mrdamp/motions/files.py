@@ -42,18 +42,18 @@ def parse_csv(file: str, text: str, sample_time: float | None) -> Parsed:
             raise InputError(f"{file}: no acceleration column: the file has {listed(header)};"
                              f" it is one of {', '.join(_COLUMNS)}")  # fmt: skip
         column, factor = header.index(name), _COLUMNS[name]
-        clock = header.index("time_s") if "time_s" in header else None
-        if clock is None and len(header) > 1:
+        time_column = header.index("time_s") if "time_s" in header else None
+        if time_column is None and len(header) > 1:
             raise InputError(f"{file}: no time_s column: the file has {listed(header)}")
     elif len(header) <= 2:
-        column, factor, clock = len(header) - 1, 1.0, 0 if len(header) == 2 else None
+        column, factor, time_column = len(header) - 1, 1.0, 0 if len(header) == 2 else None
     else:
         raise InputError(f"{file}: {len(header)} columns and no header: name them, or give one or two")
-    picked = [column] if clock is None else [column, clock]
+    picked = [column] if time_column is None else [column, time_column]
     names = header if named else [f"column {k + 1}" for k in range(len(header))]
     table = record_csv.numbers(file, names, lines[skip:], picked, skip + 1)
     stated = _stated(file, comments, "dt_s")
-    if clock is not None:
+    if time_column is not None:
         stated = record_csv.uniform_step(file, table[:, 1], skip + 1)
     sample_time = stated if stated is not None else sample_time
     if sample_time is None:

@@ -80,7 +80,7 @@ def sufficiency(
     posterior: Posterior,
     train: Sequence[Series],
     others: Sequence[Series],
-    seen: Sequence[RecordError],
+    fitted: Sequence[RecordError],
     new: Sequence[RecordError],
 ) -> Sufficiency:
     """Judges the training records by the free-run errors on others, and names the signs in the posterior.
@@ -89,11 +89,11 @@ def sufficiency(
     posterior's error bars and inputs beyond their training range need no measured force and say where to measure.
 
     Args:
-        network, posterior: as for `doubt`.
-        train: what it was trained on. others: parts that it was not trained on.
-        seen, new: free-run errors on the two.
+        network, posterior: as for `error_bars`.
+        train: records of the training. others: other parts of the records.
+        fitted, new: free-run errors on the two.
     """
-    before, after = (float(np.median([e.nrmse for e in errors])) for errors in (seen, new))
+    before, after = (float(np.median([e.nrmse for e in errors])) for errors in (fitted, new))
     suffice = after <= _WORSE * before
     usual = float(np.median([error_bars(network, posterior, s).share for s in train]))
     found = [error_bars(network, posterior, s) for s in others]

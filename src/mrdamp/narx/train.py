@@ -170,7 +170,7 @@ def train_narx(
         done += f" {name}"
         chains = run.refined(chains, [f"start {j}{done}" for j in order], horizon, iterations)
         keep(name, chains)
-    run.progress("judging", 1.0)
+    run.progress("evaluating", 1.0)
     assert best is not None
     result = network.with_theta(best[1].theta)
     return FitNarx(result, *evaluate(result, train, validation, test), best[1], tuple(stages))

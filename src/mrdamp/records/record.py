@@ -343,12 +343,12 @@ def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
     first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
     if len(first) < 2:
         first = list(range(len(records)))
-    held = set(first[2::3]) or {first[-1]}
+    validation = set(first[2::3]) or {first[-1]}
     for k in sorted(set(range(len(records))) - set(first)):
-        if min(first, key=lambda other: _input_difference(records[k], records[other])) in held:
-            held.add(k)
-    train = tuple(record for k, record in enumerate(records) if k not in held)
-    return RecordSet(name, train, tuple(records[k] for k in sorted(held)))
+        if min(first, key=lambda other: _input_difference(records[k], records[other])) in validation:
+            validation.add(k)
+    train = tuple(record for k, record in enumerate(records) if k not in validation)
+    return RecordSet(name, train, tuple(records[k] for k in sorted(validation)))
 
 
 def _input_difference(a: Record, b: Record) -> float:

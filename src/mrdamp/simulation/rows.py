@@ -104,7 +104,7 @@ class ChainRows:
         cls,
         frame: FrameInput,
         models: Sequence[Model],
-        between: Sequence[tuple[int, int]],
+        damper_floors: Sequence[tuple[int, int]],
         stepping: Stepping,
         instants: int = 1,
     ) -> ChainRows:
@@ -115,7 +115,7 @@ class ChainRows:
         keep: list[Array] = []
         given = Frame()
         fill_frame(given, frame, keep)
-        pairs = np.array(between, dtype=np.intc)
+        pairs = np.array(damper_floors, dtype=np.intc)
         places = pairs.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
 
         def make(lib: Any, dampers: Dampers, error: Any) -> int:

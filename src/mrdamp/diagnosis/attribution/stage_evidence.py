@@ -150,10 +150,10 @@ class _Errors:
         gram, moment = sum(grams), sum(moments)
         found = []
         for ridge in _RIDGES if count else _RIDGES[:1]:
-            held = np.concatenate([ridge * np.diag(gram)[:count], self._prior])
+            ridges = np.concatenate([ridge * np.diag(gram)[:count], self._prior])
             left = []
             for g, m, t, e in zip(grams, moments, tables, self.weighted, strict=True):
-                a = gram - g + np.diag(held + 1e-10 * np.trace(gram) / len(held) + 1e-300)
+                a = gram - g + np.diag(ridges + 1e-10 * np.trace(gram) / len(ridges) + 1e-300)
                 left.append(e - t @ np.linalg.solve(a, moment - m))
             found.append(left)
         return min(found, key=_cost)

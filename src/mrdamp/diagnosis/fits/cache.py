@@ -21,7 +21,7 @@ class Cache:
     screens: dict[tuple[str, bytes, tuple[str, ...]], list[ScoreTest]] = field(default_factory=dict)
     signatures: dict[tuple[str, int], Array] = field(default_factory=dict)
 
-    def held(self) -> Cache:
+    def with_fixed_law(self) -> Cache:
         """Only entries with fixed nominal parameters: they do not depend on the range of free ones."""
         return Cache(
             {k: f for k, f in self.fits.items() if not f.hypothesis.nominal},

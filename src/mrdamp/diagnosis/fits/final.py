@@ -140,11 +140,11 @@ def least_regime_error(search: Search, chosen: Fit) -> Fit:
         )
         for free in (False, True)
     }
-    held, free = found[False], found[True]
-    if held is None or free is None:
-        return held or free or chosen
-    better = regime_cost(search.problem, free) < (1 - _FREER) * regime_cost(search.problem, held)
-    return free if better else held
+    fixed_law, free = found[False], found[True]
+    if fixed_law is None or free is None:
+        return fixed_law or free or chosen
+    better = regime_cost(search.problem, free) < (1 - _FREER) * regime_cost(search.problem, fixed_law)
+    return free if better else fixed_law
 
 
 def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:

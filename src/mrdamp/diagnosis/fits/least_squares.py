@@ -327,8 +327,8 @@ def _step(j: Array, r: Array, prior: Array, q: Array, low: Array, high: Array, d
         index = np.flatnonzero(free)
         if len(index) == 0:
             break
-        held = np.flatnonzero(~free)
-        right = vector[index] - matrix[np.ix_(index, held)] @ step[held]
+        at_bound = np.flatnonzero(~free)
+        right = vector[index] - matrix[np.ix_(index, at_bound)] @ step[at_bound]
         step[index] = np.linalg.solve(matrix[np.ix_(index, index)], right)
         out = free & ((q + step < low - 1e-12) | (q + step > high + 1e-12))
         if not out.any():

@@ -161,12 +161,12 @@ class Search(FitTable):
         most = 1 if alone or not self.pair_pays(False) else self.limits.depth
         for depth in range(1, most + 1):
             sets: dict[frozenset[str], Fit] = {}
-            for held in self.ranked(False):
-                if len(held.hypothesis.causes) == depth:
-                    sets.setdefault(frozenset(held.hypothesis.causes), held)
-            for held in list(sets.values())[: self.limits.freed]:
-                hypothesis = Hypothesis(self.base.hypothesis.nominal, held.hypothesis.terms)
-                start = np.concatenate([np.zeros(len(hypothesis.nominal)), held.point])
+            for fixed_law in self.ranked(False):
+                if len(fixed_law.hypothesis.causes) == depth:
+                    sets.setdefault(frozenset(fixed_law.hypothesis.causes), fixed_law)
+            for fixed_law in list(sets.values())[: self.limits.freed]:
+                hypothesis = Hypothesis(self.base.hypothesis.nominal, fixed_law.hypothesis.terms)
+                start = np.concatenate([np.zeros(len(hypothesis.nominal)), fixed_law.point])
                 tasks.append((hypothesis, start))
         for found in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
             self.keep(found)
@@ -185,10 +185,10 @@ class Search(FitTable):
         if self._rivals_fitted:
             return
         self._rivals_fitted = True
-        held = self.fits[False, frozenset()]
-        ranked = worth_a_look(screen(self, held, self.problem.rig.rivals), held.cost)
+        fixed_law = self.fits[False, frozenset()]
+        ranked = worth_a_look(screen(self, fixed_law, self.problem.rig.rivals), fixed_law.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
-        tasks = [(*self.start_from(held, p.term, p.start, p.by), None, np.inf) for p in chosen]
+        tasks = [(*self.start_from(fixed_law, p.term, p.start, p.by), None, np.inf) for p in chosen]
         self.rivals = [f for f in self.map(self.tried, tasks) if f is not None]
         self.rivals.sort(key=lambda f: (f.cost, f.hypothesis.name))
         tasks = []

@@ -41,8 +41,8 @@ def with_file_gaps(
         own = float(np.sqrt(np.mean(problem.gaps(inside) ** 2)))
         if abs(file - own) > AGREEMENT:
             notes.append(
-                f"the {name} simulator leaves {100 * file:.1f} % by its file and {100 * own:.1f} % in the fit: the"
-                " displacement's noise acts on the law; figures are the file's"
+                f"the {name} simulator has a gap of {100 * file:.1f} % by its file and {100 * own:.1f} % in the fit:"
+                " the displacement's noise acts on the law; figures are the file's"
             )
     gap = replace(
         found.gap,

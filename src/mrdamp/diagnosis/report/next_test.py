@@ -207,7 +207,7 @@ def next_test(
     near = rival(chosen, [fits[k] for k in np.argsort(-np.array(decision.probabilities), kind="stable")])
     if decision.verdict == "unknown" and near is not None:
         pairs.append(make.against(near))
-        reasons.append(f"to part {' from '.join(pairs[-1].names)}, the nearest known causes")
+        reasons.append(f"to separate {' from '.join(pairs[-1].names)}, the nearest known causes")
     terms = _first_of_stages([t for t in rig.terms if any(t.cause == u["effect"] for u in hidden)])
     pairs += [make.unseen(t) for t in terms]
     if terms:
@@ -217,13 +217,13 @@ def next_test(
         if near is None:
             return {"why": "nothing is tied and nothing is unseen", "signal": "none"}, None
         pairs = [make.against(near)]
-        reasons.append(f"nothing is tied; it would part {' from '.join(pairs[0].names)} best")
+        reasons.append(f"nothing is tied; it would best separate {' from '.join(pairs[0].names)}")
     why = "; ".join(reasons)
     pairs, envelope = pairs[:_PAIRS], rig.envelope
     found = best(make.bench, pairs, envelope, effort)
     parted = found.distances[found.distances > _APART]
     for p, d in zip(pairs, found.distances, strict=True):
-        why += f"; no test within these limits parts {' from '.join(p.names)}" if d <= _APART else ""
+        why += f"; no test within these limits separates {' from '.join(p.names)}" if d <= _APART else ""
     test = {
         "why": why,
         "signal": f"{SECONDS:g} s: {found.design.text(envelope)}",

@@ -127,7 +127,7 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
     if found.where.measured:
         out.table(
             "Details of where the gap lies",
-            ("between measured channels", "stages", "share of the nominal gap", "what would part them"),
+            ("between measured channels", "stages", "share of the nominal gap", "channel that would separate them"),
             [
                 (m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by)
                 for m in found.where.measured
@@ -208,7 +208,7 @@ def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]
 def _records(out: Page, shown: Sequence[pictures.ResidualData]) -> None:
     rows = [(r.name, 100 * _nrms(r.nominal, r.measured), 100 * _nrms(r.corrected, r.measured)) for r in shown]
     out.table("Gap by record", ("record", "nominal, %", "corrected, %"), rows,
-              "All records; the corrected simulator was fitted to them. The bars further up are held out.")  # fmt: skip
+              "All records, to which the simulator was fitted. The bars above are for held-out records.")  # fmt: skip
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
@@ -221,7 +221,7 @@ def _handed_over(out: Page, found: Diagnosis) -> None:
             "The corrected simulator in MuJoCo",
             ("record", "gap offline, %", "gap in MuJoCo, %", "between the two, %"),
             rows,
-            "The written MJCF, stepped on the record's inputs, beside the diagnosis' own simulation.",
+            "The written MJCF, stepped on the record's inputs, and the simulation of the diagnosis.",
         )
 
 
@@ -255,7 +255,7 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
                 "",
                 ("simulator", "rival, fitted to it again", "distance"),
                 rows,
-                "RMS over the length of the test, in standard deviations of what the noise and the form leave.",
+                "RMS over the length of the test, in standard deviations of noise and model error.",
             )
     if found.notes:
         out.text("Notes", found.notes)
