@@ -39,10 +39,7 @@ def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[
 
 def forces(task: Task, observation: NDArray[np.float32]) -> Array:
     """(n,) N, the damper's, as observations (n, size) hold it; zero where they do not."""
-    if "force" not in task.observer.signals:
-        return np.zeros(len(observation))
-    column = task.observer.signals.index("force")
-    return np.asarray(task.observer.scales[column] * observation[:, column].astype(np.float64))
+    return task.observer.measured(observation, "force")
 
 
 class Judge:

@@ -17,7 +17,8 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import Policy
+from mrdamp.control.policy import VELOCITY, Policy
+from mrdamp.control.schedule import Schedule
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
@@ -54,7 +55,7 @@ class Run(ABC):
 
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
-        self.world: World = world(options.environment, chosen.env_kwargs, options.model)
+        self.world: World = world(options.environment, chosen.env_kwargs, options.model, chosen.score)
         if chosen.estimator:
             self.world = self.world.observing(estimated(self.world, chosen.estimator))
         self.worlds = (self.world, *(self._like(file) for file in options.others))
@@ -62,15 +63,24 @@ class Run(ABC):
         if len(self.task.command_max) != 1:
             raise InputError("training is for one damper; the environment has several")
         self.command_max = float(self.task.command_max[0])
-        levels = self.world.levels(self.task) if chosen.action == "force" else None
+        levels = self.world.levels(self.task, chosen.viscous) if chosen.action == "force" else None
         self.levels = levels.switching() if levels is not None and chosen.switch else levels
         self.draws, explore, self.seed, self.lessons, self.pooled = np.random.SeedSequence(
             options.seed
         ).spawn(5)
+        if chosen.viscous and VELOCITY not in self.task.observer.signals:
+            raise InputError(f"hyperparameters: viscous needs {VELOCITY} in env_kwargs.signals")
         if chosen.teacher and self.levels is None:
             raise InputError("hyperparameters: teacher is for action: force")
         if self.least_given() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
+        self.schedule = Schedule.from_dict(chosen.schedule) if chosen.schedule is not None else None
+        if self.schedule is not None and self.schedule.signal not in self.task.observer.peaks:
+            raise InputError(
+                f"hyperparameters: schedule needs env_kwargs.peaks of its signal, {self.schedule.signal}"
+            )
+        if self.schedule is not None and options.algorithm != "es":
+            raise InputError(f"{options.algorithm}: hyperparameters: schedule is for es alone")
         self.matrix = self._matrix(np.random.default_rng(explore))
         self.judge = Judge(self.worlds, self.world.validation())
         self.curve: list[dict[str, float]] = []
@@ -81,8 +91,13 @@ class Run(ABC):
 
     def _like(self, model: Path) -> World:
         """The world with another model, seen by the same observer."""
-        other = world(self.options.environment, self.chosen.env_kwargs, model)
+        other = world(self.options.environment, self.chosen.env_kwargs, model, self.chosen.score)
         return other.observing(self.world.task(1).observer) if self.chosen.estimator else other
+
+    @property
+    def inputs(self) -> int:
+        """Of the network."""
+        return len(self.matrix) * (1 if self.schedule is None else 2)
 
     @property
     def state_file(self) -> Path:
@@ -176,7 +191,7 @@ class Run(ABC):
         name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
-            self.least(), self.teacher(), self.chosen.reach, self.memory(),
+            self.least(), self.teacher(), self.chosen.reach, self.memory(), self.schedule,
         )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:

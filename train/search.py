@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Network
+from mrdamp.control.policy import VELOCITY
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
@@ -56,7 +57,7 @@ class EvolutionRun(Run):
             for k, w in enumerate(self.worlds)
         ]
         self.task = self.tasks[0]
-        self.shape = Shape(len(self.matrix), chosen.policy_kwargs.get("net_arch", []))
+        self.shape = Shape(self.inputs, chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
         if chosen.teacher:
@@ -139,11 +140,16 @@ class EvolutionRun(Run):
                 noise = self._noise * rng.standard_normal((many, observation.shape[1]))
                 inputs = inputs + np.tile(noise, (self.population, 1))  # the same for every candidate
             inputs = inputs @ self.matrix.T
+            if self.schedule is not None:
+                inputs = self.schedule(inputs, task.observer.peak(observation, self.schedule.signal))
             action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
             if self.levels is None:
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
-                command = self.levels.command(action * self.levels.force_max, forces(task, observation))
+                velocity = task.observer.measured(observation, VELOCITY)
+                command = self.levels.command(
+                    action * self.levels.force_max, forces(task, observation), velocity
+                )
             if self.least_given() is None:
                 return command
             peaks = task.observer.peak(observation, "force").reshape(self.population, many)

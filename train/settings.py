@@ -64,11 +64,14 @@ class Settings:
     evaluated in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the
     wanted force, which the damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical
     controller, as `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. normalize: whiten the
-    observations. teacher: a classical controller whose wanted force, as a linear function of the observations, is what
+    observations. viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's velocity among the
+    signals. teacher: a classical controller whose wanted force, as a linear function of the observations, is what
     the learner begins at; reach: how far a learner of stable-baselines3 may go from it, over the largest force. least:
     `level` (A or V) and `fade` (N) of a least command, see `mrdamp.control.least_command`; none: no such command.
-    env_kwargs: of the environment. policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the
-    algorithm's other arguments; learning_rate may be `linear_0.001`, which falls to zero over the training.
+    schedule: `signal`, `low` and `high` of `mrdamp.control.schedule`, for the evolution strategy; none: no schedule.
+    env_kwargs: of the environment. score: what the validation score is made of, see `mrdamp.train.worlds.world`.
+    policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the algorithm's other arguments;
+    learning_rate may be `linear_0.001`, which falls to zero over the training.
 
     For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
     `mrdamp.train.lessons`; 0: new loads throughout, with the environment's reward. exponent: of that reward, none: the
@@ -85,11 +88,13 @@ class Settings:
     engine: Literal["chain", "mujoco"] = "chain"
     action: Literal["command", "force"] = "command"
     switch: bool = False
+    viscous: bool = False
     estimator: str = ""
     normalize: bool = True
     teacher: str = ""
     reach: float = 1.0
     least: Mapping[str, float] | None = None
+    schedule: Mapping[str, Any] | None = None
     pool: int = 0
     exponent: float | None = None
     renew: int = 0
@@ -100,6 +105,7 @@ class Settings:
     explore: float = 0.0
     correlated: float = 10.0
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    score: Mapping[str, float] = field(default_factory=dict)
     policy: str = "MlpPolicy"
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     learner: Mapping[str, Any] = field(default_factory=dict)
@@ -122,7 +128,7 @@ class Settings:
                 raise InputError(f"hyperparameters: {name} is {value!r}; allowed: {allowed}")
         if self.privileged and not self.pool:
             raise InputError("hyperparameters: privileged needs a pool of loads; set pool")
-        for name in ("env_kwargs", "policy_kwargs"):
+        for name in ("env_kwargs", "score", "policy_kwargs"):
             if not isinstance(getattr(self, name), Mapping):
                 raise InputError(f"hyperparameters: {name} is no mapping of names to values")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -39,10 +39,12 @@ from mrdamp.train.loads import (
 Array = NDArray[np.float64]
 
 _DRAWN = 12.0  # s, of the cable's loads that a search draws
+_DRAWN_ROAD = 5.0  # s, of the roads that a search draws: more of them for the same periods
 _SPREAD = 0.5  # of durations, where they differ: up to so much longer or shorter
 _SEARCHED = (
     5e-4  # s, of the frame's step at least on the chain: the engine at .1 ms gives the same peaks within .5 %
 )
+_SEARCHED_CAR = 1e-3  # s, of the car's: the same scores as at .5 ms within .1 %
 
 
 def _longer(rng: np.random.Generator) -> float:
@@ -127,8 +129,8 @@ class World(ABC):
         """Loads that a policy is evaluated by while it is trained."""
 
     @abstractmethod
-    def levels(self, task: Task) -> ForceLevels:
-        """Of the damper, for forces as actions."""
+    def levels(self, task: Task, viscous: bool = False) -> ForceLevels:
+        """Of the damper, for forces as actions; see `ForceLevels.of`."""
 
     @abstractmethod
     def stage(self, task: Task, spec: str) -> Stage:
@@ -177,12 +179,12 @@ class FrameWorld(World):
     def validation(self) -> Sequence[Any]:
         return validation_motions()
 
-    def levels(self, task: Task) -> ForceLevels:
+    def levels(self, task: Task, viscous: bool = False) -> ForceLevels:
         assert isinstance(task, FrameTask)
         scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
         w = 2 * math.pi * float(task.structure.frequencies[0])
         stroke = scales.get("stroke", 5.0 / w**2)
-        return ForceLevels.of(task.models[0], float(task.command_max[0]), stroke, w)
+        return ForceLevels.of(task.models[0], float(task.command_max[0]), stroke, w, viscous)
 
     def stage(self, task: Task, spec: str) -> Stage:
         assert isinstance(task, FrameTask)
@@ -226,9 +228,9 @@ class CableWorld(World):
     def validation(self) -> Sequence[Any]:
         return validation_loads(self.task(1).cable.length)
 
-    def levels(self, task: Task) -> ForceLevels:
+    def levels(self, task: Task, viscous: bool = False) -> ForceLevels:
         assert isinstance(task, CableTask)
-        return _levels(task, task.model, task.cable.first)
+        return _levels(task, task.model, task.cable.first, viscous)
 
     def stage(self, task: Task, spec: str) -> Stage:
         assert isinstance(task, CableTask)
@@ -250,8 +252,7 @@ class CableWorld(World):
 class CarWorld(World):
     """`mrdamp/QuarterCar-v0`. arguments: of `CarTask`. holding: share of the dynamic tyre load in the score.
 
-    The rest is that of comfort. With a half each, as `mrdamp compare car` tunes, a policy may give up road holding for
-    comfort; the share is such that it has that of the linear suspension.
+    The rest is that of comfort. By default a half each, as `mrdamp compare car` tunes.
     """
 
     holding: float = 0.5
@@ -269,8 +270,12 @@ class CarWorld(World):
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> CarTask:
         return CarTask(n, roads=loads or TrainingRoads(), engine=engine, **self.arguments)
 
+    def searching(self, n: int) -> CarTask:
+        longer = {"timestep": max(self.arguments.get("timestep", _SEARCHED_CAR), _SEARCHED_CAR)}
+        return CarTask(n, **{**self.arguments, **longer, "reward": None, "engine": "chain"})
+
     def draw(self, rng: np.random.Generator, count: int) -> list[Any]:
-        return TrainingRoads().some(rng, count)
+        return TrainingRoads(_DRAWN_ROAD).some(rng, count)
 
     def some(self, rng: np.random.Generator, count: int) -> list[Any]:
         return [road for k in range(count) for road in TrainingRoads(10.0 * _longer(rng)).some(rng, 1, k)]
@@ -278,9 +283,9 @@ class CarWorld(World):
     def validation(self) -> Sequence[Any]:
         return validation_roads()
 
-    def levels(self, task: Task) -> ForceLevels:
+    def levels(self, task: Task, viscous: bool = False) -> ForceLevels:
         assert isinstance(task, CarTask)
-        return _levels(task, task.model, task.car.bounce)
+        return _levels(task, task.model, task.car.bounce, viscous)
 
     def stage(self, task: Task, spec: str) -> Stage:
         assert isinstance(task, CarTask)
@@ -302,14 +307,26 @@ WORLDS: Mapping[str, type[FrameWorld] | type[CableWorld] | type[CarWorld]] = {
 }
 
 
-def world(environment: str, arguments: Mapping[str, Any], model: Path | None = None) -> World:
-    """The world of an environment's id. model: a file of the damper's model, None: the environment's own.
+def world(
+    environment: str,
+    arguments: Mapping[str, Any],
+    model: Path | None = None,
+    score: Mapping[str, float] | None = None,
+) -> World:
+    """The world of an environment's id. model: a file of the damper's model, None: the environment's own; score: what
+    the score is made of, `weight` of the frame and `holding` of the quarter car, each 0 to 1.
 
     Raises InputError for an id or an argument that there is none of.
     """
     if environment not in WORLDS:
         raise InputError(f"environment {environment!r} is unknown; there are {', '.join(WORLDS)}")
-    chosen = WORLDS[environment]({**arguments, **({"model": model} if model else {})})
+    kind, parts = WORLDS[environment], dict(score or {})
+    allowed = [f.name for f in fields(kind) if f.name != "arguments"]
+    for name, value in parts.items():
+        if name not in allowed or not isinstance(value, int | float) or not 0 <= value <= 1:
+            ranges = ", ".join(f"{known} from 0 to 1" for known in allowed) or "nothing"
+            raise InputError(f"{environment}: score.{name} is {value!r}; allowed: {ranges}")
+    chosen = kind({**arguments, **({"model": model} if model else {})}, **parts)
     try:
         chosen.task(1)
     except TypeError as error:
@@ -317,7 +334,7 @@ def world(environment: str, arguments: Mapping[str, Any], model: Path | None = N
     return chosen
 
 
-def _levels(task: Task, model: Model, frequency: float) -> ForceLevels:
+def _levels(task: Task, model: Model, frequency: float, viscous: bool) -> ForceLevels:
     """Levels at the stroke that the observer is scaled by; frequency: rad/s."""
     scales = dict(zip(task.observer.signals, task.observer.scales, strict=True))
-    return ForceLevels.of(model, float(task.command_max[0]), scales["stroke"], frequency)
+    return ForceLevels.of(model, float(task.command_max[0]), scales["stroke"], frequency, viscous)

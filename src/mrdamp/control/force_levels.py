@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,15 +26,19 @@ class ForceLevels:
 
     A damper only resists: where the wanted force has the other sign than the measured one, the command is zero.
     commands (k,) rise from 0, forces (k,) do not fall. release: the command is zero too where the measured force is
-    larger than the wanted one, as under clipped-optimal control. Raises InputError.
+    larger than the wanted one, as under clipped-optimal control. damping: (k,) N s/m, the rise of the force with the
+    size of the stroke's velocity at each command; () leaves that part out. speed: m/s, that `force_max` is at. Raises
+    InputError.
     """
 
     commands: tuple[float, ...]
     forces: tuple[float, ...]
     release: bool = False
+    damping: tuple[float, ...] = ()
+    speed: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("commands", "forces"):
+        for name in ("commands", "forces", "damping"):
             object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
         c, f = np.array(self.commands), np.array(self.forces)
         if len(c) < 2 or len(c) != len(f) or not np.isfinite(np.concatenate([c, f])).all():
@@ -43,18 +47,41 @@ class ForceLevels:
             )
         if c[0] != 0 or (np.diff(c) <= 0).any() or f[0] < 0 or (np.diff(f) < 0).any() or f[-1] <= f[0]:
             raise InputError("force levels: commands must rise from 0, forces must not fall and must differ")
+        d = np.array(self.damping)
+        if not 0 <= self.speed < math.inf:
+            raise InputError(f"force levels: speed is {self.speed}; allowed: a number >= 0, m/s")
+        if len(d) and (len(d) != len(c) or not np.isfinite(d).all() or d[0] < 0 or (np.diff(d) < 0).any()):
+            raise InputError(
+                f"force levels: damping is {self.damping}; allowed: none, or {len(c)} numbers >= 0 that do not fall"
+            )
 
     @property
     def force_max(self) -> float:
-        """N, at the largest command."""
-        return self.forces[-1]
+        """N, at the largest command and the speed."""
+        return self.forces[-1] + (self.speed * self.damping[-1] if self.damping else 0.0)
 
-    def command(self, wanted: ArrayLike, force: ArrayLike) -> Array:
-        """Commands (...) for wanted forces (...) where the damper's forces (...) are measured; N, signs as there."""
+    def command(self, wanted: ArrayLike, force: ArrayLike, velocity: ArrayLike = 0.0) -> Array:
+        """Commands (...) for wanted forces (...) where the damper's forces (...) are measured; N, signs as there.
+
+        velocity: (...) m/s, of the stroke, for levels with damping.
+        """
         w, f = np.asarray(wanted, dtype=np.float64), np.asarray(force, dtype=np.float64)
-        found = np.interp(np.abs(w), self.forces, self.commands)
+        if self.damping:
+            found = self._moving(np.abs(w), np.abs(np.asarray(velocity, dtype=np.float64)))
+        else:
+            found = np.interp(np.abs(w), self.forces, self.commands)
         resists = (w - f) * f > 0 if self.release else w * f > 0
         return np.asarray(np.where(resists, found, 0.0))
+
+    def _moving(self, size: Array, speed: Array) -> Array:
+        """Commands (...) whose forces at these speeds (...) have these sizes (...): linear between the levels."""
+        size, speed = np.broadcast_arrays(size, speed)
+        levels = np.array(self.forces) + speed[..., None] * np.array(self.damping)
+        after = np.clip((levels < size[..., None]).sum(axis=-1), 1, len(self.commands) - 1)
+        low, high = (np.take_along_axis(levels, (after - k)[..., None], axis=-1)[..., 0] for k in (1, 0))
+        share = (size - low) / np.maximum(high - low, np.finfo(np.float64).tiny)
+        ends = np.array(self.commands)
+        return np.asarray(ends[after - 1] + np.clip(share, 0.0, 1.0) * (ends[after] - ends[after - 1]))
 
     def switching(self) -> ForceLevels:
         """On/off: nearly the largest command for any wanted force, up to ten times the damper's, and release."""
@@ -62,11 +89,13 @@ class ForceLevels:
         return ForceLevels((0.0, (1 - _SOFT) * high, high), (0.0, _SOFT * largest, largest), release=True)
 
     @classmethod
-    def of(cls, model: Model, command_max: float, stroke: float, w: float) -> ForceLevels:
+    def of(
+        cls, model: Model, command_max: float, stroke: float, w: float, viscous: bool = False
+    ) -> ForceLevels:
         """From sines of w (rad/s) at constant commands, of `stroke` (m) and of half of it.
 
-        The largest forces of the two are extrapolated to no motion: what is viscous is not the command's. Raises
-        InputError where the force does not rise with the command.
+        The largest forces of the two are extrapolated to no motion. viscous: with `damping`, from the forces at the
+        largest velocity, which hold no spring's part. Raises InputError where the force does not rise with the command.
         """
         t = np.linspace(0.0, 4 * math.pi / w, 801)
         commands = np.linspace(0.0, command_max, _COMMANDS)
@@ -74,19 +103,31 @@ class ForceLevels:
         def largest(size: float, u: float) -> float:
             x, v = size * np.sin(w * t), size * w * np.cos(w * t)
             out = core.run(model.law, model.attributes, float(t[1]), x, v, u=u, narx=model.narx)
-            return float(np.abs(out["force"][400:]).max())
+            found = np.abs(np.asarray(out["force"], dtype=np.float64)[400:])
+            return float(found[200] if viscous else found.max())
 
-        forces = [max(0.0, 2 * largest(0.5 * stroke, u) - largest(stroke, u)) for u in commands]
-        return cls(tuple(commands), tuple(np.maximum.accumulate(forces)))
+        half, whole = (np.array([largest(share * stroke, u) for u in commands]) for share in (0.5, 1.0))
+        forces = np.maximum.accumulate(np.maximum(0.0, 2 * half - whole))
+        rise = np.maximum.accumulate(np.maximum(0.0, (whole - half) / (0.5 * stroke * w)))
+        found = cls(tuple(commands), tuple(forces))
+        return replace(found, damping=tuple(rise), speed=stroke * w) if viscous else found
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"commands": list(self.commands), "forces": list(self.forces), "release": self.release}
+        own = {"commands": list(self.commands), "forces": list(self.forces), "release": self.release}
+        return own | ({"damping": list(self.damping), "speed": self.speed} if self.damping else {})
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ForceLevels:
         """From `to_dict`. Raises InputError."""
         try:
-            return cls(tuple(data["commands"]), tuple(data["forces"]), bool(data.get("release", False)))
+            release, damping = bool(data.get("release", False)), tuple(data.get("damping", ()))
+            return cls(
+                tuple(data["commands"]),
+                tuple(data["forces"]),
+                release,
+                damping,
+                float(data.get("speed", 0.0)),
+            )
         except (TypeError, KeyError, ValueError) as error:
             raise InputError(f"force levels: {error}") from None

@@ -170,6 +170,13 @@ class Observer:
             self.scales[self.signals.index(signal)] * observations[:, column].astype(np.float64)
         )
 
+    def measured(self, observations: NDArray[np.float32], signal: str) -> Array:
+        """(n,) the newest value of a signal, in its unit, as observations (n, size) hold it; zero where they do not."""
+        if signal not in self.signals:
+            return np.zeros(len(observations))
+        column = self.signals.index(signal)
+        return np.asarray(self.scales[column] * observations[:, column].astype(np.float64))
+
     def scaled(self, values: Array, last_command: Array, before: Array | None = None) -> Array:
         """One control period: values (..., s) and last_command (..., dampers) -> (..., width).
 

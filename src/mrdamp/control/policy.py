@@ -2,6 +2,7 @@
 
 o = observer(y, last command)      measurements, scaled and stacked (`mrdamp.control.observe`)
 h = W o                            W as it was when the policy was trained
+h = [h, s h]                       where the policy has a schedule s (`mrdamp.control.schedule`)
 m = memory(h, m)                   where the policy has one, else h itself
 a = layers(m)                      cut off at -1 and 1, or through tanh
 a = t h + reach a                  where it corrects a linear teacher of weights t, cut off at -1 and 1
@@ -23,12 +24,14 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
+from mrdamp.control.schedule import Schedule
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes, write_atomic
 
 Array = NDArray[np.float64]
 
 FORMAT = "mrdamp policy 1"
+VELOCITY = "stroke_velocity"  #: The signal that levels with damping need.
 _SIZE_LIMIT = 50_000_000  # bytes
 
 
@@ -38,7 +41,8 @@ class Policy:
     name; period: of control, s; observer; transform: W (k, observer.size); network: k in, or the memory's cells, 1 out;
     command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON; least:
     for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the network
-    corrects by `reach` at most; memory: before the network. Raises InputError.
+    corrects by `reach` at most; memory: before the network; schedule: of an observer with a leaky peak of its signal.
+    Raises InputError.
     """
 
     def __init__(
@@ -55,17 +59,27 @@ class Policy:
         teacher: Array | None = None,
         reach: float = 1.0,
         memory: Memory | None = None,
+        schedule: Schedule | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
         if len(observer.command_max) != 1 or len(network.layers[-1][1]) != 1:
             raise InputError(f"policy {name}: it is for several dampers; a controller gives one command")
         if levels is not None and "force" not in observer.signals:
             raise InputError(f"policy {name}: its action is a force, and its observer sees no force")
+        if levels is not None and levels.damping and VELOCITY not in observer.signals:
+            raise InputError(
+                f"policy {name}: its force levels have damping, and its observer sees no {VELOCITY}"
+            )
         if least is not None and "force" not in observer.peaks:
             raise InputError(f"policy {name}: it has a least command, and its observer no peak of the force")
+        if schedule is not None and schedule.signal not in observer.peaks:
+            raise InputError(
+                f"policy {name}: its schedule is of {schedule.signal}, and its observer sees no peak of it"
+            )
         inputs = memory.inputs if memory is not None else network.inputs
+        seen = (len(transform) * (1 if schedule is None else 2), observer.size)
         fits = network.inputs == (memory.cells if memory is not None else inputs)
-        if not fits or transform.shape != (inputs, observer.size):
+        if not fits or seen != (inputs, transform.shape[-1]):
             raise InputError(
                 f"policy {name}: observer, transform {transform.shape} and network do not fit together"
             )
@@ -74,7 +88,7 @@ class Policy:
         self.command_max, self.levels, self.least = command_max, levels, least
         if teacher is not None and teacher.shape != (inputs,):
             raise InputError(f"policy {name}: teacher has {teacher.shape} weights; allowed: ({inputs},)")
-        self.teacher, self.reach, self.memory = teacher, reach, memory
+        self.teacher, self.reach, self.memory, self.schedule = teacher, reach, memory, schedule
         self.about = dict(about or {})
         self.reset()
 
@@ -103,7 +117,10 @@ class Policy:
 
     def inputs(self, observations: NDArray[np.float32]) -> Array:
         """(n, k) h."""
-        return np.asarray(observations.astype(np.float64) @ self.transform.T)
+        inputs = np.asarray(observations.astype(np.float64) @ self.transform.T)
+        if self.schedule is None:
+            return inputs
+        return self.schedule(inputs, self.observer.peak(observations, self.schedule.signal))
 
     def driven(self, actions: Array, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:
         """(n,) A or V for actions (n,) in [-1, 1], as the network gives them, with observations and forces."""
@@ -112,7 +129,8 @@ class Policy:
         if self.levels is None:
             found = 0.5 * (actions + 1.0) * self.command_max
         else:
-            found = self.levels.command(actions * self.levels.force_max, force)
+            velocity = self.observer.measured(observations, VELOCITY) if self.levels.damping else 0.0
+            found = self.levels.command(actions * self.levels.force_max, force, velocity)
         if self.least is not None:
             found = np.maximum(found, self.least(self.observer.peak(observations, "force")))
         return np.minimum(found, self.command_max)
@@ -147,6 +165,7 @@ class Policy:
             "teacher": rows(self.teacher[None])[0] if self.teacher is not None else None,
             "reach": self.reach,
             "memory": self.memory.to_dict() if self.memory else None,
+            "schedule": self.schedule.to_dict() if self.schedule else None,
             "activation": self.network.activation,
             "squash": self.network.squash,
             "transform": rows(self.transform),
@@ -174,6 +193,7 @@ class Policy:
                 matrix([data["teacher"]])[0] if data.get("teacher") is not None else None,
                 float(data.get("reach", 1.0)),
                 Memory.from_dict(data["memory"]) if data.get("memory") is not None else None,
+                Schedule.from_dict(data["schedule"]) if data.get("schedule") is not None else None,
             )
         except KeyError as error:
             raise InputError(f"policy: no entry {error}") from None

@@ -1,0 +1,172 @@
+"""Policies of moving dampers: force levels with the viscous part, weights scheduled by roughness, the score's parts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamp.control.force_levels import ForceLevels
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import VELOCITY, Policy
+from mrdamp.control.schedule import Schedule
+from mrdamp.envs.car_task import car_damper
+from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
+from mrdamp.model import core
+from mrdamp.train.evaluate import Act, episodes, forces
+from mrdamp.train.search import EvolutionRun
+from mrdamp.train.settings import Options, settings
+from mrdamp.train.worlds import world
+
+LEVELS = ForceLevels((0.0, 1.0, 2.0), (100.0, 300.0, 400.0), damping=(500.0, 700.0, 1000.0), speed=0.2)
+CAR = "mrdamp/QuarterCar-v0"
+
+
+def policy(levels: ForceLevels | None = LEVELS, schedule: Schedule | None = None) -> Policy:
+    """A linear one of stroke, its velocity and force."""
+    peaks = {"stroke": 5.0}
+    observer = Observer(("stroke", VELOCITY, "force"), (0.01, 0.5, 100.0), 1, False, (2.0,), peaks=peaks)
+    weights = np.array([[0.4, 0.1, 0.2, *([-0.3, 0.5, 0.05] if schedule else [])]])
+    network = Network(((weights, np.zeros(1)),), "tanh")
+    return Policy("p", 5e-3, observer, np.eye(3, observer.size), network, 2.0, levels, schedule=schedule)
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3, 0.8])
+@pytest.mark.parametrize("command", [0.0, 0.1, 0.4, 1.2])
+def test_the_command_for_a_moving_dampers_own_force_is_the_one_it_has(speed: float, command: float) -> None:
+    """The law itself, at the wheel's frequency, where the levels were taken at the body's."""
+    damper, w = car_damper(), 70.0
+    levels = ForceLevels.of(damper, 2.0, stroke=0.03, w=7.07, viscous=True)
+    t = np.linspace(0.0, 4 * np.pi / w, 1601)
+    x, v = speed / w * np.sin(w * t), speed * np.cos(w * t)
+    out = core.run(damper.law, damper.attributes, float(t[1]), x, v, u=command, narx=damper.narx)
+    force = float(out["force"][800:].max())
+    assert float(levels.command(force, force, speed)) == pytest.approx(command, abs=0.03)
+    still = ForceLevels.of(damper, 2.0, stroke=0.03, w=7.07)
+    assert abs(float(still.command(force, force)) - command) > 0.25  # what it would be without
+
+
+def test_levels_of_a_damper_at_rest_are_as_without_damping() -> None:
+    wanted, force = np.array([50.0, 200.0, -350.0, 900.0, 200.0]), np.array([1.0, 1.0, -1.0, 1.0, -1.0])
+    plain = ForceLevels(LEVELS.commands, LEVELS.forces)
+    assert LEVELS.command(wanted, force) == pytest.approx(plain.command(wanted, force))
+    assert LEVELS.command(wanted, force, -0.4) == pytest.approx([0.0, 0.0, (350 - 300) / 280, 2.0, 0.0])
+    assert LEVELS.force_max == 600.0
+    assert plain.force_max == 400.0
+
+
+def test_levels_that_cannot_be() -> None:
+    for damping, speed, said in (
+        ((1.0, 2.0), 0.0, "damping"),
+        ((3.0, 2.0, 1.0), 0.0, "damping"),
+        ((-1.0, 2.0, 3.0), 0.0, "damping"),
+        ((1.0, 2.0, 3.0), -1.0, "speed"),
+    ):
+        with pytest.raises(InputError, match=said):
+            ForceLevels(LEVELS.commands, LEVELS.forces, damping=damping, speed=speed)
+
+
+def test_a_policy_takes_the_velocity_from_what_it_observes(tmp_path: Path) -> None:
+    p = policy()
+    y = {"stroke": 0.01, VELOCITY: 0.25, "force": 300.0}
+    action = 0.4 * 1.0 + 0.1 * 0.5 + 0.2 * 3.0
+    assert p.command(0.0, y) == pytest.approx(float(LEVELS.command(1.0 * 600, 300.0, 0.25)), rel=1e-6)
+    assert action > 1  # cut off
+    p.write(tmp_path / "p.json")
+    again = Policy.read(tmp_path / "p.json")
+    assert again.levels == LEVELS
+    assert again.command(0.0, y) == p.command(0.0, y)
+    data = p.to_dict()
+    data["observer"]["signals"][1] = "velocity_1"
+    with pytest.raises(InputError, match=VELOCITY):
+        Policy.from_dict(data)
+
+
+def test_a_file_without_the_new_entries_is_a_policy_as_before() -> None:
+    data = policy(ForceLevels(LEVELS.commands, LEVELS.forces)).to_dict()
+    assert "damping" not in data["levels"]
+    del data["schedule"]
+    old = Policy.from_dict(data)
+    assert old.schedule is None
+    y = {"stroke": 0.005, VELOCITY: 0.0, "force": 50.0}
+    assert old.command(0.0, y) == pytest.approx(np.interp(0.3 * 400.0, [100, 300], [0, 1]), rel=1e-6)
+
+
+def test_scheduled_weights_change_over_the_logarithm_of_the_peak(tmp_path: Path) -> None:
+    schedule = Schedule("stroke", 0.001, 0.1)
+    assert schedule.share([0.0, 0.001, 0.01, 0.1, 5.0]) == pytest.approx([-1, -1, 0, 1, 1])
+    p = policy(None, schedule)
+    for stroke in (0.001, 0.01, 0.05):
+        p.reset()
+        s = float(schedule.share(stroke))
+        h = np.array([stroke / 0.01, 0.2, 0.1])
+        action = float(np.clip((np.array([0.4, 0.1, 0.2]) + s * np.array([-0.3, 0.5, 0.05])) @ h, -1, 1))
+        y = {"stroke": stroke, VELOCITY: 0.1, "force": 10.0}
+        assert p.command(0.0, y) == pytest.approx(1 + action, rel=1e-5)
+    p.write(tmp_path / "p.json")
+    assert Policy.read(tmp_path / "p.json").schedule == schedule
+
+
+def test_a_schedule_that_cannot_be() -> None:
+    with pytest.raises(InputError, match="no peak of it"):
+        policy(None, Schedule("force", 1.0, 2.0))
+    for wrong in ({"low": 2.0}, {"signal": 3}, {"high": "much"}, {"low": 0.0}):
+        with pytest.raises(InputError, match="schedule: "):
+            Schedule.from_dict({**Schedule("stroke", 1.0, 1.5).to_dict(), **wrong})
+    with pytest.raises(InputError, match="schedule: "):
+        Schedule.from_dict({"signal": "stroke"})
+
+
+def test_the_scores_share_of_road_holding_is_a_setting() -> None:
+    means = {"comfort_ratio": 0.8, "load_ratio": 1.1}
+    assert world(CAR, {}).score(means) == pytest.approx(0.95)
+    assert world(CAR, {}, score={"holding": 0.6}).score(means) == pytest.approx(0.98)
+    for score in ({"holding": 1.5}, {"weight": 0.5}, {"holding": "half"}):
+        with pytest.raises(InputError, match=r"score\.\w+ is"):
+            world(CAR, {}, score=score)  # type: ignore[arg-type]
+
+
+def acting(policy: Policy, task: Task) -> Act:
+    """A policy on the rows of a task."""
+    return lambda seen: policy.commands(seen, forces(task, seen))
+
+
+def test_a_search_scores_scheduled_candidates_of_a_moving_damper_as_the_policies_they_become(
+    tmp_path: Path,
+) -> None:
+    options = Options(
+        CAR, "es", 0, 1, overrides=("loads=2", "population=4", "noise=0", "current=0"), evaluations=1
+    )
+    chosen = settings(options)
+    assert chosen.viscous
+    assert chosen.schedule
+    run = EvolutionRun(options, chosen, tmp_path)
+    candidates = run.cma.ask()
+    scores = run._scores(candidates)
+    drawn = np.random.SeedSequence(run.draws.entropy, spawn_key=(*run.draws.spawn_key, 0))
+    roads = run.world.draw(np.random.default_rng(drawn), 2)
+    task = run.world.searching(2)
+    for candidate, score in zip(candidates, scores, strict=True):
+        run.cma.average = candidate
+        found, _ = episodes(task, run.world, roads, acting(run.policy(), task))
+        means = {name: float(v.mean()) for name, v in found.items()}
+        assert run.world.score(means) == pytest.approx(score, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "overrides", "said"),
+    [
+        ("es", ("env_kwargs.signals=[acceleration_2,acceleration_1,stroke,force]",), VELOCITY),
+        ("es", ("env_kwargs.peaks={}",), "schedule needs"),
+        ("es", ("score.holding=2",), "from 0 to 1"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(
+    algorithm: str, overrides: tuple[str, ...], said: str, tmp_path: Path
+) -> None:
+    options = Options(CAR, algorithm, overrides=overrides)
+    with pytest.raises(InputError, match=said):
+        EvolutionRun(options, settings(options), tmp_path)
