@@ -52,8 +52,10 @@ def test_the_command_for_a_moving_dampers_own_force_is_the_one_it_has(speed: flo
 def test_levels_of_a_damper_at_rest_are_as_without_damping() -> None:
     wanted, force = np.array([50.0, 200.0, -350.0, 900.0, 200.0]), np.array([1.0, 1.0, -1.0, 1.0, -1.0])
     plain = ForceLevels(LEVELS.commands, LEVELS.forces)
-    assert LEVELS.command(wanted, force) == pytest.approx(plain.command(wanted, force))
-    assert LEVELS.command(wanted, force, -0.4) == pytest.approx([0.0, 0.0, (350 - 300) / 280, 2.0, 0.0])
+    slow = 1e-9 * force
+    assert LEVELS.command(wanted, force, slow) == pytest.approx(plain.command(wanted, force))
+    assert LEVELS.command(wanted, force, 0.4) == pytest.approx([0.0, 0.0, 0.0, 2.0, 0.0])
+    assert LEVELS.command(wanted, force, -0.4) == pytest.approx([0.0, 0.0, (350 - 300) / 280, 0.0, 0.0])
     assert LEVELS.force_max == 600.0
     assert plain.force_max == 400.0
 
@@ -85,10 +87,25 @@ def test_a_policy_takes_the_velocity_from_what_it_observes(tmp_path: Path) -> No
         Policy.from_dict(data)
 
 
+def test_the_velocity_is_led_by_signals_that_are_its_rate(tmp_path: Path) -> None:
+    data = policy().to_dict()
+    data["ahead"] = {"force": 1e-3}
+    led = Policy.from_dict(data)
+    y = {"stroke": 0.002, VELOCITY: -0.1, "force": 200.0}
+    action = 0.4 * 0.2 - 0.1 * 0.2 + 0.2 * 2.0
+    assert led.command(0.0, y) == pytest.approx(float(LEVELS.command(action * 600, 200.0, 0.1)), rel=1e-5)
+    assert policy().command(0.0, y) == 0.0
+    led.write(tmp_path / "p.json")
+    assert Policy.read(tmp_path / "p.json").ahead == led.ahead
+    data["ahead"] = {"acceleration_1": 1e-3}
+    with pytest.raises(InputError, match="ahead"):
+        Policy.from_dict(data)
+
+
 def test_a_file_without_the_new_entries_is_a_policy_as_before() -> None:
     data = policy(ForceLevels(LEVELS.commands, LEVELS.forces)).to_dict()
     assert "damping" not in data["levels"]
-    del data["schedule"]
+    del data["schedule"], data["ahead"]
     old = Policy.from_dict(data)
     assert old.schedule is None
     y = {"stroke": 0.005, VELOCITY: 0.0, "force": 50.0}

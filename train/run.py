@@ -17,7 +17,7 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
-from mrdamp.control.policy import VELOCITY, Policy
+from mrdamp.control.policy import VELOCITY, Policy, velocities
 from mrdamp.control.schedule import Schedule
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
@@ -191,7 +191,7 @@ class Run(ABC):
         name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
-            self.least(), self.teacher(), self.chosen.reach, self.memory(), self.schedule,
+            self.least(), self.teacher(), self.chosen.reach, self.memory(), self.schedule, self.chosen.ahead,
         )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -221,7 +221,9 @@ def explored(
         command = share * command_max
         if levels is not None:
             force = forces(task, observation)
-            command = levels.command(np.sign(force) * share * levels.force_max, force)
+            velocity = velocities(task.observer, observation, {})
+            sign = np.sign(velocity if levels.damping else force)
+            command = levels.command(sign * share * levels.force_max, force, velocity)
         step = task.step(2.0 * command[:, None] / command_max - 1.0)
         observation = step.observation
         found.append(observation.copy())

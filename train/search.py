@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Network
-from mrdamp.control.policy import VELOCITY
+from mrdamp.control.policy import velocities
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
@@ -146,7 +146,7 @@ class EvolutionRun(Run):
             if self.levels is None:
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)
             else:
-                velocity = task.observer.measured(observation, VELOCITY)
+                velocity = velocities(task.observer, observation, self.chosen.ahead)
                 command = self.levels.command(
                     action * self.levels.force_max, forces(task, observation), velocity
                 )

@@ -65,7 +65,7 @@ class Settings:
     wanted force, which the damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical
     controller, as `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. normalize: whiten the
     observations. viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's velocity among the
-    signals. teacher: a classical controller whose wanted force, as a linear function of the observations, is what
+    signals; ahead: s by signal, that lead that velocity, see `Policy`. teacher: a classical controller whose wanted force, as a linear function of the observations, is what
     the learner begins at; reach: how far a learner of stable-baselines3 may go from it, over the largest force. least:
     `level` (A or V) and `fade` (N) of a least command, see `mrdamp.control.least_command`; none: no such command.
     schedule: `signal`, `low` and `high` of `mrdamp.control.schedule`, for the evolution strategy; none: no schedule.
@@ -89,6 +89,7 @@ class Settings:
     action: Literal["command", "force"] = "command"
     switch: bool = False
     viscous: bool = False
+    ahead: Mapping[str, float] = field(default_factory=dict)
     estimator: str = ""
     normalize: bool = True
     teacher: str = ""
@@ -128,7 +129,7 @@ class Settings:
                 raise InputError(f"hyperparameters: {name} is {value!r}; allowed: {allowed}")
         if self.privileged and not self.pool:
             raise InputError("hyperparameters: privileged needs a pool of loads; set pool")
-        for name in ("env_kwargs", "score", "policy_kwargs"):
+        for name in ("ahead", "env_kwargs", "score", "policy_kwargs"):
             if not isinstance(getattr(self, name), Mapping):
                 raise InputError(f"hyperparameters: {name} is no mapping of names to values")
 

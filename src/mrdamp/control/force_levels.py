@@ -50,6 +50,8 @@ class ForceLevels:
         d = np.array(self.damping)
         if not 0 <= self.speed < math.inf:
             raise InputError(f"force levels: speed is {self.speed}; allowed: a number >= 0, m/s")
+        if len(d) and self.release:
+            raise InputError("force levels: damping and release; allowed: one of them")
         if len(d) and (len(d) != len(c) or not np.isfinite(d).all() or d[0] < 0 or (np.diff(d) < 0).any()):
             raise InputError(
                 f"force levels: damping is {self.damping}; allowed: none, or {len(c)} numbers >= 0 that do not fall"
@@ -63,11 +65,12 @@ class ForceLevels:
     def command(self, wanted: ArrayLike, force: ArrayLike, velocity: ArrayLike = 0.0) -> Array:
         """Commands (...) for wanted forces (...) where the damper's forces (...) are measured; N, signs as there.
 
-        velocity: (...) m/s, of the stroke, for levels with damping.
+        velocity: (...) m/s, of the stroke, for levels with damping, which take the force's sign from it too.
         """
         w, f = np.asarray(wanted, dtype=np.float64), np.asarray(force, dtype=np.float64)
         if self.damping:
-            found = self._moving(np.abs(w), np.abs(np.asarray(velocity, dtype=np.float64)))
+            f = np.asarray(velocity, dtype=np.float64)
+            found = self._moving(np.abs(w), np.abs(f))
         else:
             found = np.interp(np.abs(w), self.forces, self.commands)
         resists = (w - f) * f > 0 if self.release else w * f > 0

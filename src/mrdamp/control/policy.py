@@ -35,6 +35,12 @@ VELOCITY = "stroke_velocity"  #: The signal that levels with damping need.
 _SIZE_LIMIT = 50_000_000  # bytes
 
 
+def velocities(observer: Observer, observations: NDArray[np.float32], ahead: Mapping[str, float]) -> Array:
+    """(n,) m/s, of the stroke, as observations (n, observer.size) hold it; ahead: as of `Policy`."""
+    now = observer.measured(observations, VELOCITY)
+    return now + sum(s * observer.measured(observations, name) for name, s in ahead.items())
+
+
 class Policy:
     """A `Controller` of one damper; read with `Policy.read`.
 
@@ -42,7 +48,8 @@ class Policy:
     command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON; least:
     for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the network
     corrects by `reach` at most; memory: before the network; schedule: of an observer with a leaky peak of its signal.
-    Raises InputError.
+    ahead: for levels with damping, s by signal: the stroke's velocity is `stroke_velocity` plus these times the signals,
+    which makes it that of a little later where the signals' difference is its rate. Raises InputError.
     """
 
     def __init__(
@@ -60,6 +67,7 @@ class Policy:
         reach: float = 1.0,
         memory: Memory | None = None,
         schedule: Schedule | None = None,
+        ahead: Mapping[str, float] | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
         if len(observer.command_max) != 1 or len(network.layers[-1][1]) != 1:
@@ -89,6 +97,10 @@ class Policy:
         if teacher is not None and teacher.shape != (inputs,):
             raise InputError(f"policy {name}: teacher has {teacher.shape} weights; allowed: ({inputs},)")
         self.teacher, self.reach, self.memory, self.schedule = teacher, reach, memory, schedule
+        self.ahead = {name: float(s) for name, s in dict(ahead or {}).items()}
+        unseen = [name for name in self.ahead if name not in observer.signals]
+        if unseen or not np.isfinite(list(self.ahead.values())).all():
+            raise InputError(f"policy {name}: ahead is {self.ahead}; allowed: observed signals, and seconds")
         self.about = dict(about or {})
         self.reset()
 
@@ -129,7 +141,7 @@ class Policy:
         if self.levels is None:
             found = 0.5 * (actions + 1.0) * self.command_max
         else:
-            velocity = self.observer.measured(observations, VELOCITY) if self.levels.damping else 0.0
+            velocity = velocities(self.observer, observations, self.ahead) if self.levels.damping else 0.0
             found = self.levels.command(actions * self.levels.force_max, force, velocity)
         if self.least is not None:
             found = np.maximum(found, self.least(self.observer.peak(observations, "force")))
@@ -166,6 +178,7 @@ class Policy:
             "reach": self.reach,
             "memory": self.memory.to_dict() if self.memory else None,
             "schedule": self.schedule.to_dict() if self.schedule else None,
+            "ahead": self.ahead,
             "activation": self.network.activation,
             "squash": self.network.squash,
             "transform": rows(self.transform),
@@ -194,6 +207,7 @@ class Policy:
                 float(data.get("reach", 1.0)),
                 Memory.from_dict(data["memory"]) if data.get("memory") is not None else None,
                 Schedule.from_dict(data["schedule"]) if data.get("schedule") is not None else None,
+                data.get("ahead"),
             )
         except KeyError as error:
             raise InputError(f"policy: no entry {error}") from None
