@@ -48,8 +48,8 @@ class Policy:
     command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON; least:
     for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the network
     corrects by `reach` at most; memory: before the network; schedule: of an observer with a leaky peak of its signal.
-    ahead: for levels with damping, s by signal: the stroke's velocity is `stroke_velocity` plus these times the signals,
-    which makes it that of a little later where the signals' difference is its rate. Raises InputError.
+    ahead: for levels with damping, s by signal: the stroke's velocity is `stroke_velocity` plus these times the
+    signals, that of a little later where the signals are its rate. Raises InputError.
     """
 
     def __init__(
