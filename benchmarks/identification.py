@@ -1,4 +1,4 @@
-"""`python -m benchmarks.identification`: our networks beside what a user would pick instead, on the same split.
+"""`python -m benchmarks.identification`: our networks compared with common alternatives, on the same split.
 
 The split is the self-sensing paper's: one record of varying current cut 4000:2000:1500 at 500 Hz, and two records of
 another motion as further tests. Errors are over the standard deviation of the force; time is CPU time of one fit, as

@@ -56,7 +56,7 @@ class PythonPlants(Plants):
         mujoco.mj_resetData(self.bare, self.data)
 
     def _own(self) -> tuple[float, ...]:
-        """What `SIGNALS` says of the damper now; it stands behind the engine's sensors."""
+        """The present values of `SIGNALS`; it stands behind the engine's sensors."""
         damper, d = self.damper, self.data
         force = damper.force
         return force, force, d.qpos.item(1), d.qvel.item(1), damper.current, -force

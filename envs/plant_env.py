@@ -30,7 +30,7 @@ Kind = TypeVar("Kind", bound=Task)
 class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
     """A structure under control: `FrameEnv`, `CableEnv` and `CarEnv`.
 
-    Arguments of all of them, beside those of each:
+    Arguments of all of them, in addition to those of each:
 
     | Parameter | Type | Default | Description |
     |-----------|------|---------|-------------|

@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 
 
 class OnePole:
-    """A first-order low-pass, or the high-pass beside it, on (n, channels) sampled at the control period.
+    """A first-order low-pass, or the complementary high-pass, on (n, channels) sampled at the control period.
 
-    tau: (channels,) s, 0 where there is none. Exact for signals that run straight between samples; starts at rest
+    tau: (channels,) s, 0 where there is none. Exact for signals that are linear between samples; starts at rest
     with the first one.
     """
 
@@ -73,7 +73,7 @@ class TwoPoles:
 
 
 class Settling:
-    """An offset (channels,) that dies away from the start with a time constant (channels,), s; else as OnePole."""
+    """An offset (channels,) that decays from the start with a time constant (channels,), s; else as OnePole."""
 
     def __init__(self, offset: Array, tau: Array, period: float, n: int) -> None:
         self.offset, self.decay = offset, np.exp(-period / np.where(tau > 0, tau, 1.0))

@@ -52,7 +52,7 @@ class Rows(Protocol):
 
 
 class RowScore(Protocol):
-    """Rewards of n rows; values (n, ...) are all it remembers; NAMES of the columns of what `info` says."""
+    """Rewards of n rows; values (n, ...) are its whole state; NAMES of the columns of `info`."""
 
     NAMES: tuple[str, ...]
     values: Array

@@ -1,4 +1,4 @@
-"""A force law from measured records, judged in free run on records that it was not fitted to.
+"""A force law from measured records, evaluated in free run on held-out records.
 
 python examples/02_identify_from_records.py [FOLDER]   (default: the records that come with the package)
 """
@@ -25,7 +25,7 @@ def main(
     for name, value in fit.model.attributes.items():
         print(f"  {name:20s} {value:.6g}")
     if out:
-        scene = write_mjcf(fit.model, out)  # with model.json beside it
+        scene = write_mjcf(fit.model, out)  # with model.json in the same folder
         print(f"look at it: mrdamp view {scene}")
     return fit
 

@@ -1,4 +1,4 @@
-"""A network damper: trained on records, judged one step ahead and in free run, then stepped by MuJoCo.
+"""A network damper: trained on records, evaluated one step ahead and in free run, then stepped by MuJoCo.
 
 python examples/05_narx_damper.py
 """

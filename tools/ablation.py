@@ -1,8 +1,9 @@
 """What each special rule of the diagnosis is worth: `python tools/ablation.py OUT --bench NAME=CASES,LABELS.json ...`.
 
-Every case is searched once. Its fits are then judged as they are and once more with each rule left out, so that a row
-of the table differs from the first by that rule alone. Rules of the search (which fits are made) are not among them.
-OUT/BENCH/CASE.json holds the answers of a case; a run that was interrupted goes on there. OUT/ablation.md is the table:
+Every case is searched once. Its fits are then evaluated with all rules and once more with each rule left out,
+so that a row of the table differs from the first by that rule alone. Rules of the search (which fits are made)
+are not among them.
+OUT/BENCH/CASE.json holds the answers of a case; an interrupted run is resumed. OUT/ablation.md is the table:
 cases right, those with a cause named right, and those with a cause invented.
 """
 

@@ -50,7 +50,7 @@ BOXES: Mapping[str, tuple[float, float, float, float]] = {
     "records": (1.9, 4.8, 3.2, 1.5),
     "shared": (1.9, 1.35, 3.2, 1.05),
 }
-#: Packages whose modules are listed beside them.
+#: Packages with a list of their modules.
 LISTED = ("identify", "simulation", "model", "structures", "records")
 CHAIN = ("command", "driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
 #: Each step is an import in one direction or the other.

@@ -3,7 +3,7 @@
 The family-wise bound of the catalogue by a parametric bootstrap: on a case without a cause (or with wrong numbers
 only) the recalibrated simulator is taken for the truth, noise is drawn anew with the spectrum that two runs of one
 test differ by, and every effect of the catalogue is fitted to the draw by its signature, alone. What counts is the
-best of them all. The verdict's own rule then says whether it would have been named.
+best of them all. The verdict's own rule then decides whether it would have been named.
 """
 
 from __future__ import annotations

@@ -21,11 +21,11 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """Models judged on the same held-out records, under one protocol.
+    """Models evaluated on the same held-out records, under one protocol.
 
-    cutoff: Hz, low-pass of the displacement. command: of the constant protocol. sample_time: s; judged at this rate
-    too, all channels low-passed. without: part of names; judged without these records too. one_step: networks are
-    judged one step ahead too.
+    cutoff: Hz, low-pass of the displacement. command: of the constant protocol. sample_time: s; evaluated at this
+    rate too, all channels low-passed. without: part of names; evaluated without these records too. one_step:
+    networks are also evaluated one step ahead.
     """
 
     title: str
@@ -44,7 +44,7 @@ class Page:
     """A set's page.
 
     shown: models whose command's own words and pictures are shown. loops: record and models of each picture.
-    left_out: parts of names; all records of one such are left out in turn and judge the laws; the last is of
+    left_out: parts of names; all records of one such are left out in turn to evaluate the laws; the last is of
     another day.
     """
 

@@ -4,7 +4,7 @@
     python tools/identification_tables.py --data FOLDER utfsm utfpr nees
 
 FOLDER holds a folder of records per set. A model that lies in out/identification already is not fitted again. The
-summary (README.md) is put together from the pages' figures, which are kept beside the pages in figures.json.
+summary (README.md) is put together from the pages' figures, which are stored with the pages in figures.json.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def command(name: str, row: Row, cutoff: float | None, folder: str) -> list[str]
 
 
 def run(name: str, row: Row, cutoff: float | None, data: Path | None) -> Model:
-    """The row's model, fitted where its file is missing; what the command said is kept beside it."""
+    """The row's model, fitted where its file is missing; the output of the command is stored with it."""
     folder = WORK / name
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{row.file}.json"
@@ -137,7 +137,7 @@ def details(found: Mapping[str, Mapping[str, float]]) -> list[str]:
 
 
 def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
-    """Every law fitted without one motion of all records, and judged on it, as the marks were: one start, quadratic."""
+    """Every law fitted without one motion of all records and evaluated on it, as the marks: one start, quadratic."""
     store = WORK / name / "left_out.json"
     found: dict[str, list[float]] = json.loads(store.read_text()) if store.exists() else {}
     for law in LAWS:
@@ -249,7 +249,7 @@ def _folder(name: str, data: Path | None) -> Path:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Writes the pages asked for."""
+    """Writes the given pages."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

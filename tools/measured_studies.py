@@ -1,8 +1,8 @@
 """Diagnoses simulators that lack something on measured records: `python tools/measured_studies.py [NAME ...]`.
 
-Each study identifies a law without an effect that its rig has, diagnoses it on the training records, and judges the
-corrected simulator on the validation records, which neither step saw. Writes out/measured/NAME/ (model, case,
-diagnosis, page) and docs/diagnosis/measured.json. The data are looked for in ../shared/data, or where MRDAMP_DATA says.
+Each study identifies a law without an effect that its rig has, diagnoses it on the training records, and evaluates
+the corrected simulator on the validation records, which neither step used. Writes out/measured/NAME/ (model, case,
+diagnosis, page) and docs/diagnosis/measured.json. The data are read from ../shared/data or the folder MRDAMP_DATA.
 """
 
 from __future__ import annotations

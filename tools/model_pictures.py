@@ -28,7 +28,7 @@ MOMENTS = {
 
 
 def draw(name: str) -> Image.Image:
-    """The model's picture. Raises InputError where there is no such model."""
+    """The model's picture. Raises InputError for an unknown model."""
     camera, joint, velocity, command, end = MOMENTS[name]
     model = mujoco.MjModel.from_xml_path(str(models_xml.path(name, "scene.xml")))
     model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
@@ -43,7 +43,7 @@ def draw(name: str) -> Image.Image:
 
 
 def main() -> int:
-    """Writes them, and says how large they are."""
+    """Writes them and prints their sizes."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     for name in models_xml.names():
         file = folder / name / "picture.webp"

@@ -1,8 +1,8 @@
-"""Does the proposed test settle what the records leave open? `python tools/next_test_study.py -o out/next_test`.
+"""Does the proposed test resolve what the records leave open? `python tools/next_test_study.py -o out/next_test`.
 
 Makes cases on the reference rig (`mrdamp.blindtest`, which shares no code with the simulator), cut down to their sines
-at constant command, and diagnoses them. Where the cause is left open, that rig runs the proposed test, and beside it
-tests drawn at random from the same family, of the same length and within the same limits. After each of them the
+at constant command, and diagnoses them. Where the cause is left open, that rig runs the proposed test and tests drawn
+at random from the same family, of the same length and within the same limits. After each of them the
 causes that were left open are fitted again, to the old records and the new one. Finished cases are kept in OUT and
 the same command continues there.
 """
@@ -52,7 +52,7 @@ _GAP = 0.15
 _TELLING = ("sine_random",)
 #: One cause at a time: a narrow search does, and is quick.
 _LIMITS = Limits(singles=6, forms=2, depth=1, polished=2, base=10)
-#: A cause at least so probable, beside the likeliest, is left open.
+#: A cause at least this probable, other than the likeliest, is left open.
 _OPEN = 0.02
 _NEED_REFERENCE = ("sensor_gain", "sensor_offset")
 _STRIDE = 2
@@ -164,7 +164,7 @@ def played(columns: Mapping[str, Array]) -> Excitation:
 
 
 def run(folder: Path, name: str, cause: str, seed: np.random.SeedSequence, count: int) -> Row | None:
-    """One case from draw to row, with so many tests at random; None where the sines settle it. Raises BlownUp where
+    """One case from draw to row, with so many tests at random; None if the sines resolve it. Raises BlownUp where
     its numbers are too stiff for the rig."""
     rng = np.random.default_rng(seed)
     task = Task(name, "damper", cause)
@@ -239,7 +239,7 @@ def table(rows: Sequence[Row]) -> str:
     """The rows, and what they come to.
 
     Were the proposed test like one at random, any of a case's tests could have been it: its place among them by the
-    margin would be anywhere, and it would have settled the case as often as all of them did on average.
+    margin would be anywhere, and it would have resolved the case as often as all of them did on average.
     """
     lines = ["| cause | before | with the proposed test | with random tests, settled | margin, nats | behind, noises |",
              "|---|---|---|---|---|---|"]  # fmt: skip

@@ -6,7 +6,7 @@ in the layout of shared/cases/spikes_open. Of a label: `also`, effects that the 
 simulator leaves of the tests; `base`, the same without the effect; `size`, the effect's parameters as put in.
 Identifications are kept in OUT/../spike_models (or --models), one for each set and law.
 
-The data are looked for in ../shared/data, or where MRDAMP_DATA says; they are not to be passed on from here.
+The data are looked for in ../shared/data, or in the folder MRDAMP_DATA; they are not to be passed on from here.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ class AsymmetricOnPolicy(ActorCriticPolicy):
 
 
 class AsymmetricRecurrent(RecurrentActorCriticPolicy):
-    """For RecurrentPPO: the memory is the actor's alone; the critic sees the state, so that it needs none."""
+    """For RecurrentPPO: the memory is the actor's alone; the critic observes the state and needs none."""
 
     def __init__(
         self, observation_space: Box, action_space: Any, lr_schedule: Any, front: int, **named: Any

@@ -1,7 +1,7 @@
 """Evolution strategy: a small network's weights searched by the criteria that a policy is evaluated by.
 
 Covariance matrix adaptation, after Hansen, The CMA Evolution Strategy: A Tutorial (2016), arXiv:1604.00772, with the
-default parameters of its table 1, active update and step-size bound left out. It stands beside the learners of
+default parameters of its table 1, active update and step-size bound left out. It complements the learners of
 stable-baselines3 because peak ratios are figures of an episode: their gradient over single steps is little but noise.
 """
 

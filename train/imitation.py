@@ -58,7 +58,7 @@ def imitated(
     """(inputs,) weights on whitened observations, by least squares on runs of the controller itself.
 
     The runs of all loads count alike, whatever their size. matrix: (inputs, observer.size). force_max: N, of an action
-    of 1. Raises InputError for a controller that wants no force.
+    of 1. Raises InputError for a controller without a wanted force.
     """
     controller, plant = stage.controller, stage.plant
     if not isinstance(controller, ForceController):

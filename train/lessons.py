@@ -37,7 +37,8 @@ class Lessons(VecEnvWrapper):
     """Observations (n, k) become (n, k + f), the f last for the critic alone; rewards become those above.
 
     runs: of the pool that the rows' loads come from, whose names are places in it. price: of the mean current over its
-    largest, in the score's unit; scale: of the rewards. told: whether the critic observes more than the actor.
+    largest, in the score's unit; scale: of the rewards. privileged: True if the critic observes more than
+    the actor.
     """
 
     def __init__(

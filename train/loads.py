@@ -16,7 +16,7 @@ from mrdamp.simulation.roads import CLASSES, Road
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
 VALIDATION_SEED = 902
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
-#: rad/s, of full-size ground from soft to firm; each band has an equal share, so that what is slow beside the frame is
+#: rad/s, of full-size ground from soft to firm; each band has an equal share, so that motions slower than the frame are
 #: not rare.
 _GROUNDS = ((3.0, 8.0), (8.0, 16.0), (16.0, 40.0))
 _PEAK = 2.5  # m/s2, of a validation motion at amplitude 1, that of the measured ones on average

@@ -40,7 +40,7 @@ def share(folder: Path) -> float:
 
 @contextmanager
 def watched(folders: Sequence[Path], progress: Progress | None) -> Iterator[None]:
-    """While it lasts, progress says every second how many of the trainings are done, in tenths."""
+    """Meanwhile, progress reports every second how many of the trainings are done, in tenths."""
     stop = threading.Event()
 
     def look() -> None:

@@ -1,4 +1,4 @@
-"""Errors a user can correct: each is one line that says what, where, and what is allowed."""
+"""Errors a user can correct: each is one line: what, where, and what is allowed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class InputError(MrdampError, ValueError):
 
 
 class EngineError(MrdampError, ImportError):
-    """The installed MuJoCo is not the release that the plugin was built for; the line says how to get that one."""
+    """The installed MuJoCo is not the release of the plugin; the line states how to install that one."""
 
 
 def require_positive(what: str, **values: float) -> None:

@@ -23,7 +23,7 @@ FORMER_PATHS = {
 
 
 class FormerPaths(MetaPathFinder):
-    """Finds the modules of the table; `sys.meta_path` asks it last."""
+    """Finds the modules of the table; it is the last entry of `sys.meta_path`."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None

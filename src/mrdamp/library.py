@@ -15,7 +15,7 @@ _loaded = False
 
 
 def library_path() -> Path:
-    """Path of the shared library with the plugin and the C entries; ImportError says how to get it."""
+    """Path of the shared library with the plugin and the C entries; the ImportError states how to install it."""
     # An editable install keeps the compiled library in site-packages and the Python files where they stand.
     for folder in sys.modules[__name__.partition(".")[0]].__path__:
         path = Path(folder) / "plugin" / "libmrdamp.so"

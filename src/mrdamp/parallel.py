@@ -1,6 +1,6 @@
 """Independent tasks over processes, through joblib: this machine's, or a Ray cluster's.
 
-The backend is joblib's own (loky) unless the environment variable MRDAMP_BACKEND says `ray` (extra `cluster`).
+The backend is joblib's own (loky) unless the environment variable MRDAMP_BACKEND is `ray` (extra `cluster`).
 Results come in the order of the tasks and do not depend on the backend or on the number of processes, as long as a
 task's seed is its own; every task computes with one thread of BLAS, so that they do not crowd each other.
 """

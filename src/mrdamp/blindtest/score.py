@@ -108,7 +108,7 @@ def _of_label(case: str, label: Mapping[str, Any]) -> tuple[str, str, str, tuple
 def row(
     case: str, label: Mapping[str, Any], answer: Mapping[str, Any], gaps: tuple[float, float], seconds: float
 ) -> Row:
-    """A row out of a label and what `diagnosis.json` says."""
+    """A row from a label and the content of `diagnosis.json`."""
     named = frozenset(
         (e["name"], None if e.get("place") is None else str(e["place"])) for e in answer["effects"]
     )

@@ -1,4 +1,4 @@
-"""The command `mrdamp blindtest`: cases whose causes are withheld, diagnosed, then opened and judged."""
+"""The command `mrdamp blindtest`: cases whose causes are withheld, diagnosed, then opened and scored."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def add_to(commands: Any) -> None:
 
 
 def run_blindtest(a: argparse.Namespace) -> int:
-    """Makes the cases, prints the hash of their labels, diagnoses, opens, judges; writes index.html and tables."""
+    """Makes the cases, prints the hash of their labels, diagnoses, opens, scores; writes index.html and tables."""
     from mrdamp.blindtest import misfit_score, report, score
     from mrdamp.blindtest import run as blind
 

@@ -64,7 +64,7 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_protocol_options(p: argparse.ArgumentParser) -> None:
-    """Adds which of the records are fitted to and which judge, for laws and networks alike."""
+    """Adds which records are for fitting and which for evaluation, for laws and networks alike."""
     p.add_argument(
         "--protocol",
         default="records",
@@ -80,7 +80,7 @@ def add_protocol_options(p: argparse.ArgumentParser) -> None:
 
 
 def protocol_records(a: argparse.Namespace, records: RecordSet) -> RecordSet:
-    """The records that a law is fitted to and evaluated by under the protocol that was asked for."""
+    """The records that a law is fitted to and evaluated by under the given protocol."""
     from mrdamp.narx.data import PROTOCOL_TIME
     from mrdamp.narx.splits import at_constant_command, cut_varying
 
@@ -97,7 +97,7 @@ def identify_narx(a: argparse.Namespace, records: RecordSet, progress: Progress)
     from mrdamp.narx.train import HORIZONS
 
     splits = _splits(a, records)
-    # What is finished lies beside the model until the model is written: the same command continues from there.
+    # Intermediate results are stored next to the model until it is written: the same command continues from there.
     cache = Path(f"{a.out}.unfinished")
     channels, lags, hidden = a.inputs or splits.channels, a.lags, _hidden(a.hidden) or splits.units
     lags = splits.lags if lags is None else lags
@@ -232,7 +232,7 @@ def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
 
 
 def _print_errors(net: Network, one: Evaluation, free: Evaluation, splits: DataSplit) -> None:
-    """Free run first, one step ahead beside it, and the noise that no one-step prediction goes below."""
+    """Free run first, then one step ahead, and the noise that no one-step prediction goes below."""
     import numpy as np
 
     from mrdamp.narx.data import noise_floor

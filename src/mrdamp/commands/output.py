@@ -23,7 +23,7 @@ def check_picture(path: Path | None) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Raises InputError for a file that cannot be written where it is asked for, before any work is done."""
+    """Raises InputError for a file that cannot be written at its path, before any work is done."""
     if not path.parent.is_dir():
         raise InputError(f"{path}: cannot be written: there is no folder {path.parent}")
     if path.is_dir():

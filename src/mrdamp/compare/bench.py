@@ -144,7 +144,7 @@ class Bench(Protocol):
         """Kinds of controllers, see `mrdamp.control.registry`."""
 
     def check(self, spec: str) -> None:
-        """Raises InputError where there is no such controller."""
+        """Raises InputError for an unknown controller."""
 
     def key(self, spec: str, load: Any, amplitude: float) -> str:
         """Hash of all inputs of a run."""

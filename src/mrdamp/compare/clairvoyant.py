@@ -182,7 +182,7 @@ def _stage(rollouts: Rollouts, paths: Sequence[Path], objective: Peaks, hold: in
 
 
 def _change(rollouts: Rollouts, objective: Peaks, path: Path, hold: int, effort: Effort) -> Array:
-    """Change of the held commands (blocks,) that the linearised run asks for."""
+    """Change of the block commands (blocks,) from the linearised run."""
     y, states = path.now
     block_commands, commands = path.block_commands, _spread(path.block_commands, hold, rollouts.periods)
     period, channel = objective.near(y, effort.near, hold)

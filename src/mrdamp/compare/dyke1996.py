@@ -115,7 +115,7 @@ def text_rows(rows: Sequence[TableRow]) -> list[tuple[str, ...]]:
 
 
 def markdown(rows: Sequence[TableRow], motion: GroundMotion) -> str:
-    """The table, published values beside those found."""
+    """The table, published and computed values."""
     heads, *body = text_rows(rows)
     text = f"# Dyke et al. 1996\n\n{motion.source}; at five times its speed.\n\n"
     means = (f"{row.mean_deviation:.2f} %" for row in rows)

@@ -32,7 +32,7 @@ from mrdamp.report import Page
 from mrdamp.simulation.criteria import Criteria
 from mrdamp.simulation.stepping import FrameRun
 
-_FEW = 6  # controllers that lines tell apart
+_FEW = 6  # controllers that lines distinguish
 
 
 def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:

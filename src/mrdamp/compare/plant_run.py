@@ -60,7 +60,7 @@ class PlantBench:
 
 @dataclass(frozen=True)
 class PlantRun:
-    """Samples every `period` (s), at the ends of the control periods: what the rows said of each period (n, columns),
+    """Samples every `period` (s), at the ends of the control periods: results of the rows for each period (n, columns),
     command and current (A or V), force (N) and stroke (m), (n,) each."""
 
     period: float

@@ -2,8 +2,8 @@
 
     s_hat' = a s_hat + b f + l (y - c s_hat - d f)
 
-The measured force f is a known input. The continuous filter is stepped exactly for measurements that run
-straight between the samples (first-order hold).
+The measured force f is a known input. The continuous filter is stepped exactly for measurements that are
+linear between the samples (first-order hold).
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def first_order_hold(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """phi (n, n), g0 and g1 (n, m) of s+ = phi s + g0 u + g1 u+ for s' = a s + b u.
 
-    Exact for inputs u (m,) that run straight from one sample to the next. From the exponential
+    Exact for inputs u (m,) that are linear from one sample to the next. From the exponential
     of [[a h, b h, 0], [0, 0, 1], [0, 0, 0]].
     """
     n, m = b.shape

@@ -26,7 +26,7 @@ class SkyhookForce:
         self.signal = f"acceleration_{floor}"
         self.gain = sign * damping
         self._decay = math.exp(-period / leak)
-        # Exact for an acceleration that runs straight between the samples.
+        # Exact for an acceleration that is linear between the samples.
         mean = leak * (1 - self._decay) / period
         self._first, self._last = leak * (mean - self._decay), leak * (1 - mean)
         self.reset()

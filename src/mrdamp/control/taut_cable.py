@@ -92,7 +92,7 @@ def semi_active(
     The states are known. period: of control, the force is held over it (the fundamental's period is 2 pi); cable and
     noise in between are stepped exactly. duration: of each of `runs` runs, the first tenth left out. locking: a force
     that would turn the damper's velocity round within a period is cut to what stops it, which is the limit that
-    shorter and shorter periods tend to; without it the force goes on to the period's end and puts energy in.
+    shorter and shorter periods tend to; without it the force continues to the period's end and adds energy.
     """
     p, n = cable.plant, len(cable.plant.b)
     block = np.zeros((n + 2, n + 2))

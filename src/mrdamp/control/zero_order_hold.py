@@ -1,4 +1,4 @@
-"""A controller asked at a shorter period than its own: its command is held in between."""
+"""A controller called at a shorter period than its own: its command is held in between."""
 
 from __future__ import annotations
 

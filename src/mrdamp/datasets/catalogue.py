@@ -30,7 +30,7 @@ class Dataset:
     """A public set.
 
     Attributes:
-        name: of its folder. rig, tests: in words. licence: as the source says. doi: "" for none. url: the source's
+        name: of its folder. rig, tests: in words. licence: as in the source. doi: "" for none. url: the source's
             page. channels: in a record of it. command: what the command is, and its unit. source: None where it is
             to be fetched by hand from the page.
     """

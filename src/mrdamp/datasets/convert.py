@@ -19,7 +19,7 @@ _UTFSM_HELD_OUT = {("10", "1"), ("25", "0x25")}  # other amplitudes and frequenc
 
 
 def utfsm(path: Path) -> tuple[str, Record]:
-    """`25mm0x25Hz0x5A.txt`: columns s, mm, mm/s and N without a head; the name tells the current."""
+    """`25mm0x25Hz0x5A.txt`: columns s, mm, mm/s and N without a head; the name contains the current."""
     match = _UTFSM_NAME.fullmatch(path.stem)
     if match is None:
         raise InputError(f"{path}: the name does not tell amplitude, frequency and current")

@@ -169,7 +169,7 @@ def judge(
     first = fits[0]
     weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:
-        # A faulty block shows effects that are small beside the noise of all channels together.
+        # A faulty block shows effects that are small compared with the noise of all channels together.
         left = search.unexplained(first)
         decision = replace(decision, verdict="effect", chosen=scored([first])[0], unexplained=left)
     return fits, decision

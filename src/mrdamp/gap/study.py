@@ -60,7 +60,7 @@ class Options:
 
     @property
     def tuned(self) -> bool:
-        """Is the controller tuned in the simulator, with draws of it beside?"""
+        """Is the controller tuned in the simulator, with draws of it in addition?"""
         return self.learning is None and is_tuned(self.controller)
 
 

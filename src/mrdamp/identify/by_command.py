@@ -1,4 +1,4 @@
-"""The papers' way to a law: one fit for each constant command, then straight lines through the parameters.
+"""The papers' way to a law: one fit for each constant command, then lines through the parameters.
 
 Zapateiro et al., Eqs. (7) and (8): sets of parameters at constant commands, and those that vary with the command
 taken as p = p_a + p_b u.

@@ -1,7 +1,7 @@
 """The embedded piezoelectric force sensor: charge-to-force sensitivity, phase and leakage, and its error per current.
 
 After Chen, Ni and Or, "Characterization and modeling of a self-sensing MR damper under harmonic loading",
-Eqs. (1) to (4): force-controlled sines on the sensor alone, then the whole damper beside the machine's load cell.
+Eqs. (1) to (4): force-controlled sines on the sensor alone, then the whole damper with the machine's load cell.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The foam-damper paper's Table 1 for any record set: Bingham, Bouc-Wen, hyperbolic tangent and a network.
 
-E_t, E_x and E_v as in its Eq. (9), in its unit (cm), beside the free-run NRMSE; all on records held out.
+E_t, E_x and E_v as in its Eq. (9), in its unit (cm), and the free-run NRMSE; all on records held out.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def paper_network(
 ) -> FitNarx:
     """The paper's network: displacement, velocity, command and force, four samples of each, 10 and 4 tanh units.
 
-    Its stages are chosen on the training records, so that the held-out ones judge it as they judge the laws.
+    Its stages are chosen on the training records, so that the held-out ones evaluate it as they do the laws.
     Raises InputError.
     """
     splits = of_records(records)

@@ -27,7 +27,7 @@ _SEARCH_SAMPLES = 6_000
 _FIT_SAMPLES = 24_000
 #: Steps of one local fit, in the search and in the last fit.
 _SEARCH_STEPS, _FIT_STEPS = 20, 30
-#: The second best end of the search goes on too where its cost is within this factor of the best one's.
+#: The second best end of the search is continued if its cost is within this factor of the best one's.
 _CLOSE = 1.15
 #: s, the chain's inner step while fitting; the figures that are reported use the finer default.
 _FIT_SUBSTEP = 1e-3
@@ -50,7 +50,7 @@ class Fit:
     held_out: tuple[RecordError, ...]
     starts: int
     evaluations: int
-    #: Effects asked for that these records cannot show, and so left out of the fit.
+    #: Requested effects that these records cannot show, and that are left out of the fit.
     left_out: tuple[str, ...] = ()
     #: The search that found it and the point it found, for intervals; not kept in files.
     space: Space | None = field(default=None, compare=False, repr=False)
@@ -201,7 +201,7 @@ def identify(
         if progress:
             progress(f"start {count + 1} of {starts}", 0.1 + 0.6 * count / starts)
         found.append(descend(problem, points[k], _SEARCH_STEPS, count))
-    # A second one that is close goes on with more data too, as a short part may favour the wrong one.
+    # A second one that is close is also continued with more data, as a short part may favour the wrong one.
     found.sort(key=lambda item: item[:2])
     last = [item for item in found[:2] if item[0] <= _CLOSE * found[0][0]]
     full = Problem(search, shorten(train, _FIT_SAMPLES), threads)

@@ -33,7 +33,7 @@ _TIED = 0.98
 
 @dataclass(frozen=True)
 class Interval:
-    """A parameter: value, 95 % interval and unit; `word` says why it is not identifiable, empty where it is."""
+    """A parameter: value, 95 % interval and unit; `word` gives the reason if it is not identifiable, else empty."""
 
     name: str
     value: float
@@ -45,7 +45,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class ChannelFinding:
-    """What a record's residual says about its channels: force offset (N) and delay of the force (s), left over.
+    """Information of a record's residual on its channels: force offset (N) and delay of the force (s), left over.
 
     Both with a standard error that allows for correlated residuals.
     """

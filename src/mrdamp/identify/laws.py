@@ -83,7 +83,7 @@ def levels(records: Sequence[Record]) -> int:
 
 
 def dependence_for(requested: str | None, scales: Scales, where: str = "the records") -> str:
-    """The dependence that a fit uses: as asked, or linear where the command varies and constant where it does not.
+    """The dependence that a fit uses: as given, or linear if the command varies and constant if it does not.
 
     Raises InputError for an unknown name, and for one that so few different commands cannot show.
     """

@@ -40,7 +40,7 @@ class Inverse(Protocol):
 def command_range(model: Model, given: tuple[float, float] | None = None) -> tuple[float, float]:
     """Smallest and largest command: as given, or 0 and up to what the model holds for.
 
-    Raises InputError where neither says a largest command, or the range is empty.
+    Raises InputError if neither gives a largest command, or the range is empty.
     """
     if given is None:
         low = max(0.0, model.attributes.get("command_min", 0.0))

@@ -41,7 +41,7 @@ class LawInverse:
         wanted one, s; None: the command's delay and half the driver's lag, at least one period. A shorter one leads
         the driver harder. commands: range; None: 0 and up to the model's command_max. feedback: the measured force's
         difference from the model's is counted, as much of it as lasted over the horizon up to now. preview: the wanted
-        force goes on over the horizon as it changed last, likewise (`Extrapolation`). Raises InputError.
+        force is extrapolated over the horizon by its last change (`Extrapolation`). Raises InputError.
         """
         self.name = name
         self.period = check_period(name, period)

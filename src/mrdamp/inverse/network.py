@@ -29,8 +29,8 @@ from mrdamp.narx.train import blank
 from mrdamp.parallel import mapped
 
 FORMAT = 1
-#: Lags (samples) of displacement, velocity and measured force. The force now tells how much current there is, but a
-#: network that learns to go by it holds on to the command that it gave; so one without it is tried as well.
+#: Lags (samples) of displacement, velocity and measured force. The present force contains the current, but a network
+#: that uses it repeats its last command; so one without it is tried as well.
 LAGS: tuple[Mapping[str, tuple[int, ...]], ...] = (
     {"x": (0,), "v": (0, 1, 2, 4), "F": ()},
     {"x": (0,), "v": (0, 1, 2, 4), "F": (0,)},

@@ -1,4 +1,4 @@
-"""A copy of a damper that runs beside the real one and looks ahead: the force that a command would bring."""
+"""A copy of a damper that runs in parallel with the real one and predicts: the force that a command would bring."""
 
 from __future__ import annotations
 

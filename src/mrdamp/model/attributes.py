@@ -76,7 +76,7 @@ def law_parameters(law: str) -> tuple[str, ...]:
 
 @functools.cache
 def law_options(law: str) -> tuple[str, ...]:
-    """Names of the parameters that a law may take besides: dependences on the field that are no straight line."""
+    """Names of the parameters that a law may take besides: nonlinear dependences on the field."""
     lib, number = library(), law_number(law)
     return tuple(row.name for i, row in enumerate(attributes()) if lib.mrdamp_law_uses(number, i) == 2)
 

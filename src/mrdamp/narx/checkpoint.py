@@ -21,7 +21,7 @@ class Checkpoint:
     """Results by name, in memory and, where there is a path, in a file that is rewritten whole after each.
 
     key: fingerprint of everything besides the name that a result depends on; results of other keys in the file are
-    kept, and not found. Raises InputError for a file that is no such file.
+    kept, and not found. Raises InputError for a file of another kind.
     """
 
     def __init__(self, path: Path | str | None, key: str) -> None:

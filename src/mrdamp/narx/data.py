@@ -74,8 +74,8 @@ def series(
         record: of a damper.
         sample_time: s; None: the record's own.
         cutoff_hz: low-pass of the displacement before it is differentiated.
-        filtered: low-pass the channels where the rate falls. Without it the network sees the samples that the
-            plugin hands it when it runs at the record's rate, noise and all.
+        filtered: low-pass the channels where the rate falls. Without it the network's inputs are the samples
+            that the plugin supplies when it runs at the record's rate, noise and all.
         channel: the force to learn.
 
     Raises:

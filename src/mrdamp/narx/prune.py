@@ -77,7 +77,7 @@ def prune(
 
     Args:
         network: trained for free run.
-        train: parts to retrain on. validation: parts that judge.
+        train: parts to retrain on. validation: parts for evaluation.
         share: part of the remaining weights that goes at a time.
         tolerance: how much worse than the best the smallest network may be, relative.
         least: weights at which it stops.

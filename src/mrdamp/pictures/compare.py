@@ -81,7 +81,7 @@ def trade_off(
 ) -> Figure:
     """Mean peak acceleration over mean peak drift, both over the uncontrolled; the best corner is below on the left.
 
-    drift, acceleration: controller -> ratio. Controllers are numbered; the list stands beside the axes.
+    drift, acceleration: controller -> ratio. Controllers are numbered; the list is to the right of the axes.
     """
     names = list(drift)
     if not names:

@@ -51,7 +51,7 @@ class LoopData:
     """A record and its simulation.
 
     time (n,) s; displacement (n,) m; velocity (n,) m/s; command (n,) in command_unit; measured and
-    simulated force (n,) N. note: what the row's title says after the name ("held out, error 0.12").
+    simulated force (n,) N. note: the end of the row's title after the name ("held out, error 0.12").
     Raises InputError on shapes that do not fit, on numbers that are not finite, on times that do not increase.
     """
 
@@ -170,7 +170,7 @@ def error_bars(
 
     errors: RMS error over the standard deviation of the measured force, one per name. held_out: of each,
     whether nothing was fitted to it. marks: name -> error of other work, drawn as lines. A few
-    bars that are much longer than the rest are cut, which an arrow shows; the values stand beside the bars.
+    bars that are much longer than the rest are cut, which an arrow shows; the values are next to the bars.
     """
     _some("error_bars", names)
     if not len(names) == len(errors) == len(held_out):

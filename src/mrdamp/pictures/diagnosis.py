@@ -79,7 +79,7 @@ def waterfall(
 ) -> Figure:
     """Gap on held-out records, step by step: name, gap, 95 % interval; lines for noise floor and ceiling.
 
-    A step whose name goes on from that of the one above is labelled by what it adds.
+    A step whose name extends that of the one above is labelled by the addition.
     """
     if not steps:
         raise InputError("waterfall: no steps")

@@ -53,7 +53,7 @@ class Converted:
 def column(text: str) -> Column:
     """`CHANNEL=NAME:UNIT`, with a minus before NAME to turn the sign; no unit: the channel's own.
 
-    Raises InputError: no such channel, or a unit of another quantity.
+    Raises InputError: an unknown channel, or a unit of another quantity.
     """
     channel, equals, source = text.partition("=")
     if not equals or not is_channel(channel):

@@ -23,9 +23,9 @@ _BEFORE, _FLAT = 0.004, 0.001
 #: A command is held before and after a jump where it stays within this share of the jump for so many samples at least.
 _HELD, _LEAST = 0.08, 6
 
-#: What a model's file says where the command was sent as its log has it, with the waves of a filter.
+#: Entry of a model's file if the command was sent as logged, with the ringing of a filter.
 LOG, AS_SENT = "command_log", "as sent"
-#: What it says where all channels went through the log's filter, which a record whose command never jumps cannot tell.
+#: Entry if all channels went through the log's filter, which a record without jumps of the command cannot show.
 LOGGER, FILTERED = "logger", "filtered"
 
 
@@ -55,9 +55,9 @@ def without_waves(command: Array, fine: Array) -> Array | None:
     """A filtered command (n,), as it is on a finer clock (m,), without its filter's waves before and after jumps; None
     where there are none.
 
-    The waves are in the log and never were in the coil: what remembers the command's path, a magnetic circuit, must not
-    be led along them. Around a jump between two stretches that are held a command is at their levels or between
-    them; what is not held stays as it was logged.
+    The ringing is in the log and never was in the coil: a stage with memory of the command's path, such as a magnetic
+    circuit, must not follow it. Around a jump between two constant levels the command is at these levels or between
+    them; other parts stay as logged.
     """
     if not rings_before_jumps(command):
         return None

@@ -8,7 +8,7 @@ from mrdamp.records.sampling import Array
 
 #: Motion within this share of the record's range does not count: noise at rest would add up to a long path.
 DEAD_BAND = 0.02
-#: Share of the path that a record which is alone is fitted to; the rest judges the fit.
+#: Share of the path that a record which is alone is fitted to; the rest evaluates the fit.
 FITTED_SHARE = 2.0 / 3.0
 #: A turning point counts where the motion goes back by this share of the range. A loop has two.
 _TURN = 0.1

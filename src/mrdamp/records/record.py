@@ -253,7 +253,7 @@ def read_records(
 ) -> RecordSet:
     """Read a folder, a file or a list of files, sorted by name.
 
-    A folder with ``train/`` and ``validation/`` says which is which. Otherwise records are held out whole:
+    A folder with ``train/`` and ``validation/`` gives the division. Otherwise records are held out whole:
     every third one (the last of two) is for validation, and a test that repeats another (``repeat`` in its
     name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
     covered two thirds of its path: the rest is held out, and both parts move.

@@ -63,7 +63,7 @@ def upsampled(
     x: Array, u: Array, sample_time: float, factor: int, v: Array | None = None, a: Array | None = None, *,
     filtered: bool = False,
 ) -> FineInputs:  # fmt: skip
-    """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration run straight."""
+    """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration are linear."""
     n = len(x)
     t, fine = np.arange(n), np.arange((n - 1) * factor + 1) / factor
     spline = CubicSpline(t, x)

@@ -99,7 +99,7 @@ class Page:
         self._add(heading, "table", _Table(tuple(columns), texts, numeric, note))
 
     def figure(self, heading: str, fig: Figure, caption: str, alt: str) -> None:
-        """A picture with its caption; alt says what it shows to who cannot see it.
+        """A picture with its caption; alt: description for readers who cannot see it.
 
         Raises InputError where alt is empty.
         """

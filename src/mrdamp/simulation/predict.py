@@ -29,7 +29,7 @@ from mrdamp.records.upsampling import repaired_ends, upsampled
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4
-#: The inputs of each rig: what `predict` reads of a record, and all that it sees of it.
+#: The inputs of each rig: inputs that `predict` reads of a record; it reads nothing else.
 INPUTS = {
     "damper": ("time_s", "displacement_m", "command"),
     "frame": ("time_s", "ground_acceleration_m_s2", "command"),

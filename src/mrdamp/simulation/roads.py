@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 CLASSES = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
 #: Cycles/m: the reference, and the band of that table.
 _N0, _LOW, _HIGH = 0.1, 0.011, 2.83
-#: m between heights: seventeen of them in the shortest wave, which straight lines between them keep within 1 %.
+#: m between heights: seventeen of them in the shortest wave, so that linear interpolation is accurate to 1 %.
 SPACING = 0.02
 _COLUMNS = ("position_m", "height_m")
 
@@ -56,7 +56,7 @@ class Road:
         return float(np.sqrt(np.mean(np.diff(self.height) ** 2))) / self.spacing
 
     def at(self, time: ArrayLike) -> Array:
-        """(...) m under the wheel at times (...) s; the last height goes on behind the end."""
+        """(...) m under the wheel at times (...) s; the last height continues after the end."""
         place = self.speed * np.asarray(time, dtype=np.float64) / self.spacing
         return np.asarray(np.interp(place, np.arange(len(self.height)), self.height))
 

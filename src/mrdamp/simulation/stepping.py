@@ -54,7 +54,7 @@ def drive_rig(
     shift = model.attributes.get("channel_shift_d", 0.0)
     if shift:  # the displacement is read late or early: the rod moves as it really did
         path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
-        beyond = t + shift - moved  # the record's ends; the motion goes on at its velocity there
+        beyond = t + shift - moved  # the record's ends; the motion continues at its velocity there
         x, v, a = (
             path(moved) + path(moved, 1) * beyond,
             path(moved, 1),
@@ -81,7 +81,7 @@ def drive_rig(
 def _straight(x: Array, v: Array, dt: float, inner: int) -> tuple[Array, Array]:
     """Displacement and velocity at the steps between samples, as the C entry takes them.
 
-    The velocity runs straight from sample to sample, shifted so that its path is that of the displacement: noise of
+    The velocity is linear from sample to sample, shifted so that its path is that of the displacement: noise of
     a measured displacement is then the same in both.
     """
     s = np.arange(inner) / inner
@@ -257,7 +257,7 @@ def _leaked(signal: Array, dt: float, tau: float) -> Array:
 
 
 def second_order(signal: Array, dt: float, tau: float, ratio: float) -> Array:
-    """A low-pass (n,) of two complex poles, late by tau (s), of a signal (n,) that runs straight between samples."""
+    """A low-pass (n,) of two complex poles, late by tau (s), of a signal (n,) that is linear between samples."""
     a, b, state = second_order_step(dt, tau, ratio)
     out, past = np.empty_like(signal), np.array([signal[0], 0.0])
     out[0] = signal[0]
@@ -270,7 +270,7 @@ def second_order(signal: Array, dt: float, tau: float, ratio: float) -> Array:
 def second_order_step(dt: float, tau: float, ratio: float) -> tuple[Array, Array, Array]:
     """What the samples at both ends add to output and rate, (2,) each, and what becomes of those, (2, 2).
 
-    y'' + 2 ratio w y' + w^2 y = w^2 x with w = 2 ratio / tau; exact for an x that runs straight over dt.
+    y'' + 2 ratio w y' + w^2 y = w^2 x with w = 2 ratio / tau; exact for an x that is linear over dt.
     """
     w = 2 * ratio / tau
     system = np.zeros((4, 4))  # output, rate, input, its slope
@@ -283,7 +283,7 @@ def second_order_step(dt: float, tau: float, ratio: float) -> tuple[Array, Array
 
 
 def _first_order(signal: Array, dt: float, tau: float, *, high: bool) -> Array:
-    """Exact first-order low-pass (or the high-pass beside it) of a signal that runs straight between samples."""
+    """Exact first-order low-pass (or the complementary high-pass) of a signal that is linear between samples."""
     decay, out = math.exp(-dt / tau), np.empty_like(signal)
     out[0] = signal[0]
     for k in range(1, len(signal)):

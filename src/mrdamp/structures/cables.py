@@ -32,8 +32,8 @@ class StayCable:
     """A cable, its damper's place and its motion's coordinates.
 
     length: m, of the chord. tension: N, along the chord. mass: kg/m. damper_at: x_d over the length. ratio: of damping
-    of every natural mode without the damper. modes: sines N beside the static shape. sag: Irvine's parameter lambda^2
-    (0 is a taut string). Raises InputError.
+    of every natural mode without the damper. modes: sines N in addition to the static shape. sag: Irvine's parameter
+    lambda^2 (0 is a taut string). Raises InputError.
 
     The default is the size of a laboratory cable: 12.65 m, 2172 N, 0.747 kg/m, 2.13 Hz.
     """
@@ -112,7 +112,7 @@ class StayCable:
     def load_matrix(self, places: FloatArray) -> FloatArray:
         """(p, N+1) load on the natural coordinates per N/m at places x / L (p,), straight between them.
 
-        Outside the first and the last place the load goes on as it is there.
+        Outside the first and the last place the load is constant.
         """
         x = np.linspace(0.0, 1.0, 4001)
         hats = np.array([np.interp(x, places, row) for row in np.eye(len(places))])

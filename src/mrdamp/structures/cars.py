@@ -13,15 +13,15 @@ from mrdamp.structures import GRAVITY, FloatArray, ShearFrame
 
 @dataclass(frozen=True)
 class QuarterCar:
-    """Heights are those over the rest position, so that weights appear in one place only: where the tyre lets go.
+    """Heights are those over the rest position, so that weights appear in one place only: where the tyre lifts off.
 
         m_b z_b'' = -k (z_b - z_w) - c (z_b' - z_w') - f
         m_w z_w'' = k (z_b - z_w) + c (z_b' - z_w') + f + F - F_0
         F = max(0, F_0 - k_t (z_w - w) - c_t (z_w' - w')),  F_0 = (m_b + m_w) g
 
     w (m) the road, f (N) the damper, positive where it is being extended, F (N) what the road carries: a tyre pushes
-    and never pulls. body, wheel: kg; stiffness, tyre_stiffness: N/m; damping (of the suspension beside the damper) and
-    tyre_damping: N s/m.
+    and never pulls. body, wheel: kg; stiffness, tyre_stiffness: N/m; damping (of the suspension, parallel to the
+    damper) and tyre_damping: N s/m.
 
     Masses and stiffnesses: table 1 of the semi-active quarter car with an MR damper of doi 10.1155/2021/8084343. The
     tyre's damping, which it does not have, is 2 % of critical of the wheel on its tyre. Raises InputError.

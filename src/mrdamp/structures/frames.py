@@ -127,7 +127,7 @@ class ShearFrame:
         return np.asarray(np.asarray(displacement, dtype=np.float64) @ -self.gamma)
 
     def to_dict(self) -> dict[str, list[float]]:
-        """The `structure` entry of a case.json; `damper_between` stands beside it there."""
+        """The `structure` entry of a case.json; `damper_between` is an entry next to it there."""
         return {
             "mass_kg": self.mass.tolist(),
             "stiffness_n_m": self.stiffness.tolist(),

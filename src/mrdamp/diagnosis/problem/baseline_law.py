@@ -60,8 +60,8 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     simulator.
 
     All laws are fitted with the richest dependence on the command that the records show, along with the given
-    simulator's own effects. The best of them is fitted again to each half of the records and judged on the other
-    half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
+    simulator's own effects. The best of them is fitted again to each half of the records and evaluated on the
+    other half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
     identified on records of this state, and if it predicts the case's records no worse. None also for a network,
     for effects that `mrdamp identify` does not fit, and for fewer than four records.
     """

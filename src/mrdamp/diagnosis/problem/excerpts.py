@@ -49,7 +49,7 @@ def _middle(record: Record, seconds: float, thinned: bool) -> Record:
 @dataclass(frozen=True)
 class Lead:
     """Simulation before an excerpt: force (n,) N from a record's start to the excerpt's, with step
-    sample_time (s). A leaking charge amplifier remembers it for several time constants."""
+    sample_time (s). A leaking charge amplifier depends on it for several time constants."""
 
     force: Array = field(repr=False)
     sample_time: float
