@@ -10,8 +10,8 @@ from collections.abc import Mapping
 #: Number of independent samples that a fit's model error counts for, and the penalties (nats) of one cause
 #: and of each of its parameters. Set on opened cases of the sealed test.
 INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
-#: Penalties (nats) of free nominal parameters: alone, with a cause, and per multiple of MOVE by which the
-#: parameters change (RMS of their relative changes). Small errors of nominal parameters are common, large
+#: Penalties (nats) of free nominal parameters: alone (LAW_PRICE); with a cause FREE_PRICE, plus up to MOVE_PRICE in
+#: proportion to the RMS of their relative changes up to MOVE. Small errors of nominal parameters are common, large
 #: ones are rare.
 LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 9.0, 1.5, 5.0, 0.08
 #: Fits whose costs differ by less than RESOLUTION (share of the excess) or FLOOR_DOUBT (share of the noise
