@@ -93,6 +93,11 @@ def test_a_law_with_a_curve_is_found_on_the_baseline() -> None:
 def test_a_simulator_is_kept_if_nothing_is_gained_or_cannot_be_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     few, unfitted = baseline()[:3], replace(lines(), effects=(Effect("moving_mass", {"m": 1.0}),))
     assert baseline_law(rig(lines()), few) is None
+    cell_only = tuple(
+        Record(r.name, None, DT, {k.replace("force_N", "reference_force_N"): v for k, v in r.channels.items()})
+        for r in baseline()
+    )
+    assert baseline_law(rig(lines()), cell_only) is None
     assert baseline_law(rig(unfitted), baseline()) is None
     best = identify("bouc_wen", baseline(), dependence="quadratic_saturating", starts=2, threads=1).model
     assert baseline_law(rig(best), baseline()) is None

@@ -63,11 +63,13 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     simulator's own effects. The best of them is fitted again to each half of the records and evaluated on the
     other half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
     identified on records of this state, and if it predicts the case's records no worse. None also for a network,
-    for effects that `mrdamp identify` does not fit, and for fewer than four records.
+    for effects that `mrdamp identify` does not fit, for fewer than four records, and without the channel force_N.
     """
     model = given.nominal_model
     extras = _extras(model)
     if len(baseline) < _LEAST or extras is None or model.law not in (*LAWS, "bingham"):
+        return None
+    if not all("force_N" in r.channels for r in baseline):
         return None
     levels = Scales.of(baseline).levels
     dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
