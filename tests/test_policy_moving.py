@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamp.compare.bench import UNCONTROLLED
+from mrdamp.compare.car import CarBench
+from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
@@ -16,6 +19,7 @@ from mrdamp.envs.car_task import car_damper
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import core
+from mrdamp.simulation.roads import iso8608
 from mrdamp.train.evaluate import Act, episodes, forces
 from mrdamp.train.search import EvolutionRun
 from mrdamp.train.settings import Options, settings
@@ -187,3 +191,21 @@ def test_settings_that_do_not_fit_are_refused(
     options = Options(CAR, algorithm, overrides=overrides)
     with pytest.raises(InputError, match=said):
         EvolutionRun(options, settings(options), tmp_path)
+
+
+def test_shipped_policies_of_the_car_are_five_different_seeds_that_ride_better_than_clipped_lq() -> None:
+    bench = CarBench(engine="chain")
+    (row,) = contenders(bench, ["learned"], {}, shipped_policies("car"))
+    assert row.learned
+    assert len(row.specs) == 5
+    road = iso8608("C", 22.0, 6.0, 77)
+    linear = bench.run(UNCONTROLLED, road, 1.0)
+
+    def ratios(spec: str) -> tuple[float, float]:
+        values = bench.values(bench.run(spec, road, 1.0), linear)
+        return values["comfort"], values["load"]
+
+    found = np.array([ratios(spec) for spec in row.specs])
+    assert len(set(found[:, 0].tolist())) == 5
+    comfort, load = ratios("clipped-lq:holding=0.3,r=1,level=0.2")
+    assert (found.mean(axis=1) < (comfort + load) / 2).all()

@@ -47,7 +47,8 @@ def contenders(
 
 
 def shipped_policies(environment: str) -> dict[str, tuple[Path, ...]]:
-    """Trained policies that come with the package, by name; their files are seeds. environment: frame or cable."""
+    """Trained policies that come with the package, by name; their files are seeds. environment: frame, cable or
+    car."""
     folder = resources.files("mrdamp") / "data" / "policies" / environment
     if not folder.is_dir():
         return {}
