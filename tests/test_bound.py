@@ -17,7 +17,7 @@ from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure
 from mrdamp.compare.bound import by_load, share, with_bounds
-from mrdamp.compare.cable import CableBench
+from mrdamp.compare.car import CarBench
 from mrdamp.compare.clairvoyant import Effort, Peaks, search
 from mrdamp.compare.frame_bound import frame_bound
 from mrdamp.compare.on_chain import run_chain
@@ -238,8 +238,8 @@ def test_bounds_need_passive_on_and_a_plant_that_has_them(bounded: Comparison) -
     alone = compare(BENCH, [Contender("off", ("passive-off",))], (MOTION,), (1.0,))
     with pytest.raises(InputError, match="needs passive-on"):
         with_bounds(BENCH, alone, (MOTION,))
-    with pytest.raises(InputError, match="cable"):
-        with_bounds(CableBench(), alone, (MOTION,))
+    with pytest.raises(InputError, match="car"):
+        with_bounds(CarBench(), alone, (MOTION,))
     with pytest.raises(InputError, match="0 controllers"):
         with_bounds(BENCH, bounded, (MOTION,), starts=0)
 

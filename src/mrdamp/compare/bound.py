@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.compare import clairvoyant
+from mrdamp.compare.beam import Beam
 from mrdamp.compare.bench import Bench, Load
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
@@ -47,7 +48,7 @@ class Cases:
             name: [self.bench.key(s, task.load, task.amplitude) for s in some]
             for name, some in task.starts.items()
         }
-        effort = vars(clairvoyant.Effort())
+        effort = {**vars(clairvoyant.Effort()), **vars(Beam())}
         return hashlib.sha256(json.dumps([_VERSION, effort, specs]).encode()).hexdigest()[:32]
 
     def run(self, task: Case) -> dict[str, Any]:
@@ -111,6 +112,11 @@ def share(result: Comparison, contender: str, bound: str) -> Summary:
     gone, way = _way(result, contender, bound)
     mean, low, high = ratio(gone, way)
     return Summary(mean, float(np.nanmin(by_load(result, contender, bound), initial=np.inf)), low, high)
+
+
+def least(judged: Sequence[Mapping[str, float]], weights: Mapping[str, float]) -> Mapping[str, float]:
+    """Measures of the run with the least weighted sum of them."""
+    return min(judged, key=lambda values: sum(w * values[key] for key, w in weights.items()))
 
 
 def by_load(result: Comparison, contender: str, bound: str) -> Array:

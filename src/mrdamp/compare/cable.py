@@ -19,6 +19,7 @@ from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
 from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
 from mrdamp.control import cable as controllers
+from mrdamp.control.base import Controller
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
@@ -56,6 +57,7 @@ class CableBench(PlantBench):
     tuning_amplitudes: ClassVar[tuple[float, ...]] = (0.6, 1.4)
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
+    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {"clairvoyant": {"motion": 1.0}}
 
     @cached_property
     def site(self) -> controllers.CableSite:
@@ -66,17 +68,20 @@ class CableBench(PlantBench):
         )
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
-        def plant(period: float) -> CablePlant:
-            return CablePlant(
-                self.cable, self.model, period=period, timestep=self.timestep, engine=self.engine
-            )
-
-        scaled = load.scaled(amplitude)
         if spec == UNCONTROLLED:
-            rows = plant(self.period).rows
-            free = free_run(self.cable, rows.start(0, scaled), rows.plants.timestep)
+            rows = self._plant(self.period).rows
+            free = free_run(self.cable, rows.start(0, load.scaled(amplitude)), rows.plants.timestep)
             return {"motion": math.sqrt(float(free[0]))}
-        return self._kept(run_plant(plant, scaled, controllers.make(spec, self.site), self.period))
+        return self.driven(controllers.make(spec, self.site), load, amplitude)
+
+    def driven(self, controller: Controller, load: CableLoad, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run."""
+        return self._kept(run_plant(self._plant, load.scaled(amplitude), controller, self.period))
+
+    def bound(self, starts: Mapping[str, Sequence[str]], load: CableLoad, amplitude: float) -> dict[str, Any]:
+        from mrdamp.compare.cable_bound import cable_bound
+
+        return cable_bound(self, starts, load, amplitude)
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         return {**kept, "motion": kept["motion"] / uncontrolled["motion"]}
@@ -129,6 +134,9 @@ class CableBench(PlantBench):
             f"{self.model.name} on a cable of {c.length:g} m, {c.first / (2 * math.pi):.2f} Hz, at {c.damper_at:g} of "
             f"its length, control period {1e3 * self.period:g} ms"
         )
+
+    def _plant(self, period: float) -> CablePlant:
+        return CablePlant(self.cable, self.model, period=period, timestep=self.timestep, engine=self.engine)
 
     def _loads(self, seed: int, each: int) -> tuple[CableLoad, ...]:
         rng = np.random.default_rng(seed)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrdamp.compare.bench import UNCONTROLLED
+from mrdamp.compare.bound import least
 from mrdamp.compare.clairvoyant import Array, Path, Peaks, search
 from mrdamp.compare.rollouts import Rollouts
 from mrdamp.control.replay import Replay
@@ -60,9 +61,8 @@ def frame_bound(
         found = np.concatenate([paths[0].commands, tail[len(paths[0].commands) :]])
         replay = bench.driven(Replay(found, period, name), load, amplitude)
         judged = [bench.values(bench.kept(name, run), uncontrolled) for run in (replay, runs[own[0]])]
-        best = min(judged, key=lambda values: sum(w * values[key] for key, w in weights.items()))
         out[name] = {
-            "values": dict(best),
+            "values": dict(least(judged, weights)),
             "paths": [{"start": p.name, "values": p.values, "ended": p.ended} for p in paths],
         }
     return out

@@ -230,7 +230,16 @@ class ChainRows:
 
     def position(self, row: int) -> Array:
         """(coordinates,) of a row: floors' displacements to the ground (m), or those of the modes."""
-        return self.state[row, _COORDINATES : _COORDINATES + self._coordinates].copy()
+        return np.array(self.coordinates()[row])
+
+    def coordinates(self) -> Array:
+        """(n, coordinates), `position` of every row, a view."""
+        return self.state[:, _COORDINATES : _COORDINATES + self._coordinates]
+
+    def velocities(self) -> Array:
+        """(n, coordinates), the rates of `coordinates`, a view."""
+        begin = _COORDINATES + self._coordinates
+        return self.state[:, begin : begin + self._coordinates]
 
     def save(self, row: int) -> RowMoment:
         """The row's present, to go back to."""

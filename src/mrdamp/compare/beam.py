@@ -1,0 +1,82 @@
+"""The best command sequence for a load that is known in advance, by beam search on the chain.
+
+Period by period every level of the command is tried from each of the runs that are kept, and those with the least cost
+are kept: what it was so far and an estimate of what is to come. No slopes are needed: with a damper that sticks they
+hold for changes of about a hundredth of the command alone. What is found can be reached, and the true optimum is as
+good or better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.simulation.rows import ChainRows
+
+Array = NDArray[np.float64]
+#: Of the rows, (n,): what the last period cost, and what is to come after a number of periods.
+Cost = Callable[[ChainRows], Array]
+ToCome = Callable[[ChainRows, int], Array]
+
+
+@dataclass(frozen=True)
+class Beam:
+    """widths: runs that are kept, one search after the other: their values show how far the search has converged."""
+
+    widths: tuple[int, ...] = (4, 16, 64)
+
+
+@dataclass(frozen=True)
+class Found:
+    """commands (periods,) and cost of the best run; costs: the least after each search."""
+
+    commands: Array
+    cost: float
+    costs: tuple[float, ...]
+
+
+def search(
+    make: Callable[[int], ChainRows],
+    periods: int,
+    levels: Array,
+    cost: Cost,
+    to_come: ToCome,
+    beam: Beam | None = None,
+) -> Found:
+    """The best commands out of levels (levels,) that beams of each width find.
+
+    make: rows at the start under the load, from their number.
+    """
+    beam = beam or Beam()
+    found = [_one(make(width * len(levels)), periods, width, levels, cost, to_come) for width in beam.widths]
+    commands, least = min(found, key=lambda pair: pair[1])
+    costs = np.minimum.accumulate([value for _, value in found])
+    return Found(commands, least, tuple(costs.tolist()))
+
+
+def _one(
+    rows: ChainRows, periods: int, width: int, levels: Array, cost: Cost, to_come: ToCome
+) -> tuple[Array, float]:
+    """Commands (periods,) and their cost."""
+    many = len(levels)
+    given = np.tile(levels, width)[:, None]
+    states, so_far = rows.state[:1].copy(), np.zeros(1)
+    parents, chosen = [], []
+    for k in range(periods):
+        used = len(states) * many
+        rows.state[:used] = np.repeat(states, many, axis=0)
+        rows.advance(given)
+        total = np.repeat(so_far, many) + cost(rows)[:used]
+        kept = np.argsort(total + to_come(rows, k + 1)[:used], kind="stable")[:width]
+        states, so_far = rows.state[kept].copy(), total[kept]
+        parents.append(kept // many)
+        chosen.append(kept % many)
+    at = best = int(np.argmin(so_far))
+    commands = np.empty(periods)
+    for k in range(periods - 1, -1, -1):
+        commands[k] = levels[chosen[k][at]]
+        at = parents[k][at]
+    return commands, float(so_far[best])
