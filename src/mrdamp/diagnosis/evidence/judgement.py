@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import CARRIED, INDEPENDENT, LOGIT_GAIN, UNSTEADY
+from mrdamp.diagnosis.constants import CARRIED, INDEPENDENT, LOGIT_GAIN, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
@@ -136,13 +136,21 @@ def never_worse(
     search: Search, fits: Sequence[Fit], final: FinalFit, decision: Decision
 ) -> tuple[FinalFit, Decision]:
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
-    it on left-out whole records."""
+    it on left-out whole records.
+
+    If no fit reaches the noise and no cause is named, the fit has to reduce the gap there to UNNAMED_GAP of the
+    nominal one: it is a correction without a reason.
+    """
+    if decision.verdict == "none":
+        return final, decision
     problem = final.problem
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
-    if decision.verdict == "none" or problem.cost(final.heldout) <= problem.cost(gaps):
+    unnamed = search.inexact and decision.verdict == "unknown"
+    if problem.cost(final.heldout) <= (UNNAMED_GAP**2 if unnamed else 1.0) * problem.cost(gaps):
         return final, decision
-    refused = replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+    unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
+    refused = replace(decision, verdict="unknown", unknown=unknown)
     return FinalFit(nominal, (), gaps, problem), unchanged(refused, fits)
 
 

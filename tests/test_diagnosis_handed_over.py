@@ -1,0 +1,58 @@
+"""What is handed over: never a correction that is worse than the nominal simulator on left-out records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamp.diagnosis.constants import UNNAMED_GAP, UNSTEADY
+from mrdamp.diagnosis.evidence.judgement import decided, never_worse
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.final import FinalFit
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.residuals import Problem
+from toy_rig import toy
+
+
+@pytest.fixture(scope="module")
+def answered() -> tuple[Search, list[Fit], Decision]:
+    search = Search(Problem(toy({"cubic": 0.5}, 0.02)), 1e-9)
+    search.extend(False, 1)
+    fits = [*search.ranked(False), *search.ranked(True)]
+    return search, fits, decided(search, fits, {}, None)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "share", "kept"),
+    [
+        ("effect", 0.99, True),
+        ("effect", 1.01, False),
+        ("unknown", 0.99 * UNNAMED_GAP, True),
+        ("unknown", 1.01 * UNNAMED_GAP, False),
+        ("none", 2.0, True),
+    ],
+)
+def test_a_correction_has_to_hold_on_left_out_records(
+    answered: tuple[Search, list[Fit], Decision], verdict: str, share: float, kept: bool
+) -> None:
+    """share: gap of the corrected simulator over the nominal one, on left-out records."""
+    search, fits, decision = answered
+    assert search.inexact
+    problem = search.problem
+    best = next(f for f in fits if f.hypothesis.causes)
+    nominal = problem.gaps(problem.of_settings([{}])[0])
+    final = FinalFit(best, (), share * nominal, problem)
+    before = replace(decision, verdict=verdict, unknown=0.6)
+    handed, after = never_worse(search, fits, final, before)
+    assert (handed is final) is kept
+    if kept:
+        assert after is before
+        return
+    assert not handed.fit.hypothesis.coordinates
+    assert np.array_equal(handed.heldout, nominal)
+    assert after.verdict == "unknown"
+    assert after.chosen.causes == ()
+    assert after.unknown == (0.6 if verdict == "unknown" else UNSTEADY)
