@@ -40,6 +40,7 @@ def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
         ({"overrides": ("gamma.x=1",)}, "not a mapping"),
         ({"overrides": ("action=both",)}, "both"),
         ({"overrides": ("n_envs=some",)}, "n_envs"),
+        ({"overrides": ("viscous=true", "switch=true")}, "exclude each other"),
         ({"hyperparameters": Path("no/such.yml")}, "no such file"),
     ],
 )

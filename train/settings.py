@@ -128,6 +128,8 @@ class Settings:
             if not isinstance(value, int | float) or not (value > 0 or (value == 0 and not open_end)):
                 allowed = "a number > 0" if open_end else "a number, 0 or more"
                 raise InputError(f"hyperparameters: {name} is {value!r}; allowed: {allowed}")
+        if self.viscous and self.switch:
+            raise InputError("hyperparameters: viscous and switch exclude each other")
         if self.privileged and not self.pool:
             raise InputError("hyperparameters: privileged needs a pool of loads; set pool")
         for name in ("ahead", "env_kwargs", "score", "policy_kwargs"):
