@@ -30,7 +30,7 @@ def test_the_identification(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_figures_beside_the_alternatives_stand_on_the_pages_they_link() -> None:
-    table = README.read_text(encoding="utf-8").split("## Beside the alternatives")[1].split("\n## ")[0]
+    table = README.read_text(encoding="utf-8").split("## Comparison with alternatives")[1].split("\n## ")[0]
     checked = 0
     for row in (line for line in table.splitlines() if line.startswith("| ")):
         measured = row.split("|")[3]
