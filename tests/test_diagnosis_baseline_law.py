@@ -6,9 +6,11 @@ simulator has straight lines.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,8 +83,31 @@ def rig(model: Model, lag: float = 0.0) -> DamperRig:
     return DamperRig(model, records(lag)).with_motion()
 
 
-def test_a_law_with_a_curve_is_found_on_the_baseline() -> None:
+def test_a_law_with_a_curve_is_found_on_the_baseline(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted: list[tuple[Model, set[str]]] = []
+    judged: list[tuple[Model, set[str]]] = []
+    own_gap = module._gap
+
+    def fit(law: str, some: Sequence[Record], **options: Any) -> Any:
+        made = identify(law, some, **options)
+        fitted.append((made.model, {r.name for r in some}))
+        return made
+
+    def gap(given: DamperRig, model: Model, some: Sequence[Record]) -> float:
+        judged.append((model, {r.name for r in some}))
+        return own_gap(given, model, some)
+
+    monkeypatch.setattr(module, "identify", fit)
+    monkeypatch.setattr(module, "_gap", gap)
     found = baseline_law(rig(lines()), baseline())
+    # Each half is judged by the fit to the other one.
+    halves = [(model, names) for model, names in fitted if len(names) < len(baseline())]
+    assert len(halves) == 2
+    for model, names in halves:
+        seen = [other for one, other in judged if one.parameters == model.parameters]
+        assert len(seen) == 1
+        assert not names & seen[0]
+        assert len(names | seen[0]) == len(baseline())
     assert found is not None
     assert found.given is not found.model
     assert found.model.name == "nominal"

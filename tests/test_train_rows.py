@@ -42,8 +42,7 @@ def some_loads(environment: str) -> Sequence[Any]:
     return TrainingRoads(3.0).some(np.random.default_rng(3), 5)
 
 
-# A switching command's mean current depends on the step of a search: 4.5 % on one of five roads at the car's 1 ms.
-@pytest.mark.parametrize(("environment", "tolerance"), [(FRAME, 0.01), (CABLE, 0.05), (CAR, 0.05)])
+@pytest.mark.parametrize(("environment", "tolerance"), [(FRAME, 0.01), (CABLE, 0.05), (CAR, 0.01)])
 def test_episodes_of_a_search_are_those_of_the_engine(environment: str, tolerance: float) -> None:
     own = {"timestep": 2.5e-4, "action_in_observation": False}
     if environment == FRAME:
@@ -62,7 +61,9 @@ def test_episodes_of_a_search_are_those_of_the_engine(environment: str, toleranc
         wanted, same = episodes(engine, chosen, loads, make(engine))
         assert periods == same
         for name in chosen.measures:
-            assert found[name] == pytest.approx(wanted[name], rel=tolerance), name
+            # A switching command's current depends on the step: 4.5 % on one of five roads at the search's 1 ms.
+            wide = 0.05 if environment == CAR and name == "mean_current" else tolerance
+            assert found[name] == pytest.approx(wanted[name], rel=wide), name
 
 
 @pytest.mark.parametrize(
