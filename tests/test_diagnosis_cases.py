@@ -156,6 +156,13 @@ def test_a_slow_coil_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     check("open_03", tmp_path / "out")
     text = capsys.readouterr().out
     assert text.startswith("The gap comes from driver_lag")
+    (effect,) = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["effects"]
+    assert {r["over"] for r in effect["by_regime"]} == {"command", "speed"}
+    for r in effect["by_regime"]:
+        assert r["determined"] == (r["gap_without"] > 0.05)  # a steady command does not show a lag
+        if r["determined"]:
+            assert r["parameters"]["tau"] == pytest.approx(effect["parameters"]["tau"], rel=0.05)
+            assert r["gap_with"] < 0.5 * r["gap_without"]
     assert sorted(p.name for p in (tmp_path / "out").iterdir() if p.suffix == ".json") == [
         "corrected.json",
         "diagnosis.json",

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import FancyBboxPatch
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.diagnosis import ResidualData, added, chain, loops, residuals, waterfall
+from mrdamp.pictures.diagnosis import ResidualData, added, by_regime, chain, loops, residuals, waterfall
 
 
 @pytest.mark.parametrize(
@@ -57,3 +57,16 @@ def test_loops_show_measured_nominal_and_corrected() -> None:
         assert corrected / measured == pytest.approx(1.05, rel=1e-6)
     with pytest.raises(InputError, match="displacement"):
         loops(record(displacement=False))
+
+
+def test_a_parameter_by_regime_has_a_row_each_and_the_value_of_all_records() -> None:
+    rows = [("slow", 1.0, (0.9, 1.1)), ("fast", 6.0, (5.0, 7.0))]
+    (ax,) = by_regime("driver_lag tau", rows, (1.2, (1.1, 1.3))).axes
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["slow", "fast"]
+    assert ax.get_xscale() == "log"
+    (points,) = [line for line in ax.lines if line.get_marker() == "o"]
+    assert list(points.get_xdata()) == [1.0, 6.0]
+    (near,) = by_regime("gain", [("slow", -1.0, (-2.0, 1.0))], (1.2, None)).axes
+    assert near.get_xscale() == "linear"
+    with pytest.raises(InputError):
+        by_regime("gain", [], (1.0, None))

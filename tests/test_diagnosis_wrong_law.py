@@ -174,7 +174,10 @@ def test_a_search_goes_by_the_middle_of_long_records() -> None:
 def test_records_are_left_out_by_command_and_by_speed() -> None:
     tests = [(0.01, 1.0, 0.0), (0.01, 1.0, 1.0), (0.02, 1.5, 0.5), (0.02, 1.5, 0.0)]
     rig = DamperRig(model(), tuple(record(f"test_{k}", *test, seed=k) for k, test in enumerate(tests)))
-    assert groupings(Problem(rig)) == (((0, 3), (2,), (1,)), ((0, 1), (2, 3)))
+    assert [g.groups for g in groupings(Problem(rig))] == [((0, 3), (2,), (1,)), ((0, 1), (2, 3))]
+    command, speed = groupings(Problem(rig))
+    assert (command.over, speed.over) == ("command", "speed")
+    assert command.levels == ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
 
 
 def test_a_cause_is_established_by_all_sets_that_have_it() -> None:

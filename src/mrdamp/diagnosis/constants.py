@@ -100,8 +100,8 @@ CHANNELS_AGREE, SAME_UNIT = 1.1, (0.8, 1.25)
 #: Two causes are tied if the cosine of their changes exceeds TIE_COSINE or the rival's probability exceeds
 #: TIE_PROBABLE.
 TIE_COSINE, TIE_PROBABLE = 0.98, 0.1
-#: Records cannot show a cause whose signature, at the starting value of its parameter, is below this multiple
-#: of the remaining error.
+#: Records cannot show a cause whose signature, at the starting value of its parameter or at the fitted one, is below
+#: this multiple of the remaining error.
 HIDDEN_BELOW = 0.1
 #: A frame's block is faulty if its gap exceeds this multiple of its noise.
 BLOCK_FAULT = 1.35

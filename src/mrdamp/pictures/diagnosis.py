@@ -194,6 +194,39 @@ def _stage(ax: Axes, x: float, y: float, height: float, name: str, *, lit: bool,
 
 
 @styled
+def by_regime(
+    name: str,
+    rows: Sequence[tuple[str, float, tuple[float, float]]],
+    whole: tuple[float, tuple[float, float] | None],
+) -> Figure:
+    """A parameter fitted to each regime alone: label, value, 95 % interval; the value of all records as a line, its
+    interval as a band. A logarithmic axis if positive values differ by more than a factor of five."""
+    if not rows:
+        raise InputError("by regime: no rows")
+    fig = figure(0.75 + 0.3 * len(rows))
+    ax = fig.subplots()
+    y = np.arange(len(rows))
+    values = np.array([value for _, value, _ in rows])
+    ends = np.array([interval for *_, interval in rows])
+    value, band = whole
+    if band is not None:
+        ax.axvspan(*band, color=GRID, linewidth=0)
+    ax.axvline(value, color=MUTED, linestyle="--", linewidth=1.0)
+    ax.hlines(y, ends[:, 0], ends[:, 1], color=AFTER, linewidth=1.6)
+    ax.plot(values, y, "o", color=AFTER, markersize=5)
+    drawn = np.concatenate([values, ends.ravel(), [value]])
+    if drawn.min() > 0 and drawn.max() > 5 * drawn.min():
+        ax.set_xscale("log")
+    ax.set_yticks(y, [elide(label, 130) for label, *_ in rows])
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel(name)
+    handles = [Line2D([], [], color=AFTER, marker="o"), Line2D([], [], color=MUTED, linestyle="--")]
+    legend(fig, handles, ["regime alone, 95 % interval", "all records"])
+    return fig
+
+
+@styled
 def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
     """RMS residual over velocity and command, before and after, on one scale: % of the measurement's RMS."""
     if not records:

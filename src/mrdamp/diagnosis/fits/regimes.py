@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -22,23 +23,38 @@ def by_record(problem: Problem) -> Groups:
     return tuple((k,) for k in problem.records)
 
 
-def groupings(problem: Problem) -> tuple[Groups, ...]:
+@dataclass(frozen=True)
+class Grouping:
+    """Records by one condition of the tests.
+
+    over: `command` (mean of a record), `speed` (RMS, m/s) or `record`. groups: numbers of the records. levels:
+    smallest and largest value in each group; empty for single records.
+    """
+
+    over: str
+    groups: Groups
+    levels: tuple[tuple[float, float], ...] = ()
+
+
+def groupings(problem: Problem) -> tuple[Grouping, ...]:
     """Groupings for cross-validation: by the mean command and by the RMS speed; single records if neither has
     two regimes."""
     conditions = [problem.rig.conditions(k) for k in problem.records]
     levels = []
     if all("command" in c for c in conditions):
         command = np.array([float(np.mean(c["command"])) for c in conditions])
-        levels.append((command / (float(np.max(np.abs(command))) or 1.0), _SAME_COMMAND))
+        levels.append(("command", command, command / (float(np.max(np.abs(command))) or 1.0), _SAME_COMMAND))
     if all("velocity (m/s)" in c for c in conditions):
         speed = np.array([float(np.sqrt(np.mean(c["velocity (m/s)"] ** 2))) for c in conditions])
-        levels.append((np.log(np.maximum(speed, 1e-9)), _SAME_SPEED))
+        levels.append(("speed", speed, np.log(np.maximum(speed, 1e-9)), _SAME_SPEED))
     out = []
-    for level, same in levels:
+    for over, values, level, same in levels:
         groups = _grouped(level, same)
         if len(groups) > 1:
-            out.append(tuple(tuple(problem.records[i] for i in g) for g in groups))
-    return tuple(out) or (by_record(problem),)
+            numbers = tuple(tuple(problem.records[i] for i in g) for g in groups)
+            ends = tuple((float(values[g].min()), float(values[g].max())) for g in groups)
+            out.append(Grouping(over, numbers, ends))
+    return tuple(out) or (Grouping("record", by_record(problem)),)
 
 
 def _grouped(level: Array, same: float) -> list[list[int]]:
@@ -64,4 +80,4 @@ def left_out(problem: Problem, found: Fit, groups: Groups) -> Array:
 
 def regime_cost(problem: Problem, found: Fit) -> float:
     """Sum of squares of a fit on regimes left out, for the grouping with the largest."""
-    return max(problem.cost(left_out(problem, found, g)) for g in groupings(problem))
+    return max(problem.cost(left_out(problem, found, g.groups)) for g in groupings(problem))

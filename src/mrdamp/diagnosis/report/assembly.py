@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from mrdamp.diagnosis.attribution.stages import (
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE
 from mrdamp.diagnosis.evidence.ceiling import of_fit
+from mrdamp.diagnosis.evidence.consistency import by_regime
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
 from mrdamp.diagnosis.evidence.verdict import (
@@ -97,7 +98,7 @@ def assemble(
     waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
     around = spread(final.problem, final.fit)
     intervals = around.intervals() if decision.verdict != "none" else {}
-    named = _named(search, chosen, final.fit, causes, intervals) if decision.verdict == "effect" else ()
+    named = _named(search, chosen, final, causes, intervals) if decision.verdict == "effect" else ()
     for name in final.fit.at_bounds:
         notes.append(f"{name} stands at an end of its range")
     if not final.fit.converged:
@@ -233,27 +234,35 @@ def _remainder(
 def _named(
     search: Search,
     chosen: Fit,
-    final: Fit,
+    final: FinalFit,
     probabilities: dict[str, float],
     intervals: dict[str, Interval],
 ) -> tuple[Named, ...]:
     shares = cause_shares(search, chosen, lambda f: f.cost)
-    settings, out = final.settings, []
+    settings, out = final.fit.settings, []
     for term in chosen.hypothesis.terms:
         names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
-        short = {names[n]: settings[n] for n in names if n in settings}
         out.append(
             Named(
                 term.effect,
                 term.stage,
                 term.place,
                 min(probabilities.get(term.cause, 0.0), 1.0),
-                short,
+                _short(settings, names),
                 shares[term.cause] / search.excess,
-                {names[n]: intervals[n] for n in names if n in intervals},
+                _short(intervals, names),
+                tuple(
+                    replace(r, parameters=_short(r.parameters, names), intervals=_short(r.intervals, names))
+                    for r in by_regime(final.problem, final.fit, term.cause)
+                ),
             )
         )
     return tuple(out)
+
+
+def _short(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """Values of an effect's settings under the names that the effect gives them."""
+    return {short: values[name] for name, short in names.items() if name in values}
 
 
 def _scored_of(f: Fit) -> Scored:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
+from mrdamp.diagnosis.report.result import Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import number, share
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -40,7 +41,7 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     _shrink(out, found)
     _remains(out, found, worst)
     _next(out, found)
-    _answer(out, found)
+    _answer(out, found, command_unit)
     _where(out, found, shown, command_unit)
     _records(out, shown)
     _handed_over(out, found)
@@ -88,7 +89,7 @@ def _next(out: Page, found: Diagnosis) -> None:
         out.text("What to do next", steps)
 
 
-def _answer(out: Page, found: Diagnosis) -> None:
+def _answer(out: Page, found: Diagnosis, command_unit: str) -> None:
     if found.effects:
         rows = [
             (
@@ -121,6 +122,45 @@ def _answer(out: Page, found: Diagnosis) -> None:
                 for tie in found.indistinguishable
             ],
         )
+    for effect in found.effects:
+        _by_regime(out, effect, command_unit)
+
+
+def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
+    """The first parameter of an effect by regime, and the gaps there with and without the effect."""
+    if not effect.by_regime:
+        return
+    heading, name = f"Is {effect.effect} the same in every regime?", next(iter(effect.by_regime[0].parameters))
+    rows, points = [], []
+    for r in effect.by_regime:
+        label, value, (low, high) = _regime(r, command_unit), r.parameters[name], r.intervals[name]
+        if r.determined:
+            points.append((label, value, (low, high)))
+        said = f"{value:.3g} ({low:.3g} to {high:.3g})" if r.determined else "not determined"
+        rows.append((label, len(r.records), 100 * r.gap_without, 100 * r.gap_with, said))
+    if points:
+        out.figure(
+            heading,
+            pictures.by_regime(
+                f"{effect.effect} {name}", points, (effect.parameters[name], effect.intervals.get(name))
+            ),
+            f"`{name}` from the records of each regime alone, and from all records. A real cause has one value.",
+            "Points: " + ", ".join(f"{label} {value:.3g}" for label, value, _ in points),
+        )
+    out.table(
+        "" if points else heading,
+        ("regime", "records", "gap without, %", "gap with, %", f"{name} (95 %)"),
+        rows,
+        f"Gaps without {effect.effect}, and with its parameters from all records.",
+    )
+
+
+def _regime(r: RegimeEstimate, command_unit: str) -> str:
+    if r.low is None or r.high is None:
+        return r.records[0]
+    unit = command_unit if r.over == "command" else "m/s"
+    low, high = f"{r.low:.2g}", f"{r.high:.2g}"
+    return f"{r.over} {low} {unit}" if low == high else f"{r.over} {low} to {high} {unit}"
 
 
 def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:

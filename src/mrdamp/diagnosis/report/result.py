@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 
@@ -18,7 +19,10 @@ _RESAMPLES, _SEED = 2000, 3
 
 @dataclass(frozen=True)
 class Named:
-    """A named effect: its share of the gap's excess over the noise, parameters in SI units."""
+    """A named effect: its share of the gap's excess over the noise, parameters in SI units.
+
+    by_regime: its parameters from the records of each regime alone.
+    """
 
     effect: str
     stage: str
@@ -27,6 +31,7 @@ class Named:
     parameters: Mapping[str, float]
     share: float
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    by_regime: tuple[RegimeEstimate, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -37,6 +42,7 @@ class Named:
             "parameters": dict(self.parameters),
             "share": self.share,
             "intervals": {k: list(v) for k, v in self.intervals.items()},
+            "by_regime": [r.to_dict() for r in self.by_regime],
         }
 
 

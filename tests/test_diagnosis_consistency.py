@@ -1,0 +1,88 @@
+"""Is a cause the same in every regime: its parameters from each regime's records alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
+from mrdamp.diagnosis.problem.residuals import Problem
+from toy_rig import toy
+
+
+def estimates(truth: Settings, named: str) -> tuple[Fit, Problem, tuple[RegimeEstimate, ...]]:
+    """Estimates of `named` by regime, beside a free gain, on records that the truth has made."""
+    rig = toy(truth)
+    hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == named))
+    problem = Problem(rig)
+    found = fit(problem, hypothesis, hypothesis.start())
+    return found, problem, by_regime(problem, found, named)
+
+
+def test_a_real_cause_has_one_value_in_all_regimes() -> None:
+    found, problem, rows = estimates({"gain": 2.4, "cubic": 0.5}, "cubic")
+    assert {r.over for r in rows} == {"speed"}
+    assert sorted(name for r in rows for name in r.records) == [r.name for r in problem.rig.records]
+    for r in rows:
+        low, high = r.intervals["cubic"]
+        assert low - 0.01 < 0.5 < high + 0.01
+        assert set(r.parameters) == {"cubic"}
+        assert r.gap_with < 0.2 * r.gap_without
+    together = [r.gap_with for r in rows for _ in r.records]
+    assert np.sqrt(np.mean(np.square(together))) == pytest.approx(
+        np.sqrt(np.mean(problem.gaps(found.residual) ** 2)), rel=0.05
+    )
+
+
+def test_a_wrong_cause_changes_with_the_regime() -> None:
+    """A fifth power looks like a cubic whose factor grows with the amplitude."""
+    _, _, rows = estimates({"fifth": 0.5}, "cubic")
+    lowest, highest = (pick(rows, key=lambda r: r.parameters["cubic"]) for pick in (min, max))
+    assert highest.parameters["cubic"] > 1.1 * lowest.parameters["cubic"]
+    assert lowest.intervals["cubic"][1] < highest.intervals["cubic"][0]
+
+
+def test_a_regime_that_does_not_determine_a_parameter_is_marked() -> None:
+    """The first record stands still: a hysteresis has no sign there."""
+    rig = toy({"sign": 0.3}, n=500)
+    first = rig.records[0]
+    still = replace(first, channels=dict(first.channels) | {"displacement_m": np.full(first.n, 0.5)})
+    rig = replace(rig, records=(still, *rig.records[1:]))
+    hypothesis = Hypothesis(rig.nominal, tuple(t for t in rig.terms if t.effect == "sign"))
+    problem = Problem(rig)
+    found = fit(problem, hypothesis, hypothesis.start())
+    rows = by_regime(problem, found, "sign")
+    assert [r.records for r in rows if not r.determined] == [(first.name,)]
+
+
+def test_other_parameters_stay_as_in_the_fit_to_all_records() -> None:
+    """The gap without the cause is that of the free gain, not of the nominal simulator."""
+    found, problem, rows = estimates({"gain": 3.0, "offset": 0.3}, "offset")
+    gaps = problem.gaps(problem.of_settings([{"gain": found.settings["gain"]}])[0])
+    by_name = {problem.rig.records[b.record].name: gap for b, gap in zip(problem.blocks, gaps, strict=True)}
+    for r in rows:
+        assert r.gap_without == pytest.approx(np.sqrt(np.mean([by_name[n] ** 2 for n in r.records])), rel=1e-9)
+
+
+def test_ranges_are_the_records_own() -> None:
+    _, problem, rows = estimates({"offset": 0.3}, "offset")
+    for r in rows:
+        assert r.low is not None
+        assert r.high is not None
+        speeds = [
+            float(np.sqrt(np.mean(problem.rig.conditions(k)["velocity (m/s)"] ** 2)))
+            for k, record in enumerate(problem.rig.records)
+            if record.name in r.records
+        ]
+        assert (r.low, r.high) == pytest.approx((min(speeds), max(speeds)))
+
+
+def test_a_single_record_and_a_cause_that_was_not_fitted_have_no_estimates() -> None:
+    found, problem, _ = estimates({"offset": 0.3}, "offset")
+    assert by_regime(problem, found, "cubic") == ()
+    alone = Problem(problem.rig, [0])
+    assert by_regime(alone, fit(alone, found.hypothesis, found.point, most=0), "offset") == ()
