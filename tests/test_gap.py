@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from mrdamp.compare.motions import tuning_motions
 from mrdamp.control import registry
@@ -61,7 +62,10 @@ def test_without_a_cause_the_rig_is_the_simulator_in_closed_loop(motion: GroundM
         assert np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)) < most, name
 
 
-@pytest.mark.parametrize("cause", list(real.EFFECTS))
+_OF_THE_LOAD_CELL = {"sensor_gain", "sensor_lag"}
+
+
+@pytest.mark.parametrize("cause", [c for c in real.EFFECTS if c not in _OF_THE_LOAD_CELL])
 def test_a_cause_changes_the_motion(cause: str, motion: GroundMotion) -> None:
     controller = Constant(1.0)
     without, _ = plain().run(motion, controller)
@@ -71,6 +75,27 @@ def test_a_cause_changes_the_motion(cause: str, motion: GroundMotion) -> None:
         assert change < 0.1
     else:
         assert change > 0.02
+
+
+@pytest.mark.parametrize("cause", sorted(_OF_THE_LOAD_CELL))
+def test_a_load_cell_changes_what_is_read_and_what_a_controller_of_the_force_does(
+    cause: str, motion: GroundMotion
+) -> None:
+    without, exact = plain().run(motion, Constant(1.0))
+    run, log = real.RealFrame(nominal_frame(), cause).run(motion, Constant(1.0))
+    np.testing.assert_array_equal(run.drift, without.drift)
+    wanted = 1.1 * exact["force"]
+    if cause == "sensor_lag":
+        dt, tau = 1 / real.RATE_HZ, 0.003
+        wanted = lfilter([1 - np.exp(-dt / tau)], [1, -np.exp(-dt / tau)], exact["force"])
+    np.testing.assert_allclose(log["force"], wanted, atol=1e-6 * np.abs(wanted).max())
+
+    class Reading(Switching):
+        def command(self, t: float, y: Mapping[str, float]) -> float:
+            return min(2.0, abs(y["force"]) / 300)
+
+    changed = real.RealFrame(nominal_frame(), cause).run(motion, Reading())[0].drift
+    assert np.abs(changed - plain().run(motion, Reading())[0].drift).max() > 1e-4 * np.abs(changed).max()
 
 
 def test_velocity_is_the_strokes_and_an_error_in_the_controller_is_told(motion: GroundMotion) -> None:

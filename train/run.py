@@ -34,6 +34,7 @@ _EXPLORED = (8, 2500)  # rows and control periods, whole motions of them, that t
 _HELD = 50  # control periods that an action is held for there
 _FLOOR = 1e-3
 _LESSONS = 6  # loads that a teacher is watched under
+_LEAST = ("level", "fade", "full", "rise")
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Run(ABC):
             raise InputError(f"hyperparameters: viscous needs {VELOCITY} in env_kwargs.signals")
         if chosen.teacher and self.levels is None:
             raise InputError("hyperparameters: teacher is for action: force")
-        if self.least_given() and "force" not in self.task.observer.peaks:
+        if self.least() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.schedule = Schedule.from_dict(chosen.schedule) if chosen.schedule is not None else None
         if self.schedule is not None and self.schedule.signal not in self.task.observer.peaks:
@@ -121,17 +122,23 @@ class Run(ABC):
         """What has been learned so far."""
 
     def least(self) -> LeastCommand | None:
-        """What has been learned of a least command, or that of the settings."""
-        return self.least_given()
-
-    def least_given(self) -> LeastCommand | None:
-        """The least command of the settings. Raises InputError."""
+        """The least command of the settings; none for a damper without a force when its command is zero, which has no
+        such motion. Raises InputError."""
         given = self.chosen.least
         if given is None:
             return None
-        if not isinstance(given, Mapping) or set(given) != {"level", "fade"}:
-            raise InputError(f"hyperparameters: least is {given!r}; allowed: level and fade, or nothing")
-        return LeastCommand.from_dict(given)
+        if not isinstance(given, Mapping) or not {"level", "fade"} <= set(given) <= {*_LEAST}:
+            raise InputError(
+                f"hyperparameters: least is {given!r}; allowed: level and fade, with full and rise, or nothing"
+            )
+        if self.levels is None:
+            raise InputError("hyperparameters: least is for action: force")
+        unit = self.levels.forces[0]
+        if unit == 0:
+            return None
+        return LeastCommand.from_dict(
+            {name: value * (self.command_max if name == "level" else unit) for name, value in given.items()}
+        )
 
     def memory(self) -> Memory | None:
         """What has been learned of a memory before the network."""
@@ -192,6 +199,7 @@ class Run(ABC):
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
             self.least(), self.teacher(), self.chosen.reach, self.memory(), self.schedule, self.chosen.ahead,
+            min(w.model(w.task(1)).command_lag for w in self.worlds),
         )  # fmt: skip
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:

@@ -103,6 +103,11 @@ class World(ABC):
         """The same with another observer."""
         return replace(self, arguments={**self.arguments, "observer": observer})
 
+    def model(self, task: Task) -> Model:
+        """The damper of a task of this world."""
+        assert isinstance(task, CableTask | CarTask)
+        return task.model
+
     @abstractmethod
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> Task:
         """n rows under training loads, or those of a source."""
@@ -158,6 +163,10 @@ class FrameWorld(World):
     def criteria(self) -> tuple[Criterion, ...]:
         whole = 1 + self.weight
         return Criterion("drift_ratio", 1 / whole, 0), Criterion("acceleration_ratio", self.weight / whole, 1)
+
+    def model(self, task: Task) -> Model:
+        assert isinstance(task, FrameTask)
+        return task.models[0]
 
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> FrameTask:
         own = {**self.arguments, **(self._longer if engine == "chain" else {})}

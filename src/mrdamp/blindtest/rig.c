@@ -48,7 +48,9 @@ static const double kPi = 3.14159265358979323846;
   X(leak_k) X(leak_time) X(leak_length)                                                                               \
   /* mount: 1 spring and dashpot, 2 stiffening rubber, 3 pin with play, 4 the same with Hertz's contact, 5 of two     \
    * rates, 6 rubber that relaxes (Zener) */                                                                          \
-  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_loss) X(mount_time) X(mount_mass)
+  X(mount_form) X(mount_k) X(mount_c) X(mount_gap) X(mount_scale) X(mount_power) X(mount_loss) X(mount_time) X(mount_mass) \
+  /* load cell of a frame under feedback: relative error of its sensitivity, time constant of its amplifier (s) */     \
+  X(cell_gain) X(cell_lag)
 
 typedef struct {
 #define X(name) double name;
@@ -691,12 +693,12 @@ EXPORT long rig_frame(const double *numbers, const double *storeys, int from, in
 /* What a controller sees at a time (s): a row of the frame's columns, then the stroke's velocity. Gives the command. */
 typedef double (*Controller)(double time, const double *row);
 
-/* The frame under feedback: the controller is asked every `every` steps and its command held in between. u: (n,) the
- * commands. Otherwise as rig_frame. */
+/* The frame under feedback: the controller is asked every `every` steps and its command held in between. The force is
+ * that of the load cell. u: (n,) the commands. Otherwise as rig_frame. */
 EXPORT long rig_frame_controlled(const double *numbers, const double *storeys, int from, int to, double h, long n,
                                  const double *ground, long every, Controller controller, double *u, double *out) {
   const Frame f = {(const Rig *)numbers, (const Storey *)storeys, from, to};
-  double y[kStates], acc[kStoreys], scratch[kStoreys], seen[kFrameColumns + 1], held = 0;
+  double y[kStates], acc[kStoreys], scratch[kStoreys], seen[kFrameColumns + 1], held = 0, cell = 0;
   Memory m;
   begin(f.rig, &m, y, 0, 0, 0);
   for (long k = 0; k < n; ++k) {
@@ -706,7 +708,9 @@ EXPORT long rig_frame_controlled(const double *numbers, const double *storeys, i
     const double speed = (to ? y[FV + to - 1] : 0) - (from ? y[FV + from - 1] : 0);
     memcpy(row, acc, sizeof acc);
     memcpy(row + kStoreys, y + FX, kStoreys * sizeof *y);
-    row[2 * kStoreys] = force.load;
+    const double asked = (1 + f.rig->cell_gain) * force.load;
+    cell = f.rig->cell_lag > 0 && k > 0 ? asked + (cell - asked) * exp(-h / f.rig->cell_lag) : asked;
+    row[2 * kStoreys] = cell;
     row[2 * kStoreys + 1] = (to ? y[FX + to - 1] : 0) - (from ? y[FX + from - 1] : 0);
     row[2 * kStoreys + 2] = current(f.rig, y, held);
     row[2 * kStoreys + 3] = field(f.rig, &m, row[2 * kStoreys + 2]);

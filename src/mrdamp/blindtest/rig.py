@@ -110,7 +110,8 @@ def run_frame_controlled(
     """The same frame with feedback.
 
     command: function that is called every `every` steps with the time (s) and, as numbers, the outputs of
-    `run_frame` and `stroke_velocity` (m/s). Its value is constant until the next call. Returns the arrays of
+    `run_frame` and `stroke_velocity` (m/s). The force is the load cell's, with `cell_gain` and `cell_lag`. The value
+    is constant until the next call. Returns the arrays of
     `run_frame` and `command` (n,). An exception in `command` is raised here.
     """
     lib, names, storey_names = _library()

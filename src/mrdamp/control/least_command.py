@@ -2,7 +2,7 @@
 
 An MR damper that moves less than its yield displacement is a spring behind a dashpot, stiffer with the field on. A
 wanted force below that without current commands nothing; the least command keeps the damper stiff there, and fades
-out as the force grows, before it would add to it.
+out as the force grows, before it would add to it. At rest it costs current for nothing: `rise` takes it away there.
 """
 
 from __future__ import annotations
@@ -19,29 +19,42 @@ from mrdamp.errors import InputError, require_positive
 
 @dataclass(frozen=True)
 class LeastCommand:
-    """level max(0, 1 - peak / fade), peak being the leaky peak of the damper's |force| (`Observer.peaks`).
+    """level up(peak) down(peak), peak being the leaky peak of the damper's |force| (`Observer.peaks`).
 
-    level: A or V, at rest; fade: N. Raises InputError.
+    up rises linearly from 0 without force to 1 at `rise`; down is 1 up to `full` and falls linearly to 0 at `fade`.
+    level: A or V; fade, full, rise: N, 0 <= full < fade, 0 <= rise <= fade; rise 0: the whole level at rest. Raises
+    InputError.
     """
 
     level: float
     fade: float
+    full: float = 0.0
+    rise: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("least command", level=self.level, fade=self.fade)
+        if not 0 <= self.full < self.fade or not 0 <= self.rise <= self.fade:
+            raise InputError(
+                f"least command: full is {self.full}, rise is {self.rise}; allowed: 0 or more, full below fade "
+                f"({self.fade:g}), rise not above it"
+            )
 
     def __call__(self, peak: ArrayLike) -> NDArray[np.float64]:
         """Commands (...) for leaky peaks of the force (...), N."""
-        return np.asarray(self.level * np.maximum(0.0, 1.0 - np.asarray(peak, dtype=np.float64) / self.fade))
+        size = np.asarray(peak, dtype=np.float64)
+        down = np.clip((self.fade - size) / (self.fade - self.full), 0.0, 1.0)
+        up = np.minimum(size / self.rise, 1.0) if self.rise else 1.0
+        return np.asarray(self.level * up * down)
 
     def to_dict(self) -> dict[str, float]:
         """For JSON."""
-        return {"level": self.level, "fade": self.fade}
+        return {"level": self.level, "fade": self.fade, "full": self.full, "rise": self.rise}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LeastCommand:
         """From `to_dict`. Raises InputError."""
         try:
-            return cls(float(data["level"]), float(data["fade"]))
+            rest = (float(data.get(name, 0.0)) for name in ("full", "rise"))
+            return cls(float(data["level"]), float(data["fade"]), *rest)
         except (TypeError, KeyError, ValueError) as error:
             raise InputError(f"least command: {error}") from None

@@ -8,11 +8,13 @@ a = layers(m)                      cut off at -1 and 1, or through tanh
 a = t h + reach a                  where it corrects a linear teacher of weights t, cut off at -1 and 1
 command = command_max (a + 1) / 2, or that of the wanted force a force_max (`mrdamp.control.force_levels`)
 command >= a least one for weak motion, where the policy has one (`mrdamp.control.least_command`)
+command held back by a first-order lag, on a driver that is faster than the one of the training (`Policy.matched`)
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -49,7 +51,8 @@ class Policy:
     for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the network
     corrects by `reach` at most; memory: before the network; schedule: of an observer with a leaky peak of its signal.
     ahead: for levels with damping, s by signal: the stroke's velocity is `stroke_velocity` plus these times the
-    signals, that of a little later where the signals are its rate. Raises InputError.
+    signals, that of a little later where the signals are its rate. command_lag: s, of the current behind the command in
+    the plant of the training (`Model.command_lag`); None: not known. Raises InputError.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class Policy:
         memory: Memory | None = None,
         schedule: Schedule | None = None,
         ahead: Mapping[str, float] | None = None,
+        command_lag: float | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
         if len(observer.command_max) != 1 or len(network.layers[-1][1]) != 1:
@@ -101,6 +105,9 @@ class Policy:
         unseen = [name for name in self.ahead if name not in observer.signals]
         if unseen or not np.isfinite(list(self.ahead.values())).all():
             raise InputError(f"policy {name}: ahead is {self.ahead}; allowed: observed signals, and seconds")
+        if command_lag is not None and not 0 <= command_lag < math.inf:
+            raise InputError(f"policy {name}: command_lag is {command_lag}; allowed: a number >= 0, s")
+        self.command_lag, self._added = command_lag, 0.0
         self.about = dict(about or {})
         self.reset()
 
@@ -109,6 +116,20 @@ class Policy:
         self.observer.reset()
         self._command = 0.0
         self._state: State | None = None
+        self._held: Array | None = None
+
+    def matched(self, command_lag: float) -> Policy:
+        """The same object for a driver with another lag, s (`Model.command_lag`).
+
+        What a faster driver lacks of the training's lag is added to the command: the measured force is fed back, and
+        with the gains of a slow driver that loop is unstable on a fast one. A slower driver is left as it is.
+        """
+        if not 0 <= command_lag < math.inf:
+            raise InputError(
+                f"policy {self.name}: a driver's lag is {command_lag}; allowed: a number >= 0, s"
+            )
+        self._added = max(0.0, (self.command_lag or 0.0) - command_lag)
+        return self
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
         self._command = float(self.commands(self.observer(y, self._command)[None], y.get("force", 0.0))[0])
@@ -117,8 +138,17 @@ class Policy:
     def commands(self, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:
         """(n,) A or V for observations (n, observer.size) and the forces (n,) N measured with them.
 
-        With a memory the rows go on where they were at the last call; `reset` before others begin.
+        With a memory or an added lag the rows go on where they were at the last call; `reset` before others begin.
         """
+        found = self._at_once(observations, force)
+        if not self._added:
+            return found
+        held = np.zeros(len(found)) if self._held is None else self._held
+        self._held = found + math.exp(-self.period / self._added) * (held - found)
+        return self._held
+
+    def _at_once(self, observations: NDArray[np.float32], force: ArrayLike) -> Array:
+        """(n,) A or V, without an added lag."""
         inputs = self.inputs(observations)
         if self.memory is None:
             return self.driven(self.network(inputs)[:, 0], observations, force)
@@ -179,6 +209,7 @@ class Policy:
             "memory": self.memory.to_dict() if self.memory else None,
             "schedule": self.schedule.to_dict() if self.schedule else None,
             "ahead": self.ahead,
+            "command_lag": self.command_lag,
             "activation": self.network.activation,
             "squash": self.network.squash,
             "transform": rows(self.transform),
@@ -208,6 +239,7 @@ class Policy:
                 Memory.from_dict(data["memory"]) if data.get("memory") is not None else None,
                 Schedule.from_dict(data["schedule"]) if data.get("schedule") is not None else None,
                 data.get("ahead"),
+                float(data["command_lag"]) if data.get("command_lag") is not None else None,
             )
         except KeyError as error:
             raise InputError(f"policy: no entry {error}") from None

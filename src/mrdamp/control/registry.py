@@ -186,18 +186,19 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
     return kind, "", options
 
 
-def policy(path: str) -> Controller:
-    """An exported policy. Raises InputError."""
+def policy(path: str, damper: Model | None) -> Controller:
+    """An exported policy, matched to the driver of a damper. Raises InputError."""
     from mrdamp.control.policy import Policy
 
-    return Policy.read(Path(path))
+    found = Policy.read(Path(path))
+    return found if damper is None else found.matched(damper.command_lag)
 
 
 def make(spec: str, site: Site) -> Controller:
     """The controller of a spec for a site. Raises InputError."""
     kind, path, options = parse(spec)
     if kind == POLICY:
-        return policy(path)
+        return policy(path, site.damper)
     entry = ENTRIES[kind]
     return entry.build(site, {**entry.options, **options})
 

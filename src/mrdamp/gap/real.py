@@ -28,6 +28,8 @@ EFFECTS: Mapping[str, tuple[Mapping[str, float], Mapping[tuple[int, str], float]
     "storey_stiffness@1": ({}, {(1, "stiffness"): -0.3}),
     "joint_friction@2": ({}, {(2, "friction_form"): 1.0, (2, "friction"): 60.0}),
     "floor_mass@3": ({}, {(3, "mass"): 0.3}),
+    "sensor_gain": ({"cell_gain": 0.1}, {}),
+    "sensor_lag": ({"cell_lag": 0.003}, {}),
 }
 #: The rig without an effect: the simulator, but for what the two programs differ by.
 NONE = "none"

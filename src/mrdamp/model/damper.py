@@ -105,6 +105,12 @@ class Model:
             if not isinstance(value, int | float) or not np.isfinite(value):
                 raise InputError(f"{where}: parameter '{key}' is {value!r}; allowed: a finite number")
 
+    @property
+    def command_lag(self) -> float:
+        """s, of the current behind the command: the delay and the driver's time constants together."""
+        names = ("command_delay_d", "driver_lag_tau", "driver_lag_tau2")
+        return sum(self.attributes.get(name, 0.0) for name in names)
+
     @cached_property
     def attributes(self) -> dict[str, float]:
         """The plugin's attributes: the law's parameters and those of the effects that have no place."""
