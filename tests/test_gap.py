@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from mrdamp.blindtest.rig import RATE_HZ
 from mrdamp.compare.motions import tuning_motions
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
@@ -86,7 +87,7 @@ def test_a_load_cell_changes_what_is_read_and_what_a_controller_of_the_force_doe
     np.testing.assert_array_equal(run.drift, without.drift)
     wanted = 1.1 * exact["force"]
     if cause == "sensor_lag":
-        dt, tau = 1 / real.RATE_HZ, 0.003
+        dt, tau = 1 / RATE_HZ, 0.003
         wanted = lfilter([1 - np.exp(-dt / tau)], [1, -np.exp(-dt / tau)], exact["force"])
     np.testing.assert_allclose(log["force"], wanted, atol=1e-6 * np.abs(wanted).max())
 

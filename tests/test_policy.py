@@ -5,20 +5,25 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
-from mrdamp.envs.plant import default_damper
+from mrdamp.envs.plant import FramePlant, default_damper
 from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.motions import embedded_motion
+from mrdamp.structures import dyke1996
 
 LEVELS = ForceLevels((0.0, 1.0, 2.0), (100.0, 300.0, 400.0))
 
@@ -136,10 +141,67 @@ def test_the_least_command_fades_as_the_force_grows_and_comes_back_as_it_is_forg
     assert Policy.from_dict(older).least is None
 
 
+def test_the_least_command_rises_from_rest_is_whole_and_fades() -> None:
+    least = LeastCommand(2.0, fade=120.0, full=60.0, rise=40.0)
+    forces = np.array([0.0, 10.0, 40.0, 60.0, 90.0, 120.0, 500.0])
+    assert least(forces) == pytest.approx([0.0, 0.5, 2.0, 2.0, 1.0, 0.0, 0.0])
+    assert LeastCommand.from_dict(least.to_dict()) == least
+    assert LeastCommand(2.0, 120.0)(np.array([0.0, 60.0])) == pytest.approx([2.0, 1.0])
+
+
+def test_a_policy_is_held_back_on_a_faster_driver_by_what_that_lacks_of_its_lag() -> None:
+    """A policy without a network's part commands its least command: a step from 0.8 V at rest."""
+    data = {**cautious().to_dict(), "command_lag": 0.006}
+    rest = {"stroke": 0.0, "force": 0.0}
+    for own, added in ((0.0, 0.006), (0.002, 0.004), (0.006, 0.0), (0.01, 0.0)):
+        p = Policy.from_dict(data).matched(own)
+        wanted = [0.8 * (1 - math.exp(-2e-3 * k / added)) if added else 0.8 for k in (1, 2, 3)]
+        for _ in range(2):  # the same again after a reset
+            assert [p.command(2e-3 * k, rest) for k in range(3)] == pytest.approx(wanted)
+            p.reset()
+    unknown = Policy.from_dict(cautious().to_dict()).matched(0.0)
+    assert unknown.command(0.0, rest) == pytest.approx(0.8)
+    assert Policy.from_dict(data).to_dict()["command_lag"] == 0.006
+
+
+def test_a_lag_that_cannot_be() -> None:
+    with pytest.raises(InputError, match="driver's lag is -1"):
+        cautious().matched(-1.0)
+    with pytest.raises(InputError, match="command_lag is -1"):
+        Policy.from_dict({**cautious().to_dict(), "command_lag": -1.0})
+
+
+@pytest.mark.parametrize("name", ["learned/seed_3", "ppo/seed_0"])
+def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(name: str) -> None:
+    """As it is it is unstable there: its command moves more than twice as much from period to period."""
+    published, motion = default_damper(), embedded_motion().compressed(5.0)
+
+    def moved(damper: Model, control: Controller) -> float:
+        plant = FramePlant(damper, period=0.002, timestep=5e-4, engine="chain")
+        y, commands = plant.reset(motion), []
+        while not plant.finished:
+            commands.append(control.command(plant.time, y))
+            y = plant.step(commands[-1])
+        return float(np.abs(np.diff(commands)).mean())
+
+    file = resources.files("mrdamp") / "data" / "policies" / "frame" / f"{name}.json"
+    alone = Policy.read(Path(str(file)))
+    assert alone.command_lag == pytest.approx(published.command_lag)
+    fast = replace(published, effects=())
+    as_trained = moved(published, alone)
+    alone.reset()
+    assert moved(fast, alone) > 2 * as_trained
+    site = registry.Site(dyke1996(), fast, 2.25, 0.002)
+    assert moved(fast, registry.make(f"policy:{file}", site)) < 1.1 * as_trained
+
+
 def test_a_least_command_that_cannot_be() -> None:
     for level, fade in ((0.0, 1.0), (1.0, -1.0), (math.inf, 1.0)):
         with pytest.raises(InputError, match="least command: "):
             LeastCommand(level, fade)
+    for full, rise in ((1.0, 0.0), (-0.1, 0.0), (0.0, 1.1), (0.0, math.nan)):
+        with pytest.raises(InputError, match="least command: full"):
+            LeastCommand(1.0, 1.0, full, rise)
     data = cautious().to_dict()
     data["observer"]["peaks"] = {"stroke": 10.0}
     with pytest.raises(InputError, match="no peak of the force"):

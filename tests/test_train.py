@@ -220,41 +220,49 @@ def test_a_training_writes_a_policy_and_goes_on_from_its_checkpoint(tmp_path: Pa
     assert (half / "policy.json").read_text() == (tmp_path / "a" / "policy.json").read_text()
 
 
-def test_a_least_command_is_searched_from_where_it_begins_and_never_above_the_largest(tmp_path: Path) -> None:
-    run = EvolutionRun(small(), settings(small()), tmp_path)
-    start = settings(small()).least
-    assert start is not None
-    assert run.least() == LeastCommand(**start)
-    moved = run.cma.average.copy()
-    moved[-2:] = 0.1  # a first step of the search
-    found = run._least(moved)
-    assert found is not None
-    assert (found.level, found.fade) == pytest.approx((start["level"] * 1.35, start["fade"] * 1.35), rel=0.01)
-    moved[-2] = 10.0
-    highest = run._least(moved)
-    assert highest is not None
-    assert highest.level == run.command_max
+def test_a_least_command_is_in_shares_of_the_damper_and_the_same_for_every_candidate(tmp_path: Path) -> None:
+    override = "least={level: 0.5, fade: 1.5, full: 0.7, rise: 0.4}"
+    run = EvolutionRun(small(0, override), settings(small(0, override)), tmp_path)
+    assert run.levels is not None
+    unit = run.levels.forces[0]
+    least = run.least()
+    assert least == LeastCommand(0.5 * run.command_max, 1.5 * unit, 0.7 * unit, 0.4 * unit)
+    assert run.policy().least == least
+    assert run.policy().command_lag == pytest.approx(1 / 190)  # the damper of Dyke et al.
     for wrong, said in (
         ("least={level: 1}", "level and fade"),
+        ("least={level: 1, fade: 1, low: 2}", "level and fade"),
+        ("least={level: 1, fade: high}", "level and fade"),
+        ("action=command", "least is for action: force"),
         ("env_kwargs.peaks={}", "needs env_kwargs.peaks"),
     ):
         with pytest.raises(InputError, match=said):
             EvolutionRun(small(0, wrong), settings(small(0, wrong)), tmp_path)
     none = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path)
     assert none.least() is None
-    assert len(none.cma.mean) == len(run.cma.mean) - 2
+    assert len(none.cma.mean) == len(run.cma.mean)
+
+
+def test_candidates_of_a_search_command_at_least_the_least(tmp_path: Path) -> None:
+    """Candidates that want nothing: with a least command that never fades the current is its level."""
+    override = "least={level: 0.5, fade: 1000000, full: 100000}"
+    run = EvolutionRun(small(0, override, "noise=0"), settings(small(0, override, "noise=0")), tmp_path)
+    loads = run.world.draw(np.random.default_rng(0), run.loads_count)
+    layers = run.shape.layers(np.zeros((run.population, run.shape.size)))
+    found = run._measures(run.world, run.task, loads, layers, np.random.default_rng(0))
+    assert found["mean_current"] == pytest.approx(0.5 * run.command_max, rel=0.05)
 
 
 def test_noise_is_the_same_for_every_candidate_and_in_every_run(tmp_path: Path) -> None:
     def scores(noise: float, candidates: Array | None = None) -> Array:
-        options = small(0, f"noise={noise}")
+        options = small(0, f"noise={noise}", "least=null")
         run = EvolutionRun(options, settings(options), tmp_path)
         return run._scores(run.cma.ask() if candidates is None else candidates)
 
     exact, noisy = scores(0.0), scores(0.5)
     assert np.abs(noisy - exact).max() > 1e-3
     assert (scores(0.5) == noisy).all()
-    one = EvolutionRun(small(), settings(small()), tmp_path).cma.ask()[:1]
+    one = EvolutionRun(small(0, "least=null"), settings(small(0, "least=null")), tmp_path).cma.ask()[:1]
     alike = scores(0.5, np.repeat(one, len(noisy), axis=0))
     assert alike == pytest.approx(np.full(len(noisy), alike[0]), rel=1e-12)
     with pytest.raises(InputError, match=r"noise is -1\.0"):

@@ -127,9 +127,10 @@ class Run(ABC):
         given = self.chosen.least
         if given is None:
             return None
-        if not isinstance(given, Mapping) or not {"level", "fade"} <= set(given) <= {*_LEAST}:
+        fits = isinstance(given, Mapping) and {"level", "fade"} <= set(given) <= {*_LEAST}
+        if not fits or not all(isinstance(value, int | float) for value in given.values()):
             raise InputError(
-                f"hyperparameters: least is {given!r}; allowed: level and fade, with full and rise, or nothing"
+                f"hyperparameters: least is {given!r}; allowed: numbers level and fade, also full and rise, or none"
             )
         if self.levels is None:
             raise InputError("hyperparameters: least is for action: force")

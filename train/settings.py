@@ -67,10 +67,11 @@ class Settings:
     viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's velocity among the signals; ahead: s
     by signal, that lead that velocity, see `Policy`. teacher: a classical controller whose wanted force, as a linear
     function of the observations, is what the learner begins at; reach: how far a learner of stable-baselines3 may go
-    from it, over the largest force. least: of a least command (`mrdamp.control.least_command`), `level` over the largest
-    command, and `fade`, `full` and `rise` over the damper's force at zero command; none: no such command. schedule:
-    `signal`, `low` and `high` of `mrdamp.control.schedule`, for the evolution strategy; none: no schedule. env_kwargs:
-    of the environment. score: what the validation score is made of, see `mrdamp.train.worlds.world`. policy, policy_kwargs: of stable-baselines3,
+    from it, over the largest force. least: of a least command (`mrdamp.control.least_command`), `level` over the
+    largest command, and `fade`, `full` and `rise` over the damper's force at zero command; none: no such command.
+    schedule: `signal`, `low` and `high` of `mrdamp.control.schedule`, for the evolution strategy; none: no schedule.
+    env_kwargs: of the environment. score: what the validation score is made of, see `mrdamp.train.worlds.world`.
+    policy, policy_kwargs: of stable-baselines3,
     activation_fn by name. learner: the algorithm's other arguments; learning_rate may be `linear_0.001`, which falls to
     zero over the training.
 
