@@ -1,0 +1,80 @@
+"""Policies on the real frames of `mrdamp gap`: the score less passive-on's, with 95 % intervals over motions and seeds.
+
+    python tools/policy_robustness.py [--as-trained] [--effects NAME ...] [--loads N] POLICY.json ...
+
+The rig shares no code with the plugin, has no driver lag but with `driver_lag`, and one effect at a time. --as-trained:
+without the lag that a policy is given on a faster driver (`Policy.matched`). The policies are seeds of one training.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp.control.base import Controller
+from mrdamp.control.passive import passive_on
+from mrdamp.control.policy import Policy
+from mrdamp.errors import InputError
+from mrdamp.gap.real import EFFECTS, NONE, RealFrame
+from mrdamp.gap.scenario import Scenario, nominal_frame
+
+_DRAWS = 4000
+
+
+def interval(differences: np.ndarray) -> tuple[float, float]:
+    """95 %, of the mean of (seeds, motions), both drawn again."""
+    rng = np.random.default_rng(0)
+    seeds, motions = differences.shape
+    means = [
+        differences[np.ix_(rng.integers(0, seeds, seeds), rng.integers(0, motions, motions))].mean()
+        for _ in range(_DRAWS)
+    ]
+    low, high = np.percentile(means, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Prints a row of the table for each effect."""
+    causes = (NONE, *EFFECTS)
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("policies", nargs="+", type=Path, metavar="POLICY.json")
+    p.add_argument("--as-trained", action="store_true")
+    p.add_argument(
+        "--effects", nargs="+", choices=causes, default=causes, metavar="NAME", help=", ".join(causes)
+    )
+    p.add_argument("--loads", type=int, default=6, help="unseen motions (default: %(default)s)")
+    a = p.parse_args(arguments)
+    try:
+        policies = [Policy.read(file) for file in a.policies]
+    except InputError as error:
+        p.exit(2, f"policy_robustness: {error}\n")
+    scenario = Scenario(nominal_frame(), "constant", a.loads, 1, 0)
+    if not a.as_trained:
+        policies = [policy.matched(scenario.nominal.command_lag) for policy in policies]
+    site = scenario.site(scenario.nominal)
+
+    def scores(real: RealFrame, controller: Controller) -> list[float]:
+        return [
+            scenario.score([scenario.criteria(real, controller, load)], [load]) for load in scenario.loads
+        ]
+
+    print("| real frame | passive-on | policies | less passive-on |\n|---|---:|---:|---|")
+    for cause in a.effects:
+        print(f"{cause}: {1 + len(policies)} controllers, {a.loads} motions", file=sys.stderr)
+        real = RealFrame(scenario.nominal, cause)
+        base = np.array(scores(real, passive_on(site.command_max, site.period)))
+        found = np.array([scores(real, policy) for policy in policies])
+        low, high = interval(found - base)
+        mean = float((found - base).mean())
+        print(
+            f"| {cause} | {base.mean():.3f} | {found.mean():.3f} | {mean:+.3f} ({low:+.3f} to {high:+.3f}) |",
+            flush=True,
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
