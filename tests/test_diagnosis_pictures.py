@@ -65,7 +65,7 @@ def test_a_parameter_by_regime_has_a_row_each_and_the_value_of_all_records() -> 
     assert [t.get_text() for t in ax.get_yticklabels()] == ["slow", "fast"]
     assert ax.get_xscale() == "log"
     (points,) = [line for line in ax.lines if line.get_marker() == "o"]
-    assert list(points.get_xdata()) == [1.0, 6.0]
+    np.testing.assert_array_equal(points.get_xdata(), [1.0, 6.0])
     (near,) = by_regime("gain", [("slow", -1.0, (-2.0, 1.0))], (1.2, None)).axes
     assert near.get_xscale() == "linear"
     with pytest.raises(InputError):

@@ -259,7 +259,7 @@ def test_a_learned_controller_is_trained_in_the_simulator_that_it_is_given(tmp_p
 def test_finished_real_frames_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
-    def once(scenario: object, cause: str, *rest: object) -> Row:
+    def once(scenario: object, setup: object, cause: str, *rest: object) -> Row:
         made.append(cause)
         return row(cause, (cause,), retuned=0.5)
 

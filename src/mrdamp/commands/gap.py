@@ -28,6 +28,12 @@ def add_to(commands: Any) -> None:
         "in each: learned, learned:algorithm=ppo,timesteps=200000 (default: %(default)s)",
     )
     p.add_argument("--effects", nargs="+", help="effects of the real frames (default: all that the rig has)")
+    p.add_argument(
+        "--misfit",
+        action="store_true",
+        help="the real damper has another law than the simulator's, which is identified on bench records of it; the "
+        "effect `none` is the frame without one",
+    )
     p.add_argument("--loads", type=int, default=4, help="unseen motions (default: %(default)s)")
     p.add_argument(
         "--draws", type=int, default=3, help="simulators of a randomised tuning (default: %(default)s)"
@@ -45,10 +51,11 @@ def run_gap(a: argparse.Namespace) -> int:
     """Runs the study, writes study.json, index.html and the pictures, prints the tables."""
     from mrdamp.files import write_atomic
     from mrdamp.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores, ways
-    from mrdamp.gap.real import EFFECTS
+    from mrdamp.gap.real import EFFECTS, NONE
     from mrdamp.gap.study import Options, study
 
-    options = Options(a.controller, tuple(a.effects or EFFECTS), a.loads, a.draws, a.seed)
+    every = (NONE, *EFFECTS) if a.misfit else tuple(EFFECTS)
+    options = Options(a.controller, tuple(a.effects or every), a.loads, a.draws, a.seed, a.misfit)
     with progress_bar() as progress:
         found = study(options, a.out, jobs=a.jobs, progress=progress)
     write_atomic(a.out / "study.json", json.dumps(asdict(found), indent=1) + "\n")

@@ -18,9 +18,17 @@ from mrdamp.records.csv_file import render
 
 
 def write_case(
-    real: RealFrame, controller: Controller, motions: Sequence[GroundMotion], folder: Path, seed: int
+    real: RealFrame,
+    controller: Controller,
+    motions: Sequence[GroundMotion],
+    folder: Path,
+    seed: int,
+    before: RealFrame | None = None,
 ) -> None:
-    """A case folder: the controlled frame in the motions, in the first half as strong, in the second again."""
+    """A case folder: the controlled frame in the motions, in the first half as strong, in the second again.
+
+    before: the real frame in the state in which its simulator was made; its records in the motions are the baseline.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([seed, 3])
     played = [*motions, motions[0].scaled(0.5), motions[1]]
@@ -28,6 +36,12 @@ def write_case(
     for name, motion in zip(names, played, strict=True):
         channels = record(real.run(motion, controller)[1], rng)
         write_atomic(folder / name, render(channels))
+    baseline = []
+    if before is not None:
+        noise = np.random.default_rng([seed, 4])
+        baseline = [f"baseline_{k}.csv" for k in range(1, len(motions) + 1)]
+        for name, motion in zip(baseline, motions, strict=True):
+            write_atomic(folder / name, render(record(before.run(motion, controller)[1], noise)))
     data = {
         "name": real.cause,
         "format": 1,
@@ -36,6 +50,7 @@ def write_case(
         "nominal": _nominal_form(real.nominal),
         "channels": list(channels),
         "records": names,
+        **({"baseline": baseline} if baseline else {}),
     }
     write_atomic(folder / "case.json", json.dumps(data, indent=1) + "\n")
 

@@ -8,6 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mrdamp import __version__
+from mrdamp.gap.real import NONE
 from mrdamp.gap.study import CRITERIA, Row, Study
 from mrdamp.pictures.style import COLOURS, REFERENCE, axes_grid, elide, figure, legend, styled
 from mrdamp.report import Cell, Page
@@ -54,14 +55,27 @@ def score_rows(study: Study) -> list[tuple[Cell, ...]]:
 
 def page(study: Study) -> Page:
     """The whole page."""
-    closed = [r.closed for r in study.rows]
-    named = sum(r.named == (r.cause,) for r in study.rows)
+    caused = [r for r in study.rows if r.cause != NONE]
+    said = []
+    if study.law:
+        said.append(
+            f"The real damper has another law than the simulator's ({study.law}), which leaves "
+            f"{100 * study.misfit:.0f} % of its force on the bench."
+        )
+    if caused:
+        named = sum(r.named == (r.cause,) for r in caused)
+        closed = float(np.median([r.closed for r in caused]))
+        said += [
+            f"Each real frame differs from the simulator by one effect. The diagnosis named it on {named} of "
+            f"{len(caused)}.",
+            f"The corrected simulator closed {100 * closed:.0f} % of the gap in the controller's criteria (median).",
+        ]
+    if len(caused) < len(study.rows):
+        invented = any(r.named for r in study.rows if r.cause == NONE)
+        said.append(f"On the frame without an effect {'a' if invented else 'no'} cause was named.")
     out = Page(
         f"Sim-to-real gap of {study.controller}",
-        f"Each real frame differs from the simulator by one effect. The diagnosis named it on {named} of "
-        f"{len(study.rows)}. "
-        f"The corrected simulator closed {100 * float(np.median(closed)):.0f} % of the gap in the controller's "
-        "criteria (median).",
+        " ".join(said),
         f"mrdamp {__version__}, `mrdamp gap`",
     )
     out.figure(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrdamp.blindtest.rig import INPUT_RATE_HZ, LAWS, RATE_HZ, Array, run_frame_controlled
+from mrdamp.blindtest.rig import INPUT_RATE_HZ, LAWS, RATE_HZ, Array, Numbers, run_frame_controlled
 from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -46,10 +46,14 @@ _SAMPLE = 1e-3
 
 @dataclass(frozen=True)
 class RealFrame:
-    """The real frame with its damper: the nominal model (`nominal`, without effects) and a cause."""
+    """The real frame with its damper: the nominal model (`nominal`, without effects) and a cause.
+
+    damper: parameters of `rig.c` if the real damper has another law than the nominal one.
+    """
 
     nominal: Model
     cause: str
+    damper: Numbers | None = None
     numbers: Mapping[str, float] = field(init=False)
     storeys: tuple[Mapping[str, float], ...] = field(init=False)
 
@@ -60,7 +64,10 @@ class RealFrame:
         if structure is None or structure.storeys != 3 or self.nominal.effects:
             raise InputError(f"{self.nominal.name}: the rig takes a frame of three storeys without effects")
         numbers, changes = EFFECTS.get(self.cause, ({}, {}))
-        law = {k: v for k, v in self.nominal.parameters.items() if not k.startswith("command_")}
+        damper = self.damper
+        if damper is None:
+            own = {k: v for k, v in self.nominal.parameters.items() if not k.startswith("command_")}
+            damper = {"law": float(LAWS.index(self.nominal.law)), **own}
         storeys: list[dict[str, float]] = [
             {"mass": m, "stiffness": k, "damping": c}
             for m, k, c in zip(structure.mass, structure.stiffness, structure.damping, strict=True)
@@ -68,7 +75,7 @@ class RealFrame:
         for (storey, name), value in changes.items():
             row = storeys[storey - 1]
             row[name] = row[name] * (1 + value) if name in ("mass", "stiffness") else value
-        object.__setattr__(self, "numbers", {"law": float(LAWS.index(self.nominal.law)), **law, **numbers})
+        object.__setattr__(self, "numbers", {**damper, **numbers})
         object.__setattr__(self, "storeys", tuple(storeys))
 
     def run(self, motion: GroundMotion, controller: Controller) -> tuple[FrameRun, dict[str, Array]]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamp.blindtest.rig import Numbers
 from mrdamp.compare.motions import unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
@@ -19,6 +20,7 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.gap.closed_loop import write_case
 from mrdamp.gap.learned import Learning
+from mrdamp.gap.other_law import other_law
 from mrdamp.gap.real import EFFECTS, NONE, RealFrame
 from mrdamp.gap.scenario import Scenario, is_tuned, nominal_frame
 from mrdamp.model import Model
@@ -28,25 +30,28 @@ Progress = Callable[[str, float], None]
 
 #: What a controller is evaluated by: the largest over storeys or floors.
 CRITERIA = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-_VERSION = 4
+_VERSION = 5
 
 
 @dataclass(frozen=True)
 class Options:
     """controller: a kind that is tuned (`clipped-optimal`, `constant`, `force-tracking` ...); `learned`, with or
     without options, which is trained; or any other spec, which is left as it is (`policy:FILE`). effects: real frames,
-    names of `EFFECTS`. loads: unseen motions. draws: simulators of a randomised tuning."""
+    names of `EFFECTS`. loads: unseen motions. draws: simulators of a randomised tuning. misfit: the real damper has
+    another law than the simulator's, which is identified on bench records of it; `NONE` is then a real frame too."""
 
     controller: str = "clipped-optimal"
     effects: tuple[str, ...] = tuple(EFFECTS)
     loads: int = 4
     draws: int = 3
     seed: int = 1
+    misfit: bool = False
 
     def __post_init__(self) -> None:
+        allowed = (*EFFECTS, NONE) if self.misfit else tuple(EFFECTS)
         for name in self.effects:
-            if name not in EFFECTS:
-                raise InputError(f"gap: no effect '{name}'; allowed: {', '.join(EFFECTS)}")
+            if name not in allowed:
+                raise InputError(f"gap: no effect '{name}'; allowed: {', '.join(allowed)}")
         for name, least, most in (("loads", 1, len(unseen_motions())), ("draws", 1, 20)):
             if not least <= getattr(self, name) <= most:
                 raise InputError(f"gap: {name} is {getattr(self, name)}; allowed: {least} to {most}")
@@ -98,12 +103,15 @@ class Row:
 @dataclass(frozen=True)
 class Study:
     """All real frames of one controller; promised: its score in the nominal simulator; alike: that simulator's error
-    against the rig without an effect, what the two programs differ by."""
+    against the rig without an effect, what the two programs differ by, or the two laws. law, misfit: the simulator's
+    law and its error on bench tests, if the real damper has another law."""
 
     controller: str
     promised: float
     alike: float
     rows: tuple[Row, ...] = field(default=())
+    law: str = ""
+    misfit: float = 0.0
 
 
 def study(
@@ -111,8 +119,13 @@ def study(
 ) -> Study:
     """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options continue there."""
     out.mkdir(parents=True, exist_ok=True)
+    other = None
+    if options.misfit:
+        progress("identifying a damper with another law", 0.0)
+        other = other_law(nominal_frame(), options.seed)
+    setup = Setup(nominal_frame() if other is None else other.nominal, None if other is None else other.numbers)
     scenario = Scenario(
-        nominal_frame(),
+        setup.nominal,
         options.controller,
         options.loads,
         options.draws,
@@ -123,8 +136,7 @@ def study(
     progress("tuning on the nominal simulator", 0.0)
     first = scenario.tune([scenario.nominal], scenario.site(scenario.nominal), _within(progress, 0.0, 0.05))
     simulated = [scenario.criteria(scenario.nominal, first, load) for load in scenario.loads]
-    same = RealFrame(scenario.nominal, NONE)
-    matched = [scenario.criteria(same, first, load) for load in scenario.loads]
+    matched = [scenario.criteria(setup.real(NONE), first, load) for load in scenario.loads]
     alike = float(np.mean([_error(simulated, matched, name) for name in CRITERIA]))
     blind = None
     if options.tuned or scenario.robust:
@@ -137,12 +149,29 @@ def study(
         key = {"version": _VERSION, **asdict(replace(options, effects=(cause,)))}
         kept = _kept(out / f"{cause}.json", key)
         if kept is None:
-            kept = _row(scenario, cause, first, blind, out, _within(progress, at, step))
+            kept = _row(scenario, setup, cause, first, blind, out, _within(progress, at, step))
             write_atomic(
                 out / f"{cause}.json", json.dumps({"key": key, "row": asdict(kept)}, indent=1) + "\n"
             )
         rows.append(kept)
-    return Study(options.controller, scenario.score(simulated), alike, tuple(rows))
+    law, misfit = ("", 0.0) if other is None else (other.nominal.law, other.misfit)
+    return Study(options.controller, scenario.score(simulated), alike, tuple(rows), law, misfit)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What all real frames share: the nominal simulator, and the real damper's parameters if its law is another."""
+
+    nominal: Model
+    damper: Numbers | None
+
+    def real(self, cause: str) -> RealFrame:
+        return RealFrame(self.nominal, cause, self.damper)
+
+    @property
+    def before(self) -> RealFrame | None:
+        """The real frame when a simulator with a wrong law was made; its records are the baseline."""
+        return None if self.damper is None else self.real(NONE)
 
 
 def _within(progress: Progress, at: float, width: float) -> Progress:
@@ -150,12 +179,18 @@ def _within(progress: Progress, at: float, width: float) -> Progress:
 
 
 def _row(
-    scenario: Scenario, cause: str, first: Controller, blind: Controller | None, out: Path, progress: Progress
+    scenario: Scenario,
+    setup: Setup,
+    cause: str,
+    first: Controller,
+    blind: Controller | None,
+    out: Path,
+    progress: Progress,
 ) -> Row:
-    real = RealFrame(scenario.nominal, cause)
+    real = setup.real(cause)
     progress(f"{cause}: the real frame", 0.0)
     measured = [scenario.criteria(real, first, load) for load in scenario.loads]
-    write_case(real, first, scenario.training, out / cause / "case", scenario.seed)
+    write_case(real, first, scenario.training, out / cause / "case", scenario.seed, setup.before)
     progress(f"{cause}: diagnosis", 0.15)
     found = diagnose(read_case(out / cause / "case"), jobs=scenario.jobs)
     write_atomic(out / cause / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
