@@ -101,6 +101,6 @@ def test_the_page_tells_the_law_and_the_frame_without_an_effect(
     )
     page(Study("clipped-optimal", 0.5, 0.1, rows, "bingham", 0.11)).write(tmp_path / "index.html")
     text = html.unescape((tmp_path / "index.html").read_text())
-    assert "another law than the simulator's (bingham), which leaves 11 % of its force" in text
+    assert "another law than the simulator's (bingham), which leaves 11\N{NO-BREAK SPACE}% of its force" in text
     assert "named it on 1 of 1" in text
     assert said in text
