@@ -142,6 +142,23 @@ def test_a_sensor_fault_outside_the_catalogue_is_unknown_whatever_the_law_does()
     assert found.corrected.effects == one.model.effects
 
 
+def test_two_faults_of_the_sensor_are_named_together_whatever_the_law_does() -> None:
+    rng, made = np.random.default_rng(3), []
+    for r in records():
+        own = 1.2 * np.asarray(r.channel("force_N")) + 25.0 + rng.normal(0, 1.0, r.n)
+        made.append(Record(r.name, None, DT, dict(r.channels) | {"force_N": own}))
+    one = Case("rig", Path(), model(OWN), tuple(made), (), ())
+    rows = compared(one.records, DamperRig(one.model, one.records).terms, {})
+    assert {row.cause for row in rows} == {"sensor_gain", "sensor_offset"}
+    assert not any(row.unexplained for row in rows)
+    found = answer(one)
+    assert found.verdict == "effect"
+    assert {e.effect for e in found.effects} == {"sensor_gain", "sensor_offset"}
+    by_name = {e.effect: e.parameters for e in found.effects}
+    assert by_name["sensor_gain"]["g"] == pytest.approx(1.2, rel=0.01)
+    assert by_name["sensor_offset"]["f"] == pytest.approx(25.0, rel=0.15)
+
+
 def test_the_measured_current_is_compared_with_the_command() -> None:
     made = []
     for k, r in enumerate(records()):

@@ -66,20 +66,22 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
     search.steady = noise.steady
     search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
-    for term in (t for t in rig.terms if t.name in rig.known):
-        search.begin_with(term)
+    known = [t for t in rig.terms if t.name in rig.known]
+    for term in known:
+        search.begin_with([term])
+    if 1 < len(known) <= search.limits.depth:
+        search.begin_with(known)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
 
-    def apart() -> bool:
-        return search.inexact and sensor_unexplained(channels)
+    apart = sensor_unexplained(channels)
 
     def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
-        where = in_sensor(answer.where) if apart() else answer.where
+        where = in_sensor(answer.where) if apart else answer.where
         return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
 
     def judged() -> Judged:
         fits, decision = judge(search, clears_sensor=sensor_agrees(channels), baseline=untouched)
-        if not apart():
+        if not apart:
             return fits, decision
         like = search.looks_like
         if like is not None and all(t.stage != "sensor" for t in like.hypothesis.terms):

@@ -8,7 +8,7 @@ would blur. If they are wrong, only the free fit is valid.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -58,12 +58,12 @@ class Search(FitTable):
     own: float = 0.0
     _rivals_fitted: bool = False
 
-    def begin_with(self, term: Term) -> None:
-        """Fits a term from its first start, with fixed and with free nominal parameters, and keeps both."""
-        q = np.array([c.point(v) for c, v in zip(term.coordinates, term.starts[0], strict=True)])
+    def begin_with(self, terms: Sequence[Term]) -> None:
+        """Fits terms from their first starts, with fixed and with free nominal parameters, and keeps both."""
         for parent in (self.fits[False, frozenset()], self.base):
-            start = np.concatenate([parent.point, q])
-            found = self.tried(parent.hypothesis.plus(term), start, self.law_columns(parent), np.inf)
+            hypothesis = Hypothesis(parent.hypothesis.nominal, tuple(terms))
+            start = np.concatenate([parent.point, hypothesis.start()[len(parent.point) :]])
+            found = self.tried(hypothesis, start, self.law_columns(parent), np.inf)
             if found is not None:
                 self.keep(found)
 
