@@ -1,4 +1,4 @@
-"""Policies of moving dampers: force levels with the viscous part, weights scheduled by roughness, the score's parts."""
+"""Policies of moving dampers: force levels with the viscous part, the lead of the velocity, the score's parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy
-from mrdamp.control.schedule import Schedule
 from mrdamp.envs.car_task import car_damper
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
@@ -29,13 +28,11 @@ LEVELS = ForceLevels((0.0, 1.0, 2.0), (100.0, 300.0, 400.0), damping=(500.0, 700
 CAR = "mrdamp/QuarterCar-v0"
 
 
-def policy(levels: ForceLevels | None = LEVELS, schedule: Schedule | None = None) -> Policy:
+def policy(levels: ForceLevels | None = LEVELS) -> Policy:
     """A linear one of stroke, its velocity and force."""
-    peaks = {"stroke": 5.0}
-    observer = Observer(("stroke", VELOCITY, "force"), (0.01, 0.5, 100.0), 1, False, (2.0,), peaks=peaks)
-    weights = np.array([[0.4, 0.1, 0.2, *([-0.3, 0.5, 0.05] if schedule else [])]])
-    network = Network(((weights, np.zeros(1)),), "tanh")
-    return Policy("p", 5e-3, observer, np.eye(3, observer.size), network, 2.0, levels, schedule=schedule)
+    observer = Observer(("stroke", VELOCITY, "force"), (0.01, 0.5, 100.0), 1, False, (2.0,))
+    network = Network(((np.array([[0.4, 0.1, 0.2]]), np.zeros(1)),), "tanh")
+    return Policy("p", 5e-3, observer, np.eye(3), network, 2.0, levels)
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.8])
@@ -109,36 +106,10 @@ def test_the_velocity_is_led_by_signals_that_are_its_rate(tmp_path: Path) -> Non
 def test_a_file_without_the_new_entries_is_a_policy_as_before() -> None:
     data = policy(ForceLevels(LEVELS.commands, LEVELS.forces)).to_dict()
     assert "damping" not in data["levels"]
-    del data["schedule"], data["ahead"]
+    del data["ahead"]
     old = Policy.from_dict(data)
-    assert old.schedule is None
     y = {"stroke": 0.005, VELOCITY: 0.0, "force": 50.0}
     assert old.command(0.0, y) == pytest.approx(np.interp(0.3 * 400.0, [100, 300], [0, 1]), rel=1e-6)
-
-
-def test_scheduled_weights_change_over_the_logarithm_of_the_peak(tmp_path: Path) -> None:
-    schedule = Schedule("stroke", 0.001, 0.1)
-    assert schedule.share([0.0, 0.001, 0.01, 0.1, 5.0]) == pytest.approx([-1, -1, 0, 1, 1])
-    p = policy(None, schedule)
-    for stroke in (0.001, 0.01, 0.05):
-        p.reset()
-        s = float(schedule.share(stroke))
-        h = np.array([stroke / 0.01, 0.2, 0.1])
-        action = float(np.clip((np.array([0.4, 0.1, 0.2]) + s * np.array([-0.3, 0.5, 0.05])) @ h, -1, 1))
-        y = {"stroke": stroke, VELOCITY: 0.1, "force": 10.0}
-        assert p.command(0.0, y) == pytest.approx(1 + action, rel=1e-5)
-    p.write(tmp_path / "p.json")
-    assert Policy.read(tmp_path / "p.json").schedule == schedule
-
-
-def test_a_schedule_that_cannot_be() -> None:
-    with pytest.raises(InputError, match="no peak of it"):
-        policy(None, Schedule("force", 1.0, 2.0))
-    for wrong in ({"low": 2.0}, {"signal": 3}, {"high": "much"}, {"low": 0.0}):
-        with pytest.raises(InputError, match="schedule: "):
-            Schedule.from_dict({**Schedule("stroke", 1.0, 1.5).to_dict(), **wrong})
-    with pytest.raises(InputError, match="schedule: "):
-        Schedule.from_dict({"signal": "stroke"})
 
 
 def test_the_scores_share_of_road_holding_is_a_setting() -> None:
@@ -155,15 +126,12 @@ def acting(policy: Policy, task: Task) -> Act:
     return lambda seen: policy.commands(seen, forces(task, seen))
 
 
-def test_a_search_scores_scheduled_candidates_of_a_moving_damper_as_the_policies_they_become(
-    tmp_path: Path,
-) -> None:
+def test_a_search_scores_candidates_of_a_moving_damper_as_the_policies_they_become(tmp_path: Path) -> None:
     options = Options(
         CAR, "es", 0, 1, overrides=("loads=2", "population=4", "noise=0", "current=0"), evaluations=1
     )
     chosen = settings(options)
     assert chosen.viscous
-    assert chosen.schedule
     run = EvolutionRun(options, chosen, tmp_path)
     candidates = run.cma.ask()
     scores = run._scores(candidates)
@@ -181,7 +149,6 @@ def test_a_search_scores_scheduled_candidates_of_a_moving_damper_as_the_policies
     ("algorithm", "overrides", "said"),
     [
         ("es", ("env_kwargs.signals=[acceleration_2,acceleration_1,stroke,force]",), VELOCITY),
-        ("es", ("env_kwargs.peaks={}",), "schedule needs"),
         ("es", ("score.holding=2",), "from 0 to 1"),
     ],
 )

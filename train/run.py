@@ -18,7 +18,6 @@ from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy, velocities
-from mrdamp.control.schedule import Schedule
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
@@ -75,13 +74,6 @@ class Run(ABC):
             raise InputError("hyperparameters: teacher is for action: force")
         if self.least() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
-        self.schedule = Schedule.from_dict(chosen.schedule) if chosen.schedule is not None else None
-        if self.schedule is not None and self.schedule.signal not in self.task.observer.peaks:
-            raise InputError(
-                f"hyperparameters: schedule needs env_kwargs.peaks of its signal, {self.schedule.signal}"
-            )
-        if self.schedule is not None and options.algorithm != "es":
-            raise InputError(f"{options.algorithm}: hyperparameters: schedule is for es alone")
         self.matrix = self._matrix(np.random.default_rng(explore))
         self.judge = Judge(self.worlds, self.world.validation())
         self.curve: list[dict[str, float]] = []
@@ -98,7 +90,7 @@ class Run(ABC):
     @property
     def inputs(self) -> int:
         """Of the network."""
-        return len(self.matrix) * (1 if self.schedule is None else 2)
+        return len(self.matrix)
 
     @property
     def state_file(self) -> Path:
@@ -199,7 +191,7 @@ class Run(ABC):
         name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
-            self.least(), self.teacher(), self.chosen.reach, self.memory(), self.schedule, self.chosen.ahead,
+            self.least(), self.teacher(), self.chosen.reach, self.memory(), self.chosen.ahead,
             min(w.model(w.task(1)).command_lag for w in self.worlds),
         )  # fmt: skip
 

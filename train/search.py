@@ -123,8 +123,6 @@ class EvolutionRun(Run):
                 noise = self._noise * rng.standard_normal((many, observation.shape[1]))
                 inputs = inputs + np.tile(noise, (self.population, 1))  # the same for every candidate
             inputs = inputs @ self.matrix.T
-            if self.schedule is not None:
-                inputs = self.schedule(inputs, task.observer.peak(observation, self.schedule.signal))
             action = actions(layers, inputs.reshape(self.population, many, -1)).ravel()
             if self.levels is None:
                 command = np.asarray(0.5 * (action + 1.0) * self.command_max)

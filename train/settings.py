@@ -69,7 +69,6 @@ class Settings:
     function of the observations, is what the learner begins at; reach: how far a learner of stable-baselines3 may go
     from it, over the largest force. least: of a least command (`mrdamp.control.least_command`), `level` over the
     largest command, and `fade`, `full` and `rise` over the damper's force at zero command; none: no such command.
-    schedule: `signal`, `low` and `high` of `mrdamp.control.schedule`, for the evolution strategy; none: no schedule.
     env_kwargs: of the environment. score: what the validation score is made of, see `mrdamp.train.worlds.world`.
     policy, policy_kwargs: of stable-baselines3,
     activation_fn by name. learner: the algorithm's other arguments; learning_rate may be `linear_0.001`, which falls to
@@ -97,7 +96,6 @@ class Settings:
     teacher: str = ""
     reach: float = 1.0
     least: Mapping[str, float] | None = None
-    schedule: Mapping[str, Any] | None = None
     pool: int = 0
     exponent: float | None = None
     renew: int = 0

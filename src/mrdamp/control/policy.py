@@ -2,7 +2,6 @@
 
 o = observer(y, last command)      measurements, scaled and stacked (`mrdamp.control.observe`)
 h = W o                            W as it was when the policy was trained
-h = [h, s h]                       where the policy has a schedule s (`mrdamp.control.schedule`)
 m = memory(h, m)                   where the policy has one, else h itself
 a = layers(m)                      cut off at -1 and 1, or through tanh
 a = t h + reach a                  where it corrects a linear teacher of weights t, cut off at -1 and 1
@@ -26,7 +25,6 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
-from mrdamp.control.schedule import Schedule
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes, write_atomic
 
@@ -49,10 +47,10 @@ class Policy:
     name; period: of control, s; observer; transform: W (k, observer.size); network: k in, or the memory's cells, 1 out;
     command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON; least:
     for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the network
-    corrects by `reach` at most; memory: before the network; schedule: of an observer with a leaky peak of its signal.
-    ahead: for levels with damping, s by signal: the stroke's velocity is `stroke_velocity` plus these times the
-    signals, that of a little later where the signals are its rate. command_lag: s, of the current behind the command in
-    the plant of the training (`Model.command_lag`); None: not known. Raises InputError.
+    corrects by `reach` at most; memory: before the network. ahead: for levels with damping, s by signal: the stroke's
+    velocity is `stroke_velocity` plus these times the signals, that of a little later where the signals are its rate.
+    command_lag: s, of the current behind the command in the plant of the training (`Model.command_lag`); None: not
+    known. Raises InputError.
     """
 
     def __init__(
@@ -69,7 +67,6 @@ class Policy:
         teacher: Array | None = None,
         reach: float = 1.0,
         memory: Memory | None = None,
-        schedule: Schedule | None = None,
         ahead: Mapping[str, float] | None = None,
         command_lag: float | None = None,
     ) -> None:
@@ -84,12 +81,8 @@ class Policy:
             )
         if least is not None and "force" not in observer.peaks:
             raise InputError(f"policy {name}: it has a least command, and its observer no peak of the force")
-        if schedule is not None and schedule.signal not in observer.peaks:
-            raise InputError(
-                f"policy {name}: its schedule is of {schedule.signal}, and its observer sees no peak of it"
-            )
         inputs = memory.inputs if memory is not None else network.inputs
-        seen = (len(transform) * (1 if schedule is None else 2), observer.size)
+        seen = (len(transform), observer.size)
         fits = network.inputs == (memory.cells if memory is not None else inputs)
         if not fits or seen != (inputs, transform.shape[-1]):
             raise InputError(
@@ -100,7 +93,7 @@ class Policy:
         self.command_max, self.levels, self.least = command_max, levels, least
         if teacher is not None and teacher.shape != (inputs,):
             raise InputError(f"policy {name}: teacher has {teacher.shape} weights; allowed: ({inputs},)")
-        self.teacher, self.reach, self.memory, self.schedule = teacher, reach, memory, schedule
+        self.teacher, self.reach, self.memory = teacher, reach, memory
         self.ahead = {name: float(s) for name, s in dict(ahead or {}).items()}
         unseen = [name for name in self.ahead if name not in observer.signals]
         if unseen or not np.isfinite(list(self.ahead.values())).all():
@@ -159,10 +152,7 @@ class Policy:
 
     def inputs(self, observations: NDArray[np.float32]) -> Array:
         """(n, k) h."""
-        inputs = np.asarray(observations.astype(np.float64) @ self.transform.T)
-        if self.schedule is None:
-            return inputs
-        return self.schedule(inputs, self.observer.peak(observations, self.schedule.signal))
+        return np.asarray(observations.astype(np.float64) @ self.transform.T)
 
     def driven(self, actions: Array, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:
         """(n,) A or V for actions (n,) in [-1, 1], as the network gives them, with observations and forces."""
@@ -207,7 +197,6 @@ class Policy:
             "teacher": rows(self.teacher[None])[0] if self.teacher is not None else None,
             "reach": self.reach,
             "memory": self.memory.to_dict() if self.memory else None,
-            "schedule": self.schedule.to_dict() if self.schedule else None,
             "ahead": self.ahead,
             "command_lag": self.command_lag,
             "activation": self.network.activation,
@@ -237,7 +226,6 @@ class Policy:
                 matrix([data["teacher"]])[0] if data.get("teacher") is not None else None,
                 float(data.get("reach", 1.0)),
                 Memory.from_dict(data["memory"]) if data.get("memory") is not None else None,
-                Schedule.from_dict(data["schedule"]) if data.get("schedule") is not None else None,
                 data.get("ahead"),
                 float(data["command_lag"]) if data.get("command_lag") is not None else None,
             )
