@@ -103,7 +103,8 @@ class Bench(Protocol):
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
     controllers of the default table. tuning_amplitudes: of the loads that they are tuned on; unseen_amplitudes: of
     those of the evaluation. reference: denominator of the ratios, in words. bounds: name -> weights by key of measure,
-    which a clairvoyant command minimises; empty without such a search.
+    which a clairvoyant command minimises; empty without such a search. base: spec of the constant command that the way
+    to a bound begins at.
     """
 
     @property
@@ -138,6 +139,9 @@ class Bench(Protocol):
 
     @property
     def bounds(self) -> Mapping[str, Mapping[str, float]]: ...
+
+    @property
+    def base(self) -> str: ...
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""How far controllers go from passive-on towards what a clairvoyant command reaches."""
+"""How far controllers go from a constant command towards what a clairvoyant one reaches."""
 
 from __future__ import annotations
 
@@ -8,24 +8,34 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from mrdamp.compare import clairvoyant
 from mrdamp.compare.beam import Beam
-from mrdamp.compare.bench import Bench, Load
+from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.runner import Progress, run_all
 from mrdamp.compare.summary import Summary, ratio
 from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.replay import Replay
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
-#: Where the way begins.
-FROM = "passive-on"
 _VERSION = 1  # of the search
+
+
+class Driven(Bench, Protocol):
+    """A bench whose controllers act every `period` s, and that runs any of them under a load."""
+
+    @property
+    def period(self) -> float: ...
+
+    def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +86,7 @@ def with_bounds(
         )
     if starts < 1:
         raise InputError(f"compare: bound from {starts} controllers; allowed: 1 or more")
+    result = replace(result, base=bench.base)
     start_of_way(result)
     cases = []
     for (i, load), (j, amplitude) in itertools.product(enumerate(loads), enumerate(result.amplitudes)):
@@ -104,10 +115,10 @@ def with_bounds(
 
 
 def share(result: Comparison, contender: str, bound: str) -> Summary:
-    """Of the way from passive-on to a bound in what the bound makes small: 0 as passive-on, 1 as the bound.
+    """Of the way from the base to a bound in what the bound makes small: 0 as the base, 1 as the bound.
 
     A ratio of means over all runs, with its interval over loads and seeds; worst: the least of a load. NaN where the
-    bound is no better than passive-on.
+    bound is no better than the base.
     """
     gone, way = _way(result, contender, bound)
     mean, low, high = ratio(gone, way)
@@ -119,6 +130,22 @@ def least(judged: Sequence[Mapping[str, float]], weights: Mapping[str, float]) -
     return min(judged, key=lambda values: sum(w * values[key] for key, w in weights.items()))
 
 
+def judged(
+    bench: Driven, name: str, start: str, load: Any, amplitude: float, commands: Array, values: Sequence[float]
+) -> dict[str, Any]:
+    """A bound's entry of `Bench.bound`: found commands (periods,) in the bench's engine, or a better run.
+
+    start: spec of a controller; values: what was made small after every step of the search.
+    """
+    uncontrolled = bench.run(UNCONTROLLED, load, amplitude)
+    replayed = bench.driven(Replay(commands, bench.period, name), load, amplitude)
+    runs = replayed, bench.run(start, load, amplitude)
+    return {
+        "values": dict(least([bench.values(run, uncontrolled) for run in runs], bench.bounds[name])),
+        "paths": [{"start": "beam", "values": list(values), "ended": "widest beam"}],
+    }
+
+
 def by_load(result: Comparison, contender: str, bound: str) -> Array:
     """(loads,) the share under each load, all amplitudes and seeds together."""
     gone, way = _way(result, contender, bound)
@@ -128,15 +155,15 @@ def by_load(result: Comparison, contender: str, bound: str) -> Array:
 
 
 def start_of_way(result: Comparison) -> str:
-    """The contender that is passive-on. Raises InputError."""
+    """The contender that is the base. Raises InputError."""
     for c in result.contenders:
-        if c.specs == (FROM,):
+        if c.specs == (result.base,):
             return c.name
-    raise InputError(f"compare: a bound needs {FROM} among the controllers; add it")
+    raise InputError(f"compare: a bound needs {result.base} among the controllers; add it")
 
 
 def _way(result: Comparison, contender: str, bound: str) -> tuple[Array, Array]:
-    """What a contender gains over passive-on, (seeds, loads, amplitudes), and what the bound does, (1, ...)."""
+    """What a contender gains over the base, (seeds, loads, amplitudes), and what the bound does, (1, ...)."""
     weights = result.bounds[bound]
     on = _score(result, start_of_way(result), weights)
     return on - _score(result, contender, weights), on - _score(result, bound, weights)

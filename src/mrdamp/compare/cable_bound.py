@@ -14,8 +14,7 @@ from scipy.signal import cont2discrete
 
 from mrdamp.compare.beam import search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import least
-from mrdamp.control.replay import Replay
+from mrdamp.compare.bound import judged
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_task import default_places
 from mrdamp.envs.chain_rows import CableChain
@@ -59,15 +58,10 @@ def cable_bound(
 
     found = search(lambda n: rows(n).plants, periods, np.array([0.0, largest]), cost, to_come)
     values = [math.sqrt(c / periods / whole) / uncontrolled["motion"] for c in found.costs]
-    out = {}
-    for name, weights in bench.bounds.items():
-        replayed = bench.driven(Replay(found.commands, bench.period, name), load, amplitude)
-        runs = replayed, bench.run(starts[name][0], load, amplitude)
-        out[name] = {
-            "values": dict(least([bench.values(run, uncontrolled) for run in runs], weights)),
-            "paths": [{"start": "beam", "values": values, "ended": "widest beam"}],
-        }
-    return out
+    return {
+        name: judged(bench, name, starts[name][0], load, amplitude, found.commands, values)
+        for name in bench.bounds
+    }
 
 
 class ToCome:

@@ -20,6 +20,7 @@ from mrdamp.compare.frame import file_of, specs
 from mrdamp.compare.plant_run import PlantBench, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
+from mrdamp.control.base import Controller
 from mrdamp.control.car_plant import CarSite
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
@@ -100,6 +101,12 @@ class CarBench(PlantBench):
     claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
     tuning_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
+    #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.
+    base: ClassVar[str] = "passive-off"
+    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "clairvoyant": {"comfort": 0.5, "load": 0.5},
+        "clairvoyant-comfort": {"comfort": 0.9, "load": 0.1},
+    }
 
     @property
     def tuned(self) -> Mapping[str, str]:
@@ -118,16 +125,21 @@ class CarBench(PlantBench):
         return CarSite(self.car, self.model, largest, force, self.period)
 
     def run(self, spec: str, load: Road, amplitude: float) -> dict[str, Any]:
-        road = load.scaled(amplitude)
         if spec == UNCONTROLLED:
+            road = load.scaled(amplitude)
             time = np.arange(0.0, road.duration, self.timestep)
             square = [float(np.mean(x * x)) for x in linear_run(self.car, road.at(time), self.timestep)]
             return dict(zip(PERIOD[:3], square, strict=True))
 
+        return self.driven(controllers.make(spec, self.site), load, amplitude)
+
+    def driven(self, controller: Controller, load: Road, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run. Raises InputError."""
+
         def plant(period: float) -> CarPlant:
             return CarPlant(self.car, self.model, period=period, timestep=self.timestep, engine=self.engine)
 
-        run = run_plant(plant, road, controllers.make(spec, self.site), self.period)
+        run = run_plant(plant, load.scaled(amplitude), controller, self.period)
         mean = dict(zip(PERIOD, run.of_period.mean(axis=0).tolist(), strict=True))
         if not all(map(math.isfinite, mean.values())):
             raise InputError(f"{self.model.name}: the simulation diverged; check the car and the road's unit")
@@ -137,6 +149,11 @@ class CarBench(PlantBench):
             "dissipated_energy": float(run.of_period[:, PERIOD.index("energy")].sum()),
             **run.electric(self.command_unit, self.site.command_max),
         }
+
+    def bound(self, starts: Mapping[str, Sequence[str]], load: Road, amplitude: float) -> dict[str, Any]:
+        from mrdamp.compare.car_bound import car_bound
+
+        return car_bound(self, starts, load, amplitude)
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         ratios = {key: math.sqrt(kept[key] / uncontrolled[key]) for key in PERIOD[:3]}

@@ -23,8 +23,8 @@ from mrdamp.model.core import Array
 class Comparison:
     """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value.
 
-    Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds, as of a bench, and paths, how they
-    were found: (load, amplitude) -> bound -> results of `Bench.bound` for each start.
+    Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds and base, as of a bench, and paths, how
+    they were found: (load, amplitude) -> bound -> results of `Bench.bound` for each start.
     """
 
     contenders: tuple[Contender, ...]
@@ -33,6 +33,7 @@ class Comparison:
     amplitudes: tuple[float, ...]
     values: Mapping[str, Mapping[str, Array]]
     bounds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    base: str = "passive-on"
     paths: Mapping[tuple[str, float], Mapping[str, Sequence[Mapping[str, Any]]]] = field(default_factory=dict)
 
     def summary(self, contender: str, measure: str) -> Summary:

@@ -63,6 +63,7 @@ class FrameBench:
     tuning_amplitudes: ClassVar[tuple[float, ...]] = TUNING_AMPLITUDES
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
+    base: ClassVar[str] = "passive-on"
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
         "clairvoyant": {"J1": 0.5, "J2": 0.5},
         "clairvoyant-drift": {"J1": 1.0},

@@ -98,8 +98,8 @@ def _add_bounds(page: Page, result: Comparison) -> None:
     page.figure(
         "Way to the clairvoyant command",
         shares_picture(result),
-        "From passive-on (0) to the best command for a motion known in advance (1); a tick is a motion.",
-        "Share of the way from passive-on to each bound by controller.",
+        f"From {result.base} (0) to the best command for a motion known in advance (1); a tick is a motion.",
+        f"Share of the way from {result.base} to each bound by controller.",
     )
     page.table("", share_columns(result), share_rows(result), share_note(result))
     heads = ("load", *(c.name for c in result.contenders if not c.bound))

@@ -33,6 +33,7 @@ class PlantBench:
     engine: str = "mujoco"
     options: ClassVar[Mapping[str, Mapping[str, float]]]
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
+    base: ClassVar[str] = "passive-on"
 
     def __post_init__(self) -> None:
         require_positive("compare", period=self.period, timestep=self.timestep)

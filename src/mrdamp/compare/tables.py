@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrdamp.compare.bench import WITHOUT, Bench
@@ -78,7 +78,7 @@ def share_columns(result: Comparison) -> tuple[str, ...]:
 
 
 def share_rows(result: Comparison) -> list[Row]:
-    """Of the way from passive-on to each bound, with 95 % intervals, over all runs."""
+    """Of the way from the base to each bound, with 95 % intervals, over all runs."""
     return [
         (c.name, *(_spread(share(result, c.name, bound)) for bound in result.bounds))
         for c in result.contenders
@@ -94,12 +94,18 @@ def load_share_rows(result: Comparison) -> list[Row]:
 
 def share_note(result: Comparison) -> str:
     """What the shares are."""
-    words = "; ".join(f"{name}: {' and '.join(weights)}" for name, weights in result.bounds.items())
+    words = "; ".join(f"{name}: {_weighted(weights)}" for name, weights in result.bounds.items())
     return (
-        "Share of the way from passive-on (0) to the clairvoyant command (1), a ratio of means over all runs, with "
+        f"Share of the way from {result.base} (0) to the clairvoyant command (1), a ratio of means over all runs, with "
         f"its 95 % interval. Each bound makes its own measure small: {words} (the mean of several). It is a local "
         "optimum for a motion known in advance: the true limit is as low or lower, the true share as large or smaller."
     )
+
+
+def _weighted(weights: Mapping[str, float]) -> str:
+    """The measures, with their weights where these differ."""
+    alike = len(set(weights.values())) == 1
+    return " and ".join(key if alike else f"{w:g} {key}" for key, w in weights.items())
 
 
 def shares_csv(result: Comparison) -> str:

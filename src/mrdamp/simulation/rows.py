@@ -15,10 +15,11 @@ from mrdamp.model import Model
 from mrdamp.model.attributes import law_number, vector
 from mrdamp.model.core import FrameInput, Narx, fill_frame
 from mrdamp.model.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, checked, library, pointer
-from mrdamp.simulation.comfort import wk_sections
+from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.structures.cars import QuarterCar
 
 _COORDINATES = 4  # doubles of a row's state before them
+_CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre
 
 
 @dataclass(frozen=True)
@@ -240,6 +241,11 @@ class ChainRows:
         """(n, coordinates), the rates of `coordinates`, a view."""
         begin = _COORDINATES + self._coordinates
         return self.state[:, begin : begin + self._coordinates]
+
+    def weighting(self) -> Array:
+        """(n, 8), the states of the filter Wk of every car, two a section, a view."""
+        begin = _COORDINATES + 2 * self._coordinates + _CAR
+        return self.state[:, begin : begin + STATES]
 
     def save(self, row: int) -> RowMoment:
         """The row's present, to go back to."""
