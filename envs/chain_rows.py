@@ -18,6 +18,7 @@ from mrdamp.envs.car_rows import CarRows, road_acceleration
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion
+from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import ChainRows
 
 Array = NDArray[np.float64]
@@ -120,10 +121,20 @@ class CarChain(Chained, CarRows):
     def start(self, row: int, motion: Any) -> Array:
         """As `CarRows.start`."""
         heights = self._heights(row, motion)
-        load = road_acceleration(heights, self.plants.timestep)
-        load[0] *= 2.0  # linear between samples: the first one acts for half as long as the others
+        load = self._load(heights)
         self.plants.start(row, load[:, None], self.plants.timestep, len(load), int(self.seeds[row]))
         return heights[:-1]
+
+    def pushes(self, road: Road) -> Array:
+        """(steps,) m/s2, the acceleration of a road under row 0, means over the steps."""
+        load = self._load(self._heights(0, road))
+        return np.asarray((load + np.append(load[1:], load[-1])) / 2)
+
+    def _load(self, heights: Array) -> Array:
+        """(samples,) m/s2 at the steps."""
+        load = road_acceleration(heights, self.plants.timestep)
+        load[0] *= 2.0  # linear between samples: the first one acts for half as long as the others
+        return load
 
     def position(self, row: int) -> Array:
         """(3,) m: the road, and the deflections of tyre and suspension."""
