@@ -162,9 +162,8 @@ def test_settings_that_do_not_fit_are_refused(
 
 def test_shipped_policies_of_the_car_are_five_different_seeds_that_ride_better_than_clipped_lq() -> None:
     bench = CarBench(engine="chain")
-    (row,) = contenders(bench, ["learned"], {}, shipped_policies("car"))
-    assert row.learned
-    assert len(row.specs) == 5
+    rows = contenders(bench, ["learned", "learned-comfort"], {}, shipped_policies("car"))
+    assert all(row.learned and len(row.specs) == 5 for row in rows)
     road = iso8608("C", 22.0, 6.0, 77)
     linear = bench.run(UNCONTROLLED, road, 1.0)
 
@@ -172,7 +171,10 @@ def test_shipped_policies_of_the_car_are_five_different_seeds_that_ride_better_t
         values = bench.values(bench.run(spec, road, 1.0), linear)
         return values["comfort"], values["load"]
 
-    found = np.array([ratios(spec) for spec in row.specs])
-    assert len(set(found[:, 0].tolist())) == 5
+    both, comfortable = (np.array([ratios(spec) for spec in row.specs]) for row in rows)
+    assert len(set(np.concatenate([both, comfortable])[:, 0].tolist())) == 10
     comfort, load = ratios("clipped-lq:holding=0.3,r=1,level=0.2")
-    assert (found.mean(axis=1) < (comfort + load) / 2).all()
+    assert (both.mean(axis=1) < (comfort + load) / 2).all()
+    comfort, load = ratios("skyhook:damping=3394.11")
+    assert (comfortable < [comfort, load]).all()
+    assert comfortable[:, 0].max() < both[:, 0].min()
