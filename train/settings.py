@@ -70,9 +70,8 @@ class Settings:
     from it, over the largest force. least: of a least command (`mrdamp.control.least_command`), `level` over the
     largest command, and `fade`, `full` and `rise` over the damper's force at zero command; none: no such command.
     env_kwargs: of the environment. score: what the validation score is made of, see `mrdamp.train.worlds.world`.
-    policy, policy_kwargs: of stable-baselines3,
-    activation_fn by name. learner: the algorithm's other arguments; learning_rate may be `linear_0.001`, which falls to
-    zero over the training.
+    policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the algorithm's other arguments;
+    learning_rate may be `linear_0.001`, which falls to zero over the training.
 
     For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
     `mrdamp.train.lessons`; 0: new loads throughout, with the environment's reward. exponent: of that reward, none: the
