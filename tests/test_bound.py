@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -234,12 +235,21 @@ def test_what_a_replay_is_given_is_played() -> None:
             Replay(commands, period)
 
 
-def test_bounds_need_passive_on_and_a_plant_that_has_them(bounded: Comparison) -> None:
+class Boundless(CarBench):
+    """A plant without a search."""
+
+    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
+
+
+def test_bounds_need_their_base_and_a_plant_that_has_them(bounded: Comparison) -> None:
     alone = compare(BENCH, [Contender("off", ("passive-off",))], (MOTION,), (1.0,))
     with pytest.raises(InputError, match="needs passive-on"):
         with_bounds(BENCH, alone, (MOTION,))
     with pytest.raises(InputError, match="car"):
-        with_bounds(CarBench(), alone, (MOTION,))
+        with_bounds(Boundless(), alone, (MOTION,))
+    on = compare(BENCH, [Contender("on", ("passive-on",))], (MOTION,), (1.0,))
+    with pytest.raises(InputError, match="needs passive-off"):
+        with_bounds(CarBench(), on, (MOTION,))
     with pytest.raises(InputError, match="0 controllers"):
         with_bounds(BENCH, bounded, (MOTION,), starts=0)
 
