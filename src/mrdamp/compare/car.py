@@ -103,6 +103,7 @@ class CarBench(PlantBench):
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.
     base: ClassVar[str] = "passive-off"
+    #: The trade-off that is tuned for, and one near comfort alone; its weights are a choice.
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
         "clairvoyant": {"comfort": 0.5, "load": 0.5},
         "clairvoyant-comfort": {"comfort": 0.9, "load": 0.1},
