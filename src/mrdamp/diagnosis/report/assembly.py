@@ -240,7 +240,8 @@ def _named(
 ) -> tuple[Named, ...]:
     shares = cause_shares(search, chosen, lambda f: f.cost)
     settings, out = final.fit.settings, []
-    for term in chosen.hypothesis.terms:
+    last = {t.cause: t for t in reversed(final.fit.hypothesis.terms)}  # maybe in another form
+    for term in (last.get(t.cause, t) for t in chosen.hypothesis.terms):
         names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
         out.append(
             Named(
