@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
+from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
-from toy_rig import toy
+from mrdamp.diagnosis.report.assembly import _named
+from toy_rig import FIFTH, toy
 
 
 def estimates(truth: Settings, named: str) -> tuple[Fit, Problem, tuple[RegimeEstimate, ...]]:
@@ -86,3 +90,21 @@ def test_a_single_record_and_a_cause_that_was_not_fitted_have_no_estimates() -> 
     assert by_regime(problem, found, "cubic") == ()
     alone = Problem(problem.rig, [0])
     assert by_regime(alone, fit(alone, found.hypothesis, found.point, most=0), "offset") == ()
+
+
+def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
+    """The search names one form, the last fit converges in another one with other parameters."""
+    rig = toy({"fifth": 0.5})
+    problem = Problem(rig)
+    search = Search(problem, sum((0.02 / b.size) ** 2 for b in problem.blocks), Limits())
+    (cubic,) = (t for t in rig.terms if t.effect == "cubic")
+    other = replace(cubic, form="other", coordinates=FIFTH.coordinates)
+    first, last = (
+        fit(problem, h, h.start()) for h in (Hypothesis(rig.nominal, (t,)) for t in (cubic, other))
+    )
+    search.keep(first)
+    final = FinalFit(last, (), problem.gaps(last.residual), problem)
+    (named,) = _named(search, first, final, {"cubic": 0.9}, {})
+    assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
+    assert named.by_regime
+    assert all(set(r.parameters) == set(r.intervals) == {"fifth"} for r in named.by_regime)
