@@ -72,6 +72,16 @@ def test_other_parameters_stay_as_in_the_fit_to_all_records() -> None:
         assert r.gap_without == pytest.approx(np.sqrt(np.mean([by_name[n] ** 2 for n in r.records])), rel=1e-9)
 
 
+def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
+    one = RegimeEstimate("command", 0.5, 0.5, ("01",), {"a": 1.0}, {"a": (0.9, 1.1)}, True, 0.1, 0.2)
+    assert one.worse
+    assert one.label("A") == "command 0.5 A"
+    assert not replace(one, determined=False).worse
+    assert not replace(one, gap_with=0.05).worse
+    assert replace(one, over="speed", high=0.75).label("A") == "speed 0.5 to 0.75 m/s"
+    assert replace(one, low=None, high=None).label() == "01"
+
+
 def test_ranges_are_the_records_own() -> None:
     _, problem, rows = estimates({"offset": 0.3}, "offset")
     for r in rows:

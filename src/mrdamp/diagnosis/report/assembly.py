@@ -99,6 +99,10 @@ def assemble(
     around = spread(final.problem, final.fit)
     intervals = around.intervals() if decision.verdict != "none" else {}
     named = _named(search, chosen, final, causes, intervals) if decision.verdict == "effect" else ()
+    for effect in named:
+        worse = [r.label() for r in effect.by_regime if r.worse]
+        if worse:
+            notes.append(f"{effect.effect} makes the gap larger in {', '.join(worse)}: check it before you use it")
     for name in final.fit.at_bounds:
         notes.append(f"{name} stands at an end of its range")
     if not final.fit.converged:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import number, share
 from mrdamp.model import Model
@@ -133,7 +132,7 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
     heading, name = f"Is {effect.effect} the same in every regime?", next(iter(effect.by_regime[0].parameters))
     rows, points = [], []
     for r in effect.by_regime:
-        label, value, (low, high) = _regime(r, command_unit), r.parameters[name], r.intervals[name]
+        label, value, (low, high) = r.label(command_unit), r.parameters[name], r.intervals[name]
         if r.determined:
             points.append((label, value, (low, high)))
         said = f"{value:.3g} ({low:.3g} to {high:.3g})" if r.determined else "not determined"
@@ -153,14 +152,6 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
         rows,
         f"Gaps without {effect.effect}, and with its parameters from all records.",
     )
-
-
-def _regime(r: RegimeEstimate, command_unit: str) -> str:
-    if r.low is None or r.high is None:
-        return r.records[0]
-    unit = command_unit if r.over == "command" else "m/s"
-    low, high = f"{r.low:.2g}", f"{r.high:.2g}"
-    return f"{r.over} {low} {unit}" if low == high else f"{r.over} {low} to {high} {unit}"
 
 
 def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:
