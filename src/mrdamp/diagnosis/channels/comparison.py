@@ -165,8 +165,8 @@ def _pair(
     best: Compared, terms: Sequence[Term], residual: Callable[[Settings], Array], resolution: float
 ) -> list[Compared] | None:
     """The two effects, each in its simplest form, that explain a difference together; each with half of the
-    evidence. None if no two leave less than PARTS_LEFT of it: in 3 opened cases of a sensor fault outside the
-    catalogue the best two left .16, .18 and .64. residual: difference over the RMS of the second channel.
+    evidence. None if no two leave less than PARTS_LEFT of it: in 4 opened cases of a sensor fault outside the
+    catalogue the best two left .16, .18, .37 and .64. residual: difference over the RMS of the second channel.
     """
     simplest: dict[str, Term] = {}
     for term in sorted(terms, key=lambda t: (len(t.coordinates), t.name)):

@@ -7,7 +7,7 @@ compensates something else there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,17 +59,8 @@ class RegimeEstimate:
         return f"{self.over} {low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "over": self.over,
-            "low": self.low,
-            "high": self.high,
-            "records": list(self.records),
-            "parameters": dict(self.parameters),
-            "intervals": {k: list(v) for k, v in self.intervals.items()},
-            "determined": self.determined,
-            "gap_without": self.gap_without,
-            "gap_with": self.gap_with,
-        }
+        """Entry of `diagnosis.json`."""
+        return asdict(self)
 
 
 def by_regime(problem: Problem, found: Fit, cause: str) -> tuple[RegimeEstimate, ...]:
