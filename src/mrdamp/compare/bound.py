@@ -25,7 +25,7 @@ from mrdamp.control.replay import Replay
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
-_VERSION = 1  # of the search
+_VERSION = 2  # of the search
 
 
 class Driven(Bench, Protocol):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mrdamp.compare.frame import FrameBench
 
 #: s, of the clairvoyant command at most.
-_PERIOD = 1e-3
+PERIOD = 1e-3
 #: s, of the chain. What a search makes small is within 0.3 % of what it is at a quarter of this step.
 _STEP = 1e-3
 #: Of the largest sample under the starts, what a search still looks at; what comes behind the last such sample keeps
@@ -42,12 +42,12 @@ def frame_bound(
     """
     free = bench.history(UNCONTROLLED, load, amplitude)
     uncontrolled = bench.kept(UNCONTROLLED, free)
-    period = min(bench.period, _PERIOD)
+    period = min(bench.period, PERIOD)
     specs = dict.fromkeys([spec for some in starts.values() for spec in some] + [_EXTRA])
     runs = {spec: bench.history(spec, load, amplitude) for spec in specs}
     played = bench.played(load, amplitude)
     commands = {spec: _held_commands(run, period, played.duration) for spec, run in runs.items()}
-    rollouts, peaks = _rollouts(bench, played, period), _Scales(free)
+    rollouts, peaks = frame_rollouts(bench, played, period), Scales(free)
     rollouts.periods = min(rollouts.periods, 1 + max(peaks.last(run, period) for run in runs.values()))
     out: dict[str, Any] = {}
     first: Path | None = None
@@ -68,7 +68,7 @@ def frame_bound(
     return out
 
 
-class _Scales:
+class Scales:
     """What the channels (drifts, accelerations) are taken over: the uncontrolled peaks, as J1 and J2."""
 
     def __init__(self, free: FrameRun) -> None:
@@ -88,7 +88,8 @@ class _Scales:
         return int(np.ceil(run.time[np.flatnonzero(size.max(axis=1) >= _STILL)[-1]] / period))
 
 
-def _rollouts(bench: FrameBench, played: GroundMotion, period: float) -> Rollouts:
+def frame_rollouts(bench: FrameBench, played: GroundMotion, period: float) -> Rollouts:
+    """On the chain, with the drifts and accelerations as channels."""
     ideal = tuple(e for e in bench.model.effects if e.place is None or e.name not in FLOOR_SENSOR_EFFECTS)
     model, largest = replace(bench.model, effects=ideal), np.array([bench.site.command_max])
 

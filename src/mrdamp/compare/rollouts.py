@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
+from mrdamp.simulation.rows import RowMoment
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
@@ -21,6 +22,8 @@ _ROWS = 1024
 #: Periods at which it is looked up which states matter, and effect below which one does not (differences of numbers
 #: near one over _NUDGE are good to 1e-9).
 _PROBED, _NOTHING = 64, 1e-8
+#: Periods that a step of the command is given to reach the driver's states.
+_REACHED = 4
 _HEADER = 4  # doubles of a row's state before its coordinates
 
 
@@ -55,18 +58,29 @@ class Rollouts:
     ) -> None:
         if not low < high:
             raise InputError(f"clairvoyant: commands from {low:g} to {high:g}; allowed: a range")
-        self._make, self._load, self.columns = make, load, list(columns)
+        self.make, self.load, self.columns = make, load, list(columns)
         self.low, self.high = low, high
         self._rows: dict[int, Any] = {}
-        rows = self._of(1)
+        self._moment: RowMoment | None = None
+        rows = self.rows(1)
         self._state, self._measured = rows.plants.state[0].copy(), rows.plants.measured[0].copy()
         whole = int(rows.steps[0])
         self.periods = whole if periods is None else min(periods, whole)
 
+    def go_on(self, moment: RowMoment, measured: Array, periods: int) -> None:
+        """Runs begin in the present of a row and under its load from now on.
+
+        measured: (measurements,) of the row there; periods: how many to run.
+        """
+        self._moment, self._state, self._measured = moment, moment.state.copy(), measured.copy()
+        self.periods = periods
+        for rows in self._rows.values():
+            self._place(rows)
+
     def run(self, commands: Array, states: bool = False) -> tuple[Array, Array]:
-        """Channels (n, periods, channels) of commands (n, periods): first those at rest, then those after each command
-        but the last, as `mrdamp.compare.on_chain` samples them; states (n, periods, size) besides, or (0, 0, 0)."""
-        n, plants = len(commands), self._of(len(commands)).plants
+        """Channels (n, periods, channels) of commands (n, periods), as `mrdamp.compare.on_chain` samples them: first
+        those at the start, then those after each command but the last; states (n, periods, size) besides, or none."""
+        n, plants = len(commands), self.rows(len(commands)).plants
         plants.state[:] = self._state
         y = np.empty((n, self.periods, len(self.columns)))
         y[:, 0] = self._measured[self.columns]
@@ -81,20 +95,41 @@ class Rollouts:
     def slopes(self, y: Array, states: Array, commands: Array, at: Whole) -> Slopes:
         """At the periods `at` (p,), all before the last one, of one run, by forward differences of the chain itself.
 
-        y, states, commands: of that run. States that do not change in it, or that nothing depends on, are left out.
+        y, states, commands: of that run. States that change neither in it nor by a command, or that nothing depends on,
+        are left out.
         """
-        moving = np.flatnonzero(np.ptp(states, axis=0) > 0)
-        moving = moving[moving >= _HEADER]
         some = at[np.linspace(0, len(at) - 1, min(len(at), _PROBED)).astype(np.intp)]
-        moving = moving[_matter(self._differences(y, states, commands, some, moving))]
-        return self._differences(y, states, commands, at, moving)
+        stepped = self._commanded(states, commands, some)
+        scale = np.maximum(np.abs(states).max(axis=0), stepped)
+        changing = (states != states[0]).any(axis=0) | (stepped > 0)
+        moving = np.flatnonzero(changing & np.isfinite(scale))
+        moving = moving[moving >= _HEADER]
+        moving = moving[_matter(self._differences(y, states, commands, some, moving, scale[moving]))]
+        return self._differences(y, states, commands, at, moving, scale[moving])
 
-    def _differences(self, y: Array, states: Array, commands: Array, at: Whole, moving: Whole) -> Slopes:
-        scale, many = np.abs(states[:, moving]).max(axis=0), len(moving)
+    def _commanded(self, states: Array, commands: Array, at: Whole) -> Array:
+        """(size,) how far a step of the command by half of its range moves each state within a few periods.
+
+        Under a constant command the driver's states do not change; what a command does goes through them all the same.
+        """
+        plants = self.rows(_ROWS).plants
+        given, half = np.zeros((_ROWS, 1)), (self.high - self.low) / 2
+        m = len(at)
+        step = np.where(commands[at] > (self.low + self.high) / 2, -half, half)
+        plants.state[:m] = plants.state[m : 2 * m] = states[at]
+        given[:m, 0], given[m : 2 * m, 0] = commands[at], commands[at] + step
+        for _ in range(_REACHED):
+            plants.advance(given)
+        return np.asarray(np.abs(plants.state[m : 2 * m] - plants.state[:m]).max(axis=0))
+
+    def _differences(
+        self, y: Array, states: Array, commands: Array, at: Whole, moving: Whole, scale: Array
+    ) -> Slopes:
+        many = len(moving)
         each, nudge = many + 1, _NUDGE * (self.high - self.low)
         a, b = np.empty((len(at), many, many)), np.empty((len(at), many))
         c, d = np.empty((len(at), len(self.columns), many)), np.empty((len(at), len(self.columns)))
-        plants, chunk = self._of(_ROWS).plants, _ROWS // each
+        plants, chunk = self.rows(_ROWS).plants, _ROWS // each
         given = np.zeros((_ROWS, 1))
         for begin in range(0, len(at), chunk):
             now = at[begin : begin + chunk]
@@ -115,13 +150,21 @@ class Rollouts:
             c[here], d[here] = dy[:, :-1].transpose(0, 2, 1) / _NUDGE, dy[:, -1] / du[:, None]
         return Slopes(a, b, c, d)
 
-    def _of(self, n: int) -> Any:
+    def rows(self, n: int) -> Any:
+        """n rows under the load, made once; every run starts them again."""
         if n not in self._rows:
-            rows = self._make(n)
+            rows = self.make(n)
             for row in range(n):
-                rows.start(row, self._load)
+                rows.start(row, self.load)
+            if self._moment is not None:
+                self._place(rows)
             self._rows[n] = rows
         return self._rows[n]
+
+    def _place(self, rows: Any) -> None:
+        assert self._moment is not None
+        for row in range(rows.plants.n):
+            rows.restore(row, self._moment)
 
 
 def _matter(slopes: Slopes) -> Whole:
