@@ -43,6 +43,10 @@ def _run(options: Options, chosen: Settings, out: Path) -> Run:
 
         return EvolutionRun(options, chosen, out)
     try:
+        if options.algorithm == "adjoint":
+            from mrdamp.train.adjoint import AdjointRun
+
+            return AdjointRun(options, chosen, out)
         from mrdamp.train.gradient import GradientRun
     except ImportError as error:
         raise InputError(

@@ -11,9 +11,9 @@ from typing import Any, Literal
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 
-#: Those of stable-baselines3, `recurrent` (RecurrentPPO of sb3-contrib), and the evolution strategy of
-#: `mrdamp.train.evolution`.
-ALGORITHMS = ("a2c", "ddpg", "es", "ppo", "recurrent", "sac", "td3")
+#: Those of stable-baselines3, `recurrent` (RecurrentPPO of sb3-contrib), the evolution strategy of
+#: `mrdamp.train.evolution`, and the gradients through the chain of `mrdamp.train.adjoint`.
+ALGORITHMS = ("a2c", "adjoint", "ddpg", "es", "ppo", "recurrent", "sac", "td3")
 
 
 _WHOLE = ("pool", "freeze", "renew")

@@ -14,7 +14,7 @@ from mrdamp.errors import InputError
 if TYPE_CHECKING:
     from mrdamp.train.sweep import Setting
 
-_ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es")
+_ALGORITHMS = ("ppo", "recurrent", "sac", "td3", "a2c", "ddpg", "es", "adjoint")
 
 
 def add_to(commands: Any) -> None:

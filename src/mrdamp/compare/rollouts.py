@@ -34,10 +34,10 @@ class Slopes:
     a (p, s, s), b (p, s), c (p, c, s), d (p, c): per unit of the scaled states and of the command.
     """
 
-    a: Array
-    b: Array
-    c: Array
-    d: Array
+    a: NDArray[np.floating[Any]]
+    b: NDArray[np.floating[Any]]
+    c: NDArray[np.floating[Any]]
+    d: NDArray[np.floating[Any]]
 
 
 class Rollouts:
@@ -104,7 +104,7 @@ class Rollouts:
         changing = (states != states[0]).any(axis=0) | (stepped > 0)
         moving = np.flatnonzero(changing & np.isfinite(scale))
         moving = moving[moving >= _HEADER]
-        moving = moving[_matter(self._differences(y, states, commands, some, moving, scale[moving]))]
+        moving = moving[matter(self._differences(y, states, commands, some, moving, scale[moving]))]
         return self._differences(y, states, commands, at, moving, scale[moving])
 
     def _commanded(self, states: Array, commands: Array, at: Whole) -> Array:
@@ -167,7 +167,7 @@ class Rollouts:
             rows.restore(row, self._moment)
 
 
-def _matter(slopes: Slopes) -> Whole:
+def matter(slopes: Slopes) -> Whole:
     """Which states have an effect on a channel, by themselves or through others."""
     on_states, on_channels = (np.abs(part).max(axis=0) > _NOTHING for part in (slopes.a, slopes.c))
     seen = on_channels.any(axis=0)

@@ -1,0 +1,155 @@
+"""Training by gradients through the chain: the adjoint against differences of whole runs, and a training's files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from mrdamp.control.policy import Policy  # noqa: E402
+from mrdamp.errors import InputError  # noqa: E402
+from mrdamp.train.adjoint import AdjointRun  # noqa: E402
+from mrdamp.train.closed_loop import ClosedLoop  # noqa: E402
+from mrdamp.train.learn import train  # noqa: E402
+from mrdamp.train.settings import Options, settings  # noqa: E402
+from mrdamp.train.worlds import FrameWorld  # noqa: E402
+
+SHORT = ("loads=2", "policy_kwargs.net_arch=[4]", "env_kwargs.timestep=0.001")
+
+
+def options(*overrides: str, steps: int = 1) -> Options:
+    return Options(algorithm="adjoint", overrides=(*SHORT, *overrides), timesteps=steps, evaluations=1)
+
+
+def made(folder: Path, *overrides: str) -> AdjointRun:
+    chosen = options(*overrides)
+    return AdjointRun(chosen, settings(chosen), folder)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> AdjointRun:
+    found = made(tmp_path_factory.mktemp("run"), "least=null", "current=0")
+    with torch.no_grad():  # a network that does something
+        rng = np.random.default_rng(3)
+        found.soft.out.copy_(torch.from_numpy(0.05 * rng.standard_normal(4).astype(np.float32)))
+    return found
+
+
+def test_the_adjoint_is_the_difference_of_whole_closed_loops(run: AdjointRun) -> None:
+    """A command pushed at one period, the loop closed afterwards by a smooth law: the value changes as the sweep says.
+
+    The law feeds back every signal, the leaky peak and every state of the filter.
+    """
+    loads = run.world.draw(np.random.default_rng(4), 2)
+    rng = np.random.default_rng(0)
+    gains = 0.02 * rng.standard_normal(run.task.observer.size)
+
+    def law(o: np.ndarray) -> np.ndarray:
+        return np.asarray(1.1 + o.astype(np.float64) @ gains)
+
+    base = run.loop.run(loads, law, 0.0, rng)
+    assert 0.1 < base.commands.min() < base.commands.max() < 2.1
+    value, by_channel = run.value(base)
+    assert value > 0
+    each = run.loop.adjoint(base, by_channel, np.broadcast_to(gains, base.observations.shape))
+    largest = np.abs(each).max(axis=0)
+    for row in range(2):
+        for k in np.argsort(-np.abs(each[:, row]))[[0, 5, 20, 60]]:
+            pushed = []
+            for push in (1e-3, -1e-3):
+                at = iter(range(len(base.commands)))
+
+                def act(
+                    o: np.ndarray, at: Iterator[int] = at, push: float = push, k: int = k, row: int = row
+                ) -> Any:
+                    found = law(o)
+                    found[row] += push * (next(at) == k)
+                    return found
+
+                pushed.append(run.value(run.loop.run(loads, act, 0.0, rng))[0])
+            assert (pushed[0] - pushed[1]) / 2e-3 == pytest.approx(each[k, row], abs=0.02 * largest[row])
+
+
+def test_the_slopes_of_a_policy_are_its_differences(run: AdjointRun) -> None:
+    """Away from the jump where the force changes its sign, and from the kinks of the inverse."""
+    o = np.random.default_rng(0).normal(0, 0.3, (300, run.task.observer.size)).astype(np.float32)
+    seen = torch.from_numpy(o).requires_grad_(True)
+    slopes = torch.autograd.grad(run.soft(seen).sum(), seen)[0].numpy()
+    force = run.task.observer.signals.index("force")
+    for column in range(o.shape[1]):
+        up, down = o.copy(), o.copy()
+        up[:, column] += 1e-3
+        down[:, column] -= 1e-3
+        found = (run.soft.commands(up) - run.soft.commands(down)) / 2e-3
+        smooth = np.abs(o[:, force]) > 2e-3
+        close = np.isclose(found, slopes[:, column], rtol=0.02, atol=2e-3 + 0.02 * np.abs(found).max())
+        assert close[smooth].mean() > 0.9, column
+    assert np.abs(slopes).max() > 0.1
+
+
+def test_the_price_of_the_current_is_added(run: AdjointRun) -> None:
+    loads = run.world.draw(np.random.default_rng(4), 2)
+    base = run.loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
+    none = np.zeros(base.channels.shape)
+    blind = np.zeros(base.observations.shape)
+    np.testing.assert_array_equal(run.loop.adjoint(base, none, blind, 0.3), np.full(base.commands.shape, 0.3))
+
+
+def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -> None:
+    policy = run.policy()
+    policy.write(tmp_path / "policy.json")
+    read = Policy.read(tmp_path / "policy.json")
+    o = np.random.default_rng(0).normal(0, 0.3, (200, read.observer.size)).astype(np.float32)
+    force = read.observer.measured(o, "force")
+    np.testing.assert_allclose(read.commands(o, force), run.soft.commands(o), atol=2e-4)
+    assert (run.soft.commands(o) > 0).any()
+
+
+def test_a_step_changes_the_weights_and_is_the_same_again(tmp_path: Path) -> None:
+    one, two = made(tmp_path / "a"), made(tmp_path / "b")
+    before = one.soft.taught()
+    values = one.step(), two.step()
+    assert values[0] == values[1]
+    np.testing.assert_array_equal(one.soft.taught(), two.soft.taught())
+    assert np.abs(one.soft.taught() - before).max() > 1e-4
+    assert one.timesteps == one.loop.rows_each * 2 * 2001
+
+
+def test_a_training_leaves_its_files_and_goes_on(tmp_path: Path) -> None:
+    result = train(options(steps=48_000), tmp_path)
+    assert [row["timesteps"] for row in result.curve] == [0, 48_024]
+    assert Policy.read(tmp_path / "policy.json").teacher is not None
+    again = made(tmp_path)  # from the checkpoint
+    assert again.timesteps == 48_024
+    with pytest.raises(InputError, match="other options"):
+        train(options(steps=60_000), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("loads=0", "loads 1 or more"),
+        ("momentum=1", "'momentum' is unknown"),
+        ("policy_kwargs.net_arch=[4,4]", "one hidden layer"),
+        ("teacher=", "a teacher"),
+        ("switch=true", "viscous and switch"),
+        ("env_kwargs.history=2", "history"),
+    ],
+)
+def test_settings_that_it_does_not_know_are_refused(tmp_path: Path, override: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        made(tmp_path, override)
+
+
+def test_a_loop_finds_the_states_that_matter(run: AdjointRun) -> None:
+    """Six of the structure, the driver, and the damper's own; sensors' copies are left out."""
+    assert isinstance(run.world, FrameWorld)
+    loop = ClosedLoop(run.world, 2)
+    loads = run.world.draw(np.random.default_rng(1), 2)
+    loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
+    assert loop.rows_each == 12

@@ -1,0 +1,184 @@
+"""Trainings of the frame's policies by gradients through the chain: the adjoint of the linearised closed loop.
+
+The criteria of an episode are peaks, which the rewards of single steps say little about, and an evolution strategy
+needs many runs for every weight. The slopes of the chain give the exact gradient of all weights from one run and a
+sweep backwards, as backpropagation through time does for networks (Werbos, Proc. IEEE 78 (1990) 1550-1560).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mrdamp.control.networks import Network
+from mrdamp.errors import InputError
+from mrdamp.train.closed_loop import ClosedLoop, Trajectory
+from mrdamp.train.run import Progress, Run
+from mrdamp.train.settings import Options, Settings
+from mrdamp.train.soft_policy import SoftPolicy
+from mrdamp.train.worlds import FrameWorld
+
+Array = NDArray[np.float64]
+
+#: What the hyperparameters hold besides `Settings`. loads: of a step; learning_rate: of Adam at first, that of the
+#: hidden layer's weights is twice it, and all fall along half a cosine to a twentieth; current, noise: as of the
+#: evolution strategy.
+DEFAULTS: Mapping[str, Any] = {"loads": 21, "learning_rate": 5e-3, "current": 0.02, "noise": 5e-4}
+
+#: Exponent of the norm over time in place of a peak: within 4 % of it, and every near-peak has a slope.
+_NORM = 20
+#: Of the slopes of a load over the median of all: where the closed loop is nearly unstable, they say nothing of a step.
+_LOUD = 3.0
+_LEAST_RATE = 0.05  # share of the learning rate at the end
+_PEAK = 3.0  # of the leaky peak among the network's inputs, so that it is as large as the others
+
+
+class AdjointRun(Run):
+    """One training. A step counts the control periods of all rows, those that slopes are taken with included."""
+
+    def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
+        unknown = sorted(set(chosen.learner) - set(DEFAULTS))
+        if unknown:
+            raise InputError(
+                f"adjoint: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}"
+            )
+        own = {**DEFAULTS, **chosen.learner}
+        self._loads, self._rate = int(own["loads"]), float(own["learning_rate"])
+        self._current, self._noise = float(own["current"]), float(own["noise"])
+        if self._loads < 1 or not 0 < self._rate < math.inf or not self._noise >= 0:
+            raise InputError("adjoint: hyperparameters: allowed: loads 1 or more, learning_rate > 0, noise >= 0")
+        super().__init__(options, chosen, out, 1)
+        if not isinstance(self.world, FrameWorld) or not chosen.teacher or self.levels is None:
+            raise InputError("adjoint: allowed: mrdamp/Frame-v0, action: force, and a teacher")
+        if chosen.viscous or chosen.switch:
+            raise InputError("adjoint: hyperparameters: viscous and switch are not allowed")
+        hidden = chosen.policy_kwargs.get("net_arch", [])
+        if len(hidden) != 1:
+            raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: one hidden layer")
+        self.loop = ClosedLoop(self.world, self._loads)
+        rng = np.random.default_rng(self.seed)
+        taught = np.zeros(self.inputs)
+        plain = self.inputs - len(self.task.observer.peaks)
+        taught[:plain] = self._taught(plain)
+        self.soft = SoftPolicy(
+            self.task.observer, self.matrix, taught, int(hidden[0]), self.levels, self.command_max, self.least(), rng
+        )
+        s = self.soft
+        self._adam = torch.optim.Adam(
+            [
+                {"params": [s.teacher, s.out, s.offset], "share": 1.0},
+                {"params": [s.weight, s.bias], "share": 2.0},
+            ],
+            lr=self._rate,
+            betas=(0.9, 0.98),
+        )
+        self._periods = self._steps = 0
+        if self._checkpoint.is_file():
+            kept = torch.load(self._checkpoint, weights_only=True)
+            self.soft.load_state_dict(kept["policy"])
+            self._adam.load_state_dict(kept["adam"])
+            self._periods, self._steps = kept["periods"], kept["steps"]
+
+    def _taught(self, plain: int) -> Array:
+        """(plain,) the teacher's weights without the rows of the leaky peaks."""
+        whole, self.matrix = self.matrix, self.matrix[:plain]
+        try:
+            return self.taught()
+        finally:
+            self.matrix = whole
+
+    def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
+        """The peaks, which have no sign and are left out elsewhere, are inputs of the network too."""
+        matrix = super()._matrix(rng)
+        if self.matrix_file.is_file():
+            return matrix
+        o = self.task.observer
+        columns = [j for j in range(o.size) if j not in o.without_peaks]
+        return np.vstack([matrix, _PEAK * np.eye(o.size, dtype=np.float32)[columns]])
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.out / "checkpoint.pt"
+
+    @property
+    def timesteps(self) -> int:
+        return self._periods
+
+    def network(self) -> Network:
+        return self.soft.network()
+
+    def teacher(self) -> Array:
+        return self.soft.taught()
+
+    def save(self) -> None:
+        fresh = self.out / "checkpoint.new.pt"
+        kept = {
+            "policy": self.soft.state_dict(), "adam": self._adam.state_dict(), "periods": self._periods,
+            "steps": self._steps,
+        }  # fmt: skip
+        torch.save(kept, fresh)
+        fresh.replace(self._checkpoint)
+
+    def learn(self, progress: Progress) -> None:
+        while self.timesteps < self.chosen.n_timesteps:
+            self.tell(progress)
+            if self.due():
+                self.evaluate()
+            self.step()
+        if self.curve[-1]["timesteps"] < self.timesteps:
+            self.evaluate()
+
+    def step(self) -> float:
+        """One step of Adam under loads drawn anew; the value before it."""
+        key = (*self.draws.spawn_key, self._steps)
+        rng = np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
+        loads = self.world.draw(rng, self._loads)
+        run = self.loop.run(loads, self.soft.commands, self._noise, rng)
+        value, by_channel = self.value(run)
+        self.backward(run, by_channel)
+        torch.nn.utils.clip_grad_norm_(self.soft.parameters(), 1.0)
+        share = min(1.0, self._periods / self.chosen.n_timesteps)
+        fallen = _LEAST_RATE + (1 - _LEAST_RATE) * 0.5 * (1 + math.cos(math.pi * share))
+        for group in self._adam.param_groups:
+            group["lr"] = self._rate * group["share"] * fallen
+        self._adam.step()
+        self._steps += 1
+        self._periods += run.periods * self.loop.rows_each
+        return value
+
+    def value(self, run: Trajectory) -> tuple[float, Array]:
+        """The score with norms over time in place of peaks, without the current, and its slopes by channel."""
+        by_channel = np.zeros(run.channels.shape)
+        references = self.loop.references()
+        alive = np.arange(len(run.channels))[:, None] <= run.lasts
+        total = 0.0
+        for k, (group, c) in enumerate(zip(self.loop.groups, self.world.criteria, strict=True)):
+            size = np.abs(run.channels[:, :, group]) * alive[:, :, None]
+            largest = size.max(axis=(0, 2), keepdims=True)
+            near = (size / largest) ** _NORM
+            whole = near.sum(axis=(0, 2), keepdims=True)
+            norm = largest * whole ** (1 / _NORM)
+            share = c.share / (self.loop.n * references[None, :, k, None])
+            total += float((share * norm).sum())
+            slope = share * norm / whole * near / np.maximum(size, 1e-30)
+            by_channel[:, :, group] = slope * np.sign(run.channels[:, :, group])
+        return total, by_channel
+
+    def backward(self, run: Trajectory, by_channel: Array) -> None:
+        """Sets the gradients of the weights."""
+        periods, n = run.commands.shape
+        seen = torch.from_numpy(run.observations.reshape(periods * n, -1)).requires_grad_(True)
+        commands = self.soft(seen)
+        slopes = torch.autograd.grad(commands.sum(), seen, retain_graph=True)[0].numpy().astype(np.float64)
+        price = self._current / (self.command_max * run.periods)
+        each = self.loop.adjoint(run, by_channel, slopes.reshape(periods, n, -1), price)
+        size = np.sqrt((each**2).sum(axis=0))
+        each = each * np.minimum(1.0, _LOUD * np.median(size) / np.maximum(size, 1e-30))
+        self._adam.zero_grad()
+        (torch.from_numpy(each.reshape(-1).astype(np.float32)) * commands).sum().backward()
