@@ -29,7 +29,8 @@ def add_to(commands: Any) -> None:
     p.add_argument("environment", help="mrdamp/Frame-v0, mrdamp/Cable-v0 or mrdamp/QuarterCar-v0")
     p.add_argument(
         "--algo", default="es", choices=_ALGORITHMS,
-        help="of stable-baselines3 (recurrent: of sb3-contrib), or es: an evolution strategy (default: %(default)s)",
+        help="of stable-baselines3 (recurrent: of sb3-contrib), es: an evolution strategy, or adjoint: gradients "
+        "through the chain, of the frame alone (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--seed", type=int, default=0, help="the first seed (default: %(default)s)")
     p.add_argument("--seeds", type=int, default=1, help="how many (default: %(default)s)")
