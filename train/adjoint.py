@@ -52,7 +52,9 @@ class AdjointRun(Run):
         self._loads, self._rate = int(own["loads"]), float(own["learning_rate"])
         self._current, self._noise = float(own["current"]), float(own["noise"])
         if self._loads < 1 or not 0 < self._rate < math.inf or not self._noise >= 0:
-            raise InputError("adjoint: hyperparameters: allowed: loads 1 or more, learning_rate > 0, noise >= 0")
+            raise InputError(
+                "adjoint: hyperparameters: allowed: loads 1 or more, learning_rate > 0, noise >= 0"
+            )
         super().__init__(options, chosen, out, 1)
         if not isinstance(self.world, FrameWorld) or not chosen.teacher or self.levels is None:
             raise InputError("adjoint: allowed: mrdamp/Frame-v0, action: force, and a teacher")
@@ -67,7 +69,14 @@ class AdjointRun(Run):
         plain = self.inputs - len(self.task.observer.peaks)
         taught[:plain] = self._taught(plain)
         self.soft = SoftPolicy(
-            self.task.observer, self.matrix, taught, int(hidden[0]), self.levels, self.command_max, self.least(), rng
+            self.task.observer,
+            self.matrix,
+            taught,
+            int(hidden[0]),
+            self.levels,
+            self.command_max,
+            self.least(),
+            rng,
         )
         s = self.soft
         self._adam = torch.optim.Adam(

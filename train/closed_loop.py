@@ -53,9 +53,9 @@ class ClosedLoop:
         self.world, self.n, self._given = world, n, given
         self.task = FrameTask(n, **given)
         o = self.task.observer
-        if o.history != 1 or o.action_in_observation or o.memory or len(o.peaks) > 1:
+        if o.history != 1 or o.memory or len(o.peaks) > 1:
             raise InputError(
-                "adjoint: the observer has a history, commands, a memory or several peaks; allowed: none of them"
+                "adjoint: the observer has a history, a memory or several peaks; allowed: none of them"
             )
         names, storeys = self.task.rows.names, range(1, self.task.structure.storeys + 1)
         self.signals = [names.index(name) for name in o.signals]
@@ -91,7 +91,10 @@ class ClosedLoop:
         self._run(loads, act, 0.0, rng, np.zeros(0, dtype=np.intp), np.zeros(0), states)
         for now in states:
             first = now if first is None else first
-            largest, changing = np.maximum(largest, np.abs(now).max(axis=0)), changing | (now != first).any(axis=0)
+            largest, changing = (
+                np.maximum(largest, np.abs(now).max(axis=0)),
+                changing | (now != first).any(axis=0),
+            )
         moving = np.flatnonzero(changing & np.isfinite(largest))
         moving = moving[moving >= _HEADER]
         scale = np.maximum(largest[moving], np.finfo(np.float64).tiny)
@@ -123,11 +126,12 @@ class ClosedLoop:
         a, b = np.zeros((t, n, many, many), np.float32), np.zeros((t, n, many), np.float32)
         c, d = np.zeros((t, n, width, many), np.float32), np.zeros((t, n, width), np.float32)
         channels[0], before, units = measured[:, self.columns], None, np.array(o.scales)
+        u = np.zeros(n)
         for k in range(t):
             values = measured[:, self.signals]
             if noise:
                 values = values + noise * units * rng.standard_normal(values.shape)
-            before = o.scaled(values, np.zeros((n, 1)), before)
+            before = o.scaled(values, u[:, None], before)
             seen[k] = before
             commands[k] = u = act(seen[k])
             if states is not None:
@@ -176,17 +180,20 @@ class ClosedLoop:
         )
         signal = o.signals.index(next(iter(o.peaks))) if o.peaks else 0
         fall = np.exp(-1 / next(iter(o.peaks.values()))) if o.peaks else 0.0
-        at = ns if o.peaks else None
+        last = ns if o.action_in_observation else None
+        at = ns + o.action_in_observation if o.peaks else None
         by_x, by_y = np.zeros((n, s.a.shape[-1])), by_channel[-1].copy()
         by_filter, by_peak = np.zeros((n, states)), np.zeros(n)
-        found = np.zeros(run.commands.shape)
+        found, by_command = np.zeros(run.commands.shape), np.full(n, price)
         for k in range(len(found) - 1, -1, -1):
-            found[k] = (by_x * s.b[k]).sum(axis=-1) + (by_y * s.d[k]).sum(axis=-1) + price
+            found[k] = (by_x * s.b[k]).sum(axis=-1) + (by_y * s.d[k]).sum(axis=-1) + by_command
             by_x = (by_x[:, None] @ s.a[k] + by_y[:, None] @ s.c[k])[:, 0]
             through = by_observation[k] * found[k][:, None]
             later = by_filter
             by_filter = later @ step + through[:, o.size - states :]
             by_signal = through[:, :ns] + by_filter @ now + later @ before
+            if last is not None:
+                by_command = price + through[:, last] / float(o.command_max[0])
             if at is not None:
                 value, total = run.observations[k, :, signal], by_peak + through[:, at]
                 fresh = np.abs(value) >= run.observations[k, :, at]
