@@ -21,7 +21,7 @@ from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.envs.plant import FramePlant, default_damper
 from mrdamp.errors import InputError
-from mrdamp.model import Model
+from mrdamp.model import Effect, Model
 from mrdamp.motions import embedded_motion
 from mrdamp.structures import dyke1996
 
@@ -164,7 +164,36 @@ def test_a_policy_is_held_back_on_a_faster_driver_by_what_that_lacks_of_its_lag(
     assert Policy.from_dict(data).to_dict()["command_lag"] == 0.006
 
 
+@pytest.mark.parametrize("lag", [0.001, 0.003])
+def test_a_known_lag_of_the_force_sensor_is_taken_back(lag: float) -> None:
+    """Forces that are held over a period, behind a first-order sensor: the commands are those of the forces."""
+    file = resources.files("mrdamp") / "data" / "policies" / "frame" / "learned" / "seed_1.json"
+    alone, told, blind = (Policy.read(Path(str(file))) for _ in range(3))
+    told.matched(0.0, lag)
+    blind.matched(0.0)
+    alone.matched(0.0)
+    rest = dict.fromkeys(alone.observer.signals, 0.0)
+    keep = math.exp(-alone.period / lag)
+    for _ in range(2):  # the same again after a reset
+        measured, found = 0.0, []
+        for k, force in enumerate([0.0, *(300.0 * np.random.default_rng(0).standard_normal(60))]):
+            measured = force + keep * (measured - force)
+            found.append(
+                [
+                    p.command(2e-3 * k, {**rest, "force": f})
+                    for p, f in ((alone, force), (told, measured), (blind, measured))
+                ]
+            )
+        true, led, late = np.array(found).T
+        np.testing.assert_allclose(led, true, atol=1e-4)
+        assert np.abs(late - true).max() > 0.05
+        for p in (alone, told, blind):
+            p.reset()
+
+
 def test_a_lag_that_cannot_be() -> None:
+    with pytest.raises(InputError, match="force sensor's lag is -1"):
+        cautious().matched(0.0, -1.0)
     with pytest.raises(InputError, match="driver's lag is -1"):
         cautious().matched(-1.0)
     with pytest.raises(InputError, match="command_lag is -1"):
@@ -193,6 +222,20 @@ def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(
     assert moved(fast, alone) > 2 * as_trained
     site = registry.Site(dyke1996(), fast, 2.25, 0.002)
     assert moved(fast, registry.make(f"policy:{file}", site)) < 1.1 * as_trained
+
+
+def test_a_policy_is_told_the_lag_of_its_dampers_force_sensor() -> None:
+    lagged = replace(default_damper(), effects=(Effect("sensor_lag", {"tau": 0.002}),))
+    assert (default_damper().sensor_lag, lagged.sensor_lag) == (0.0, 0.002)
+    file = resources.files("mrdamp") / "data" / "policies" / "frame" / "learned" / "seed_3.json"
+    rest = dict.fromkeys(Policy.read(Path(str(file))).observer.signals, 0.0)
+    by_hand = Policy.read(Path(str(file))).matched(lagged.command_lag, 0.002)
+    made = registry.make(f"policy:{file}", registry.Site(dyke1996(), lagged, 2.25, 0.002))
+    forces = 300.0 * np.random.default_rng(0).standard_normal(40)
+    found = [
+        [p.command(2e-3 * k, {**rest, "force": f}) for k, f in enumerate(forces)] for p in (made, by_hand)
+    ]
+    assert found[0] == found[1]
 
 
 def test_a_least_command_that_cannot_be() -> None:

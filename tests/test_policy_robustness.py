@@ -49,6 +49,20 @@ def test_the_added_lag_is_seen_in_the_row_of_a_frame(
     assert alone > matched + 0.02
 
 
+def test_a_lag_of_the_sensor_that_is_told_is_seen_in_the_row(
+    tool: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = str(resources.files("mrdamp") / "data" / "policies" / "frame" / "learned" / "seed_1.json")
+    found = []
+    for options in ([], ["--sensor-lag", "0.003"]):
+        assert tool.main([*options, "--effects", "sensor_lag", "--loads", "1", "--", file]) == 0
+        found.append(float(capsys.readouterr().out.splitlines()[-1].split("|")[3]))
+    assert found[1] < found[0] - 0.01
+    with pytest.raises(SystemExit, match="2"):
+        tool.main(["--sensor-lag", "-1", file])
+    assert "force sensor's lag is -1" in capsys.readouterr().err
+
+
 def test_a_file_that_is_no_policy_is_refused_in_a_line(
     tool: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

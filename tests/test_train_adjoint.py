@@ -11,6 +11,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from mrdamp.compare.contenders import shipped_policies  # noqa: E402
 from mrdamp.control.policy import Policy  # noqa: E402
 from mrdamp.errors import InputError  # noqa: E402
 from mrdamp.train.adjoint import AdjointRun  # noqa: E402
@@ -100,6 +101,18 @@ def test_the_price_of_the_current_is_added(run: AdjointRun) -> None:
     np.testing.assert_array_equal(run.loop.adjoint(base, none, blind, 0.3), np.full(base.commands.shape, 0.3))
 
 
+def test_a_training_begins_at_a_shipped_policy(tmp_path: Path) -> None:
+    """Apart from that one's small offset."""
+    own = made(tmp_path)
+    shipped = Policy.read(shipped_policies("frame")["learned"][0])
+    names = own.task.observer.names
+    o = np.random.default_rng(0).normal(0, 0.3, (300, len(names))).astype(np.float32)
+    old = o[:, [names.index(name) for name in shipped.observer.names]]
+    theirs = shipped.commands(old, shipped.observer.measured(old, "force"))
+    np.testing.assert_allclose(own.soft.commands(o), theirs, atol=0.03)
+    assert theirs.std() > 0.3
+
+
 def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -> None:
     policy = run.policy()
     policy.write(tmp_path / "policy.json")
@@ -134,6 +147,8 @@ def test_a_training_leaves_its_files_and_goes_on(tmp_path: Path) -> None:
     ("override", "said"),
     [
         ("loads=0", "loads 1 or more"),
+        ("start=nobody", "a shipped set"),
+        ("start=ppo", "not a linear policy"),
         ("momentum=1", "'momentum' is unknown"),
         ("policy_kwargs.net_arch=[4,4]", "one hidden layer"),
         ("teacher=", "a teacher"),

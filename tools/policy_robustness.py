@@ -1,9 +1,10 @@
 """Policies on the real frames of `mrdamp gap`: the score less passive-on's, with 95 % intervals over motions and seeds.
 
-    python tools/policy_robustness.py [--as-trained] [--effects NAME ...] [--loads N] POLICY.json ...
+    python tools/policy_robustness.py [--as-trained | --sensor-lag S] [--effects NAME ...] [--loads N] POLICY.json ...
 
 The rig shares no code with the plugin, has no driver lag but with `driver_lag`, and one effect at a time. --as-trained:
-without the lag that a policy is given on a faster driver (`Policy.matched`). The policies are seeds of one training.
+without the lag that a policy is given on a faster driver (`Policy.matched`). --sensor-lag: that of the force sensor, as
+the policies are told it. The policies are seeds of one training.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ def main(arguments: list[str] | None = None) -> int:
     causes = (NONE, *EFFECTS)
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("policies", nargs="+", type=Path, metavar="POLICY.json")
-    p.add_argument("--as-trained", action="store_true")
+    told = p.add_mutually_exclusive_group()
+    told.add_argument("--as-trained", action="store_true")
+    told.add_argument("--sensor-lag", type=float, default=0.0, metavar="S", help="s (default: none)")
     p.add_argument(
         "--effects", nargs="+", choices=causes, default=causes, metavar="NAME", help=", ".join(causes)
     )
@@ -49,11 +52,11 @@ def main(arguments: list[str] | None = None) -> int:
     a = p.parse_args(arguments)
     try:
         policies = [Policy.read(file) for file in a.policies]
+        scenario = Scenario(nominal_frame(), "constant", a.loads, 1, 0)
+        if not a.as_trained:
+            policies = [q.matched(scenario.nominal.command_lag, a.sensor_lag) for q in policies]
     except InputError as error:
         p.exit(2, f"policy_robustness: {error}\n")
-    scenario = Scenario(nominal_frame(), "constant", a.loads, 1, 0)
-    if not a.as_trained:
-        policies = [policy.matched(scenario.nominal.command_lag) for policy in policies]
     site = scenario.site(scenario.nominal)
 
     def scores(real: RealFrame, controller: Controller) -> list[float]:

@@ -16,7 +16,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from mrdamp.compare.contenders import shipped_policies
 from mrdamp.control.networks import Network
+from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
 from mrdamp.train.run import Progress, Run
@@ -26,10 +28,17 @@ from mrdamp.train.worlds import FrameWorld
 
 Array = NDArray[np.float64]
 
-#: What the hyperparameters hold besides `Settings`. loads: of a step; learning_rate: of Adam at first, that of the
+#: What the hyperparameters hold besides `Settings`. start: a set of shipped linear policies; a training begins with the
+#: weights of its seed's one, none: with the teacher's. loads: of a step; learning_rate: of Adam at first, that of the
 #: hidden layer's weights is twice it, and all fall along half a cosine to a twentieth; current, noise: as of the
 #: evolution strategy.
-DEFAULTS: Mapping[str, Any] = {"loads": 21, "learning_rate": 5e-3, "current": 0.02, "noise": 5e-4}
+DEFAULTS: Mapping[str, Any] = {
+    "start": None,
+    "loads": 21,
+    "learning_rate": 5e-3,
+    "current": 0.02,
+    "noise": 5e-4,
+}
 
 #: Exponent of the norm over time in place of a peak: within 4 % of it, and every near-peak has a slope.
 _NORM = 20
@@ -65,13 +74,11 @@ class AdjointRun(Run):
             raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: one hidden layer")
         self.loop = ClosedLoop(self.world, self._loads)
         rng = np.random.default_rng(self.seed)
-        taught = np.zeros(self.inputs)
-        plain = self.inputs - len(self.task.observer.peaks)
-        taught[:plain] = self._taught(plain)
+        begin = self._begin(self.inputs - len(self.task.observer.peaks), own["start"])
         self.soft = SoftPolicy(
             self.task.observer,
             self.matrix,
-            taught,
+            begin,
             int(hidden[0]),
             self.levels,
             self.command_max,
@@ -94,13 +101,32 @@ class AdjointRun(Run):
             self._adam.load_state_dict(kept["adam"])
             self._periods, self._steps = kept["periods"], kept["steps"]
 
-    def _taught(self, plain: int) -> Array:
-        """(plain,) the teacher's weights without the rows of the leaky peaks."""
-        whole, self.matrix = self.matrix, self.matrix[:plain]
+    def _begin(self, plain: int, start: str | None) -> Array:
+        """(inputs,) weights to begin with; none on the leaky peaks, which come behind the `plain` ones."""
+        found, whole = np.zeros(self.inputs), self.matrix
+        self.matrix = whole[:plain]
         try:
-            return self.taught()
+            found[:plain] = self.taught() if start is None else self._shipped(start)
         finally:
             self.matrix = whole
+        return found
+
+    def _shipped(self, name: str) -> Array:
+        """(inputs,) weights whose action is that of a shipped linear policy. Raises InputError."""
+        files = shipped_policies("frame").get(name, ())
+        if not files:
+            raise InputError(f"adjoint: hyperparameters: start is {name!r}; allowed: none, or a shipped set")
+        policy = Policy.read(files[self.options.seed % len(files)])
+        names, layers = self.task.observer.names, policy.network.layers
+        unseen = [n for n in policy.observer.names if n not in names]
+        same = policy.period == self.task.rows.period and policy.levels == self.levels
+        if len(layers) != 1 or policy.teacher is not None or unseen or not same:
+            raise InputError(
+                f"adjoint: start {name}: not a linear policy of these observations and this damper"
+            )
+        row = np.zeros(len(names))
+        row[[names.index(n) for n in policy.observer.names]] = (layers[0][0] @ policy.transform)[0]
+        return np.asarray(np.linalg.lstsq(self.matrix.T.astype(np.float64), row, rcond=1e-9)[0])
 
     def _matrix(self, rng: np.random.Generator) -> NDArray[np.float32]:
         """The peaks, which have no sign and are left out elsewhere, are inputs of the network too."""

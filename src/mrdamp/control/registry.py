@@ -187,11 +187,11 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
 
 
 def policy(path: str, damper: Model | None) -> Controller:
-    """An exported policy, matched to the driver of a damper. Raises InputError."""
+    """An exported policy, matched to the driver and the force sensor of a damper. Raises InputError."""
     from mrdamp.control.policy import Policy
 
     found = Policy.read(Path(path))
-    return found if damper is None else found.matched(damper.command_lag)
+    return found if damper is None else found.matched(damper.command_lag, damper.sensor_lag)
 
 
 def make(spec: str, site: Site) -> Controller:

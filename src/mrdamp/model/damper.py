@@ -111,6 +111,11 @@ class Model:
         names = ("command_delay_d", "driver_lag_tau", "driver_lag_tau2")
         return sum(self.attributes.get(name, 0.0) for name in names)
 
+    @property
+    def sensor_lag(self) -> float:
+        """s, of the measured force behind the force: the time constants of its sensor together."""
+        return sum(self.attributes.get(name, 0.0) for name in ("sensor_lag_tau", "sensor_lag_tau2"))
+
     @cached_property
     def attributes(self) -> dict[str, float]:
         """The plugin's attributes: the law's parameters and those of the effects that have no place."""
