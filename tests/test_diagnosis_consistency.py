@@ -14,7 +14,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.assembly import _named
+from mrdamp.diagnosis.report.assembly import _by_regime, _named
 from toy_rig import FIFTH, toy
 
 
@@ -114,7 +114,7 @@ def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
     )
     search.keep(first)
     final = FinalFit(last, (), problem.gaps(last.residual), problem)
-    (named,) = _named(search, first, final, {"cubic": 0.9}, {})
+    (named,) = _named(search, first, final, {"cubic": 0.9}, {}, _by_regime(first, final))
     assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
     assert named.by_regime
     assert all(set(r.parameters) == set(r.intervals) == {"fifth"} for r in named.by_regime)

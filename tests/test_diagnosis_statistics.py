@@ -12,11 +12,19 @@ import pytest
 from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
-from mrdamp.diagnosis.constants import UNKNOWN_ABOVE
+from mrdamp.diagnosis.constants import LAPSE, UNKNOWN_ABOVE
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit, stroke_since_reversal
 from mrdamp.diagnosis.evidence.judgement import with_nearest
-from mrdamp.diagnosis.evidence.verdict import Scored, by_causes, decide, of_cause, shapley, with_lapse
+from mrdamp.diagnosis.evidence.verdict import (
+    Scored,
+    by_causes,
+    decide,
+    lapse_of,
+    of_cause,
+    shapley,
+    with_lapse,
+)
 from mrdamp.diagnosis.fits.least_squares import fit, leave_out
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
@@ -353,3 +361,13 @@ def test_probabilities_leave_room_for_what_nobody_thought_of() -> None:
     assert sum(found.values()) == pytest.approx(1.0)
     assert found["a",] == pytest.approx(0.98 * 0.999 + 0.005)
     assert found["unknown",] == pytest.approx(0.005)
+
+
+def test_the_lapse_rate_beside_a_wrong_law_depends_on_the_answer() -> None:
+    """An answer that a regime contradicts lapses most; with an exact law regimes and verdict do not count."""
+    beside = {v: lapse_of(v, inexact=True, worse=False) for v in ("effect", "parameters", "unknown", "none")}
+    assert beside["effect"] == beside["parameters"] == LAPSE < beside["unknown"] < beside["none"]
+    assert lapse_of("effect", inexact=True, worse=True) > beside["none"]
+    assert {lapse_of(v, inexact=False, worse=w) for v in beside for w in (True, False)} == {LAPSE}
+    sets: dict[tuple[str, ...], float] = {("a",): 1.0, ("unknown",): 0.0}
+    assert with_lapse(sets, 0.4)["a",] == pytest.approx(0.8)

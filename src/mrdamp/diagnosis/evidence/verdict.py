@@ -14,6 +14,9 @@ from mrdamp.diagnosis.constants import (
     FREE_PRICE,
     INDEPENDENT,
     LAPSE,
+    LAPSE_NONE,
+    LAPSE_UNKNOWN,
+    LAPSE_WORSE,
     LAW_PRICE,
     LOGIT_TEMPER,
     MOVE,
@@ -235,12 +238,23 @@ def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tu
     return dict(sorted(out.items(), key=lambda item: (-item[1], item[0])))
 
 
-def with_lapse(sets: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
-    """Probabilities of sets of causes with the lapse rate spread evenly; their order is unchanged.
+def with_lapse(sets: Mapping[tuple[str, ...], float], lapse: float = LAPSE) -> dict[tuple[str, ...], float]:
+    """Probabilities of sets of causes with the lapse rate spread evenly; their order is unchanged unless it exceeds
+    the differences.
 
     Source: Wichmann & Hill (2001), doi:10.3758/BF03194544, eq. 1.
     """
-    return {causes: (1 - LAPSE) * p + LAPSE / len(sets) for causes, p in sets.items()}
+    return {causes: (1 - lapse) * p + lapse / len(sets) for causes, p in sets.items()}
+
+
+def lapse_of(verdict: str, *, inexact: bool, worse: bool) -> float:
+    """Lapse rate of an answer. inexact: no fit reaches the noise. worse: a named cause makes the gap larger in a
+    regime."""
+    if not inexact:
+        return LAPSE
+    if verdict == "effect":
+        return LAPSE_WORSE if worse else LAPSE
+    return {"unknown": LAPSE_UNKNOWN, "none": LAPSE_NONE}.get(verdict, LAPSE)
 
 
 def _named(f: Scored) -> tuple[str, ...]:

@@ -23,13 +23,14 @@ from mrdamp.diagnosis.attribution.stages import (
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE
 from mrdamp.diagnosis.evidence.ceiling import of_fit
-from mrdamp.diagnosis.evidence.consistency import by_regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
 from mrdamp.diagnosis.evidence.verdict import (
     Decision,
     Scored,
     by_causes,
+    lapse_of,
     of_cause,
     with_lapse,
 )
@@ -37,6 +38,7 @@ from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.outside import plain
+from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -79,7 +81,9 @@ def assemble(
     }
     sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
     weighed = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
-    sets = with_lapse(sets)
+    regimes_of = _by_regime(chosen, final) if decision.verdict == "effect" else {}
+    worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
+    sets = with_lapse(sets, lapse_of(decision.verdict, inexact=search.inexact, worse=any(worse.values())))
     causes = of_cause(sets)
     rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", final.heldout))}
     whole = final.problem
@@ -98,11 +102,10 @@ def assemble(
     waterfall = [*waterfall, last] if chosen.hypothesis.causes else [waterfall[0], last]
     around = spread(final.problem, final.fit)
     intervals = around.intervals() if decision.verdict != "none" else {}
-    named = _named(search, chosen, final, causes, intervals) if decision.verdict == "effect" else ()
-    for effect in named:
-        worse = [r.label() for r in effect.by_regime if r.worse]
-        if worse:
-            notes.append(f"{effect.effect} makes the gap larger in {', '.join(worse)}: check it before you use it")
+    named = _named(search, chosen, final, causes, intervals, regimes_of) if decision.verdict == "effect" else ()
+    for cause, some in worse.items():
+        if some:
+            notes.append(f"{cause} makes the gap larger in {', '.join(some)}: check it before you use it")
     for name in final.fit.at_bounds:
         notes.append(f"{name} stands at an end of its range")
     if not final.fit.converged:
@@ -241,11 +244,11 @@ def _named(
     final: FinalFit,
     probabilities: dict[str, float],
     intervals: dict[str, Interval],
+    regimes_of: Mapping[str, tuple[RegimeEstimate, ...]],
 ) -> tuple[Named, ...]:
     shares = cause_shares(search, chosen, lambda f: f.cost)
     settings, out = final.fit.settings, []
-    last = {t.cause: t for t in reversed(final.fit.hypothesis.terms)}  # maybe in another form
-    for term in (last.get(t.cause, t) for t in chosen.hypothesis.terms):
+    for term in _last_forms(chosen, final):
         names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
         out.append(
             Named(
@@ -258,11 +261,22 @@ def _named(
                 _short(intervals, names),
                 tuple(
                     replace(r, parameters=_short(r.parameters, names), intervals=_short(r.intervals, names))
-                    for r in by_regime(final.problem, final.fit, term.cause)
+                    for r in regimes_of[term.cause]
                 ),
             )
         )
     return tuple(out)
+
+
+def _last_forms(chosen: Fit, final: FinalFit) -> list[Term]:
+    """The named causes' terms, each in the form of the final fit, which may be another one."""
+    last = {t.cause: t for t in reversed(final.fit.hypothesis.terms)}
+    return [last.get(t.cause, t) for t in chosen.hypothesis.terms]
+
+
+def _by_regime(chosen: Fit, final: FinalFit) -> dict[str, tuple[RegimeEstimate, ...]]:
+    """Estimates of each named cause from the records of single regimes."""
+    return {t.cause: by_regime(final.problem, final.fit, t.cause) for t in _last_forms(chosen, final)}
 
 
 def _short(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
