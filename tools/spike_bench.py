@@ -42,6 +42,8 @@ SKIP = 50
 _PART = 0.6
 #: Not drawn: the sensor's offset is the simulator's own preload over again, whose number is free in any case.
 NOT_DRAWN = ("sensor_offset",)
+#: Order in which two effects are put in: forces on the rod, the command that the coil needs, the readings.
+STAGES = ("fluid", "mechanics", "mount", "magnetics", "driver", "sensor")
 _EXACT_AGAIN = 20  # draws before a slot is given up
 
 
@@ -137,44 +139,43 @@ class Made:
 
 
 def make(
-    name: str, effect: str | None, model: Model, records: RecordSet, part: str, rng: np.random.Generator
+    name: str, effects: Sequence[str], model: Model, records: RecordSet, part: str, rng: np.random.Generator
 ) -> Made | None:
-    """One case. part: `all`, `part` of the records, or `baseline`: the others come along without the effect."""
+    """One case, with none, one or two effects, each sized alone. part: `all`, `part` of the records, or `baseline`: the
+    others come along without the effects."""
     chosen, others = _split(records.train, part, rng)
     base = test_gap(model, records.validation)
-    label: dict[str, Any] = {"label": effect or "~own", "also": list(RIGS[name].also), "stages": []}
+    label: dict[str, Any] = {"label": "+".join(effects) or "~own", "also": list(RIGS[name].also), "stages": []}
     baseline = others if part == "baseline" else ()
-    if effect is None:
+    if not effects:
         label |= {"gap": base, "base": base, "size": {}}
         return Made(model, chosen, baseline, records.validation, label)
-    if refusal(effect, model, chosen) or refusal(effect, model, records.validation):
-        return None
-    injection = Injection.draw(effect, model, (*records.train, *records.validation), rng)
-    target = float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
-    own = test_gap(model, chosen)
+    both = tuple(zip((chosen, records.validation), (test_gap(model, chosen), base), strict=True))
+    wide, put, tests = model, list(chosen), list(records.validation)
+    size: dict[str, float] = {}
+    # The rod's forces come first, then what stands between them and a reading.
+    for effect in sorted(effects, key=lambda e: STAGES.index(FORMS[e].stage)):
+        if any(refusal(effect, model, half) for half, _ in both):
+            return None
+        injection = Injection.draw(effect, model, (*records.train, *records.validation), rng)
+        target = float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
 
-    def spiked(strength: float) -> tuple[Model, list[Record], list[Record]]:
-        put = [[injection.put(r, strength) for r in half] for half in (chosen, records.validation)]
-        return widened(model, [*put[0], *put[1]]), put[0], put[1]
+        def ratio(strength: float, injection: Injection = injection) -> float:
+            # Of the records too: what slow tests hardly show may be out of all bounds in fast ones.
+            spiked = [[injection.put(r, strength) for r in half] for half, _ in both]
+            wider = widened(model, [*spiked[0], *spiked[1]])
+            return max(test_gap(wider, some) / own for some, (_, own) in zip(spiked, both, strict=True))
 
-    def ratio(strength: float) -> float:
-        # Of the records too: what slow tests hardly show may be out of all bounds in fast ones.
-        wide, put, tests = spiked(strength)
-        return max(test_gap(wide, tests) / base, test_gap(wide, put) / own)
-
-    strength = strength_of(ratio, target)
-    if strength is None:
-        return None
-    wide, put, tests = spiked(strength)
+        strength = strength_of(ratio, target)
+        if strength is None:
+            return None
+        put, tests = ([injection.put(r, strength) for r in half] for half in (put, tests))
+        wide = widened(model, [*put, *tests])
+        size |= injection.parameters(strength)
     after = test_gap(wide, tests)
     if after < SHOWN * base:
         return None
-    label |= {
-        "stages": [injection.form.stage],
-        "gap": after,
-        "base": base,
-        "size": injection.parameters(strength),
-    }
+    label |= {"stages": sorted({FORMS[e].stage for e in effects}), "gap": after, "base": base, "size": size}
     return Made(wide, tuple(put), baseline, tuple(tests), label)
 
 
@@ -226,23 +227,36 @@ def write(made: Made, name: str, out: Path) -> None:
 
 
 def slots(
-    count: int, controls: int, sets: Sequence[str], rng: np.random.Generator
-) -> list[tuple[str, str | None]]:
-    """Sets and effects (None: a control), each effect about as often as any other, sets in turn."""
-    pairs: list[tuple[str, str | None]] = []
+    count: int, controls: int, pairs: int, sets: Sequence[str], rng: np.random.Generator
+) -> list[tuple[str, tuple[str, ...]]]:
+    """Sets and effects (none: a control), each effect about as often as any other, sets in turn. The last `pairs` have
+    a second effect of another stage."""
+    out: list[tuple[str, tuple[str, ...]]] = []
     for n in range(controls):
-        pairs.append((sets[n % len(sets)], None))
+        out.append((sets[n % len(sets)], ()))
     effects = [e for e in FORMS if e not in NOT_DRAWN]
     possible = {e: [s for s in sets if e not in RIGS[s].also] for e in effects}
     used = dict.fromkeys(sets, 0)
     order: list[str] = []
-    while len(pairs) < count:
+    while len(out) < count:
         order = order or [str(e) for e in rng.permutation([e for e in effects if possible[e]])]
         effect = order.pop()
         options = sorted(possible[effect], key=lambda s: (used[s], rng.random()))
-        pairs.append((options[0], effect))
+        second = (_second(effect, options[0], rng),) if len(out) >= count - pairs else ()
+        out.append((options[0], (effect, *second)))
         used[options[0]] += 1
-    return pairs
+    return out
+
+
+def _second(first: str, name: str, rng: np.random.Generator) -> str:
+    """An effect of another stage that the set can have."""
+    other = [e for e in drawn(name) if FORMS[e].stage != FORMS[first].stage]
+    return str(rng.choice(other))
+
+
+def drawn(name: str) -> list[str]:
+    """Effects that are put into a set."""
+    return [e for e in FORMS if e not in (*NOT_DRAWN, *RIGS[name].also)]
 
 
 def main() -> int:
@@ -250,6 +264,7 @@ def main() -> int:
     p.add_argument("out", type=Path)
     p.add_argument("--cases", type=int, default=45)
     p.add_argument("--controls", type=int, default=9)
+    p.add_argument("--pairs", type=int, default=0, help="cases with two effects (default: %(default)s)")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--sets", nargs="*", default=list(RIGS), choices=list(RIGS))
     p.add_argument("--models", type=Path, help="folder of the identified simulators")
@@ -257,9 +272,8 @@ def main() -> int:
     models = a.models or a.out.parent / "spike_models"
     sets = {name: records_of(name) for name in a.sets}
     rng = np.random.default_rng(a.seed)
-    pairs = slots(a.cases, a.controls, a.sets, rng)
     labels: dict[str, Any] = {}
-    for number, (name, effect) in enumerate(pairs):
+    for number, (name, effects) in enumerate(slots(a.cases, a.controls, a.pairs, a.sets, rng)):
         begun = time.monotonic()
         own = np.random.default_rng([a.seed, number])
         made = None
@@ -268,11 +282,12 @@ def main() -> int:
             law = LAWS[(number + again) % len(LAWS)]
             model = nominal(models, name, law, sets[name])
             part = str(own.choice(["all", "all", "part", "baseline"]))
-            made = make(name, effect, model, sets[name], part, own)
+            made = make(name, effects, model, sets[name], part, own)
             if made is not None:
                 break
             if again % 3 == 2:
-                effect = str(own.choice([e for e in FORMS if e not in (*NOT_DRAWN, *RIGS[name].also)]))
+                first = str(own.choice(drawn(name)))
+                effects = (first, _second(first, name, own)) if len(effects) > 1 else (first,)
         if made is None:
             print(f"{number}: {name}: nothing can be put in", file=sys.stderr)
             continue
