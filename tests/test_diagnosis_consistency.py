@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
+from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
@@ -80,6 +81,34 @@ def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
     assert not replace(one, gap_with=0.05).worse
     assert replace(one, over="speed", high=0.75).label("A") == "speed 0.5 to 0.75 m/s"
     assert replace(one, low=None, high=None).label() == "01"
+
+
+def test_the_hull_contains_every_regime_that_determines_a_parameter() -> None:
+    one = RegimeEstimate("speed", 0.1, 0.1, ("01",), {"a": 1.0}, {"a": (0.7, 1.1)}, True, 0.1, 0.05)
+    two = replace(one, intervals={"a": (0.95, 1.6)})
+    vague = replace(one, intervals={"a": (-9.0, 9.0)}, determined=False)
+    assert hull({"a": (0.9, 1.2), "b": (0.0, 1.0)}, (one, two, vague)) == {"a": (0.7, 1.6), "b": (0.0, 1.0)}
+    assert hull({"a": (0.9, 1.2)}, ()) == {"a": (0.9, 1.2)}
+
+
+def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
+    """A fifth power as a cubic: each regime has another factor, and the reported interval contains them all."""
+    rig = toy({"fifth": 0.5})
+    (cubic,) = (t for t in rig.terms if t.effect == "cubic")
+    problem = Problem(rig)
+    found = fit(problem, Hypothesis((), (cubic,)), Hypothesis((), (cubic,)).start())
+    for floor, widened in ((1e-6 * found.cost, True), (found.cost, False)):
+        search = Search(problem, floor, Limits())
+        search.keep(found)
+        assert search.inexact == widened
+        final = FinalFit(found, (), problem.gaps(found.residual), problem)
+        plain = spread(problem, found).intervals()
+        regimes = _by_regime(found, final)
+        (named,) = _named(search, found, final, {"cubic": 0.9}, plain, regimes)
+        low, high = named.intervals["cubic"]
+        assert (low < plain["cubic"][0] or high > plain["cubic"][1]) == widened
+        if widened:
+            assert all(low <= r.parameters["cubic"] <= high for r in regimes["cubic"])
 
 
 def test_ranges_are_the_records_own() -> None:

@@ -23,7 +23,7 @@ from mrdamp.diagnosis.attribution.stages import (
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE
 from mrdamp.diagnosis.evidence.ceiling import of_fit
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
 from mrdamp.diagnosis.evidence.verdict import (
@@ -250,6 +250,9 @@ def _named(
     settings, out = final.fit.settings, []
     for term in _last_forms(chosen, final):
         names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
+        own = {c.name: intervals[c.name] for c in term.coordinates if c.name in intervals}
+        if search.inexact:
+            own = hull(own, regimes_of[term.cause])
         out.append(
             Named(
                 term.effect,
@@ -258,7 +261,7 @@ def _named(
                 min(probabilities.get(term.cause, 0.0), 1.0),
                 _short(settings, names),
                 shares[term.cause] / search.excess,
-                _short(intervals, names),
+                _short(own, names),
                 tuple(
                     replace(r, parameters=_short(r.parameters, names), intervals=_short(r.intervals, names))
                     for r in regimes_of[term.cause]
