@@ -86,7 +86,7 @@ def rig(model: Model, lag: float = 0.0) -> DamperRig:
 def test_a_law_with_a_curve_is_found_on_the_baseline(monkeypatch: pytest.MonkeyPatch) -> None:
     fitted: list[tuple[Model, set[str]]] = []
     judged: list[tuple[Model, set[str]]] = []
-    own_gap = module._gap
+    own_gap = module.gap_of
 
     def fit(law: str, some: Sequence[Record], **options: Any) -> Any:
         made = identify(law, some, **options)
@@ -98,7 +98,7 @@ def test_a_law_with_a_curve_is_found_on_the_baseline(monkeypatch: pytest.MonkeyP
         return own_gap(given, model, some)
 
     monkeypatch.setattr(module, "identify", fit)
-    monkeypatch.setattr(module, "_gap", gap)
+    monkeypatch.setattr(module, "gap_of", gap)
     found = baseline_law(rig(lines()), baseline())
     # Each half is judged by the fit to the other one.
     halves = [(model, names) for model, names in fitted if len(names) < len(baseline())]
@@ -127,10 +127,10 @@ def test_a_simulator_is_kept_if_nothing_is_gained_or_cannot_be_tried(monkeypatch
     best = identify("bouc_wen", baseline(), dependence="quadratic_saturating", starts=2, threads=1).model
     assert baseline_law(rig(best), baseline()) is None
     # What is better on the baseline and worse on the case's records has been fitted to the baseline's own errors.
-    own = module._gap
+    own = module.gap_of
     given = rig(lines())
     monkeypatch.setattr(
-        module, "_gap", lambda r, m, some: own(r, m, some) + (some is r.records and m is not r.nominal_model)
+        module, "gap_of", lambda r, m, some: own(r, m, some) + (some is r.records and m is not r.nominal_model)
     )
     assert baseline_law(given, baseline()) is None
 

@@ -20,7 +20,7 @@ from mrdamp.diagnosis.attribution.frame_blocks import (
     place_shares,
     shares_by_stage,
 )
-from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
+from mrdamp.diagnosis.attribution.frame_damper import damper_evidence, frame_baseline_law
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
@@ -89,6 +89,11 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     notes = list(audit(case))
     progress("trying each storey, accelerometer and the damper alone", 0.01)
     found = blocks(case)
+    again = frame_baseline_law(case, found, jobs)
+    if again is not None:
+        case = replace(case, model=again.model)
+        found = blocks(case)
+        notes.append(again.note())
     small, rig = reduced(case, found, jobs)
     noise, note = repeatable(channel_noise(small, rig), case, rig, rig.block)
     notes += note
@@ -126,7 +131,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     def judged() -> Judged:
         return judge(search, rig, untouched, channels)
 
-    return Searched(small, rig, search, noise, floor, base, notes, judged, complete)
+    return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again)
 
 
 def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:

@@ -1,15 +1,20 @@
-"""A frame's damper alone: its measured stroke is imposed and its force compared with the measured one."""
+"""A frame's damper alone: its measured stroke is imposed and its force compared with the measured one. It is so that a
+frame's law is identified again on its baseline."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.frame_blocks import Block, stroke
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.constants import INEXACT
+from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law, gap_of
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from mrdamp.records import Record
@@ -32,6 +37,29 @@ def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
     force = np.concatenate([r.channel("force_N") for r in rig.records])
     noise = block.noise * float(np.sqrt(np.mean(force**2)))
     return StageEvidence.of(Problem(rig, stride=stride, coarse=True), noise)
+
+
+def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> BaselineLaw | None:
+    """The law of a frame's damper identified again on the baseline (`baseline_law`), in the frame's simulator.
+
+    None without baseline records, if the damper's motion or force was not measured, or if the given law reaches the
+    noise there. found: the blocks of the case's records.
+    """
+    noise = next((b.noise for b in found if b.kind == "damper"), None)
+    if not case.baseline or noise is None:
+        return None
+    alone, before = (replace(damper_alone(c), threads=threads) for c in (case, replace(case, records=case.baseline)))
+    if gap_of(alone, alone.nominal_model, before.records) <= INEXACT**0.5 * noise:
+        return None
+    again = baseline_law(alone, before.records)
+    if again is None:
+        return None
+    placed = tuple(e for e in case.model.effects if e.place is not None)
+    law = again.model
+    model = replace(case.model, law=law.law, parameters=law.parameters, effects=(*law.effects, *placed))
+    given = Problem(FrameRig(case.model, case.baseline, threads=threads), coarse=True)
+    gap = float(np.sqrt(np.mean(given.gaps(given.of_settings([{}])[0]) ** 2)))
+    return replace(again, given=case.model, model=model, given_gap=gap)
 
 
 def damper_alone(case: Case) -> DamperRig:

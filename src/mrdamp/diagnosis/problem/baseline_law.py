@@ -27,8 +27,9 @@ _STARTS, _LEAST = 3, 4
 class BaselineLaw:
     """A simulator identified on the baseline's records.
 
-    given: the case's own simulator. dependence: of the coefficients on the command. before, after: gap of the
-    given simulator and of this one on the baseline's records; the latter by fits to the other half of the records.
+    given: the case's own simulator. dependence: of the coefficients on the command. before, after: gap of the damper's
+    force with the given simulator and with this one on the baseline's records; the latter by fits to the other half of
+    the records. given_gap: of the given simulator there over all channels of the case.
     """
 
     given: Model
@@ -36,6 +37,7 @@ class BaselineLaw:
     dependence: str
     before: float
     after: float
+    given_gap: float
 
     def note(self) -> str:
         """Line for a person."""
@@ -59,8 +61,8 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     """The law of LAWS with the least error on the baseline, or None if none of them is better than the given
     simulator.
 
-    All laws are fitted with the richest dependence on the command that the records show, along with the given
-    simulator's own effects. The best of them is fitted again to each half of the records and evaluated on the
+    All laws are fitted with the richest dependence on the command that each half of the records shows, along with the
+    given simulator's own effects. The best of them is fitted again to each half of the records and evaluated on the
     other half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
     identified on records of this state, and if it predicts the case's records no worse. None also for a network,
     for effects that `mrdamp identify` does not fit, for fewer than four records, and without the channel force_N.
@@ -71,9 +73,10 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
         return None
     if not all("force_N" in r.channels for r in baseline):
         return None
-    levels = Scales.of(baseline).levels
+    parts = (baseline[::2], baseline[1::2])
+    levels = min(Scales.of(part).levels for part in parts)
     dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
-    before = _gap(given, model, baseline)
+    before = gap_of(given, model, baseline)
 
     def fitted(law: str, records: Sequence[Record]) -> Model | None:
         start = model.attributes if law == model.law else None
@@ -86,7 +89,7 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
         return replace(fit.model, name=model.name, extra=model.extra, sample_rate_hz=model.sample_rate_hz)
 
     found = {law: fit for law in LAWS if (fit := fitted(law, baseline)) is not None}
-    gaps = {law: _gap(given, fit, baseline) for law, fit in found.items()}
+    gaps = {law: gap_of(given, fit, baseline) for law, fit in found.items()}
     if not gaps:
         return None
     law = min(gaps, key=lambda name: gaps[name])
@@ -94,15 +97,15 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     if not gaps[law] < BASELINE_LAW_BETTER * before:
         return None
     halves = []
-    for fit_on, judge_on in ((baseline[::2], baseline[1::2]), (baseline[1::2], baseline[::2])):
+    for fit_on, judge_on in (parts, parts[::-1]):
         half = fitted(law, fit_on)
-        halves.append(np.inf if half is None else _gap(given, half, judge_on))
+        halves.append(np.inf if half is None else gap_of(given, half, judge_on))
     after = float(np.sqrt(np.mean(np.square(halves))))
     if not after < BASELINE_LAW_BETTER * before:
         return None
-    if not _gap(given, best, given.records) <= _gap(given, model, given.records):
+    if not gap_of(given, best, given.records) <= gap_of(given, model, given.records):
         return None
-    return BaselineLaw(model, best, dependence, before, after)
+    return BaselineLaw(model, best, dependence, before, after, before)
 
 
 def _extras(model: Model) -> tuple[str, ...] | None:
@@ -119,7 +122,7 @@ def _extras(model: Model) -> tuple[str, ...] | None:
     return tuple(sorted(out))
 
 
-def _gap(given: DamperRig, model: Model, records: Sequence[Record]) -> float:
+def gap_of(given: DamperRig, model: Model, records: Sequence[Record]) -> float:
     """RMS over records and channels of the relative error in free run."""
     problem = Problem(DamperRig(model, tuple(records), threads=given.threads).with_motion(), coarse=True)
     return float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))

@@ -9,7 +9,9 @@ import numpy as np
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import END, SKIP, Problem
+from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.diagnosis.report.result import Diagnosis, step
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -60,14 +62,19 @@ def with_given(found: Diagnosis, again: BaselineLaw, problem: Problem) -> Diagno
 
     problem: of the last fit, with the whole records.
     """
-    rig = DamperRig(again.given, problem.rig.records).with_motion()
-    given = Problem(rig, problem.records, stride=problem.stride, trust=problem.trust)
+    rig = problem.rig
+    if isinstance(rig, DamperRig):
+        own: Rig = DamperRig(again.given, rig.records).with_motion()
+    else:
+        assert isinstance(rig, FrameRig)
+        own = replace(rig, nominal_model=again.given)
+    given = Problem(own, problem.records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
     residual = given.of_settings([{}])[0]
     bars = (step("nominal", given.gaps(residual)), replace(found.waterfall[0], name="law of the baseline"))
     alone = {**again.to_dict(), "gap": found.gap.nominal}
     return replace(
         found,
-        gap=replace(found.gap, nominal=predicted_gap(again.given, problem), baseline=again.before),
+        gap=replace(found.gap, nominal=predicted_gap(again.given, problem), baseline=again.given_gap),
         waterfall=(*bars, *found.waterfall[1:]),
         baseline_law=alone,
         pictures={**found.pictures, "nominal": residual / given.weights},
