@@ -242,7 +242,7 @@ def test_names_of_contenders() -> None:
         contenders(BENCH, ["policy:missing.json"], settings)
 
 
-@pytest.mark.parametrize("name", ["learned", "ppo"])
+@pytest.mark.parametrize("name", ["learned", "ppo", "adjoint"])
 def test_shipped_policies_of_the_frame_are_five_different_seeds(name: str) -> None:
     (row,) = contenders(BENCH, [name], {}, shipped_policies("frame"))
     assert row.learned

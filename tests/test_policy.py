@@ -200,7 +200,7 @@ def test_a_lag_that_cannot_be() -> None:
         Policy.from_dict({**cautious().to_dict(), "command_lag": -1.0})
 
 
-@pytest.mark.parametrize("name", ["learned/seed_3", "ppo/seed_0"])
+@pytest.mark.parametrize("name", ["learned/seed_3", "ppo/seed_0", "adjoint/seed_0"])
 def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(name: str) -> None:
     """As it is it is unstable there: its command moves more than twice as much from period to period."""
     published, motion = default_damper(), embedded_motion().compressed(5.0)

@@ -40,7 +40,8 @@ DEFAULTS: Mapping[str, Any] = {
     "noise": 5e-4,
 }
 
-#: Exponent of the norm over time in place of a peak: within 4 % of it, and every near-peak has a slope.
+#: Exponent of the norm over time in place of a peak: a tenth above it, and every near-peak has a slope. As the
+#: learning rate it was not searched for.
 _NORM = 20
 #: Of the slopes of a load over the median of all: where the closed loop is nearly unstable, they say nothing of a step.
 _LOUD = 3.0
@@ -122,7 +123,7 @@ class AdjointRun(Run):
         same = policy.period == self.task.rows.period and policy.levels == self.levels
         if len(layers) != 1 or policy.teacher is not None or unseen or not same:
             raise InputError(
-                f"adjoint: start {name}: not a linear policy of these observations and this damper"
+                f"adjoint: start {name}: not a linear policy of these observations and this damper; set start=null"
             )
         row = np.zeros(len(names))
         row[[names.index(n) for n in policy.observer.names]] = (layers[0][0] @ policy.transform)[0]
