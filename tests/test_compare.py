@@ -242,15 +242,15 @@ def test_names_of_contenders() -> None:
         contenders(BENCH, ["policy:missing.json"], settings)
 
 
-@pytest.mark.parametrize("name", ["learned", "ppo", "adjoint"])
-def test_shipped_policies_of_the_frame_are_five_different_seeds(name: str) -> None:
+@pytest.mark.parametrize(("name", "seeds"), [("learned", 5), ("ppo", 5), ("adjoint", 3)])
+def test_shipped_policies_of_the_frame_are_different_seeds(name: str, seeds: int) -> None:
     (row,) = contenders(BENCH, [name], {}, shipped_policies("frame"))
     assert row.learned
-    assert len(row.specs) == 5
+    assert len(row.specs) == seeds
     found = [BENCH.run(spec, MOTIONS[0], 1.0) for spec in row.specs]
     off = BENCH.run("passive-off", MOTIONS[0], 1.0)
     drifts = [max(one["criteria"]["peak_drift"]) for one in found]
-    assert len(set(drifts)) == 5
+    assert len(set(drifts)) == seeds
     assert max(drifts) < 0.8 * max(off["criteria"]["peak_drift"])
 
 

@@ -33,7 +33,7 @@ from mrdamp.pictures import style
 
 SECONDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.3, 1.0)
 TITLES = {"clairvoyant": "both", "clairvoyant-drift": "drift", "clairvoyant-acceleration": "acceleration"}
-_DRAWN = "learned", "force-tracking-tuned"
+_DRAWN = "adjoint", "learned", "force-tracking-tuned"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -97,12 +97,15 @@ def _text(s: Summary) -> str:
 
 @style.styled
 def figure(result: Comparison, seconds: Sequence[float]) -> Figure:
-    """Shares over the time known ahead, with 95 % intervals; across, those of controllers that know nothing ahead."""
+    """Shares over the time known ahead, with 95 % intervals; across, those of controllers that know nothing ahead.
+
+    Shares below -1 are drawn at -1.
+    """
     fig = style.figure(3.1)
     axes = style.axes_grid(fig, 1, len(TITLES), sharey=True)[0]
     place = np.arange(len(seconds), dtype=np.float64)
     drawn = [name for name in _DRAWN if name in result.values]
-    looks: Mapping[str, str] = dict(zip(drawn, (style.SIMULATED, style.COLOURS[2]), strict=False))
+    looks: Mapping[str, str] = dict(zip(drawn, (style.COLOURS[3], style.SIMULATED, style.COLOURS[2]), strict=False))
     for ax, (bound, title) in zip(axes, TITLES.items(), strict=True):
         ways = [share(result, row_name(s), bound) for s in seconds]
         low, high = ([max(getattr(w, key), -1.0) for w in ways] for key in ("low", "high"))
@@ -124,7 +127,8 @@ def figure(result: Comparison, seconds: Sequence[float]) -> Figure:
         ax.set_ylim(-1.02, 1.06)
     axes[1].set_xlabel("ms of ground motion known ahead")
     axes[0].set_ylabel("share of the way")
-    axes[-1].legend(loc="lower right", fontsize=8)
+    handles, names = axes[0].get_legend_handles_labels()
+    style.legend(fig, handles, names)
     return fig
 
 
