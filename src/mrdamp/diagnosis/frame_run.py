@@ -89,6 +89,8 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     notes = list(audit(case))
     progress("trying each storey, accelerometer and the damper alone", 0.01)
     found = blocks(case)
+    if case.baseline:
+        progress("identifying the law on the baseline", 0.02)
     again = frame_baseline_law(case, found, jobs)
     if again is not None:
         case = replace(case, model=again.model)

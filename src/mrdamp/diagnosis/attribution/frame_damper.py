@@ -1,5 +1,5 @@
-"""A frame's damper alone: its measured stroke is imposed and its force compared with the measured one. It is so that a
-frame's law is identified again on its baseline."""
+"""A frame's damper alone: its measured stroke is imposed and its force compared with the measured one. Its law is
+identified again on the baseline in this way."""
 
 from __future__ import annotations
 

@@ -239,8 +239,7 @@ def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tu
 
 
 def with_lapse(sets: Mapping[tuple[str, ...], float], lapse: float = LAPSE) -> dict[tuple[str, ...], float]:
-    """Probabilities of sets of causes with the lapse rate spread evenly; their order is unchanged unless it exceeds
-    the differences.
+    """Probabilities of sets of causes with the lapse rate spread evenly; their order is unchanged.
 
     Source: Wichmann & Hill (2001), doi:10.3758/BF03194544, eq. 1.
     """
