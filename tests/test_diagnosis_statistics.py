@@ -11,7 +11,6 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.constants import LAPSE, UNKNOWN_ABOVE
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit, stroke_since_reversal
@@ -38,6 +37,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import memory
+from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import repaired_ends as repaired_ends
 from mrdamp.records.upsampling import upsampled
 from toy_rig import DT, ToyRig, parts, toy

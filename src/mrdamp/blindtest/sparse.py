@@ -15,9 +15,9 @@ import numpy as np
 
 from mrdamp.blindtest.rig import Array
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.model import Model
 from mrdamp.records.sampling import derivative
+from mrdamp.records.smoothing import smoothed
 
 #: Function of the library -> the effect that adds it to the force, to first order.
 EFFECT = {

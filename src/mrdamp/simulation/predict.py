@@ -25,7 +25,8 @@ from mrdamp.records.log_filter import (
     rings_before_jumps,
     without_waves,
 )
-from mrdamp.records.upsampling import repaired_ends, upsampled
+from mrdamp.records.smoothing import smoothed
+from mrdamp.records.upsampling import FineInputs, repaired_ends, upsampled
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4
@@ -80,13 +81,21 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
         driven = dict(zip(INPUTS["frame"][1:], between_samples, strict=True))
         return FACTOR, record.sample_time / FACTOR, driven
     factor = max(1, math.ceil(record.sample_time / _STEP - 1e-9))
-    if model.rig == "frame" or model.law == "narx" or factor == 1:
+    if model.rig == "frame" or model.law == "narx":
         return 1, record.sample_time, inputs
-    x = repaired_ends(inputs["displacement_m"])
     command = inputs["command"]
-    fine = upsampled(x, command, record.sample_time, factor, filtered=_filtered(model, command))
-    moved = {"displacement_m": fine.x, "velocity_m_s": fine.v, "acceleration_m_s2": fine.a, "command": fine.u}
-    return factor, fine.sample_time, moved
+
+    def fine(x: Array) -> FineInputs:
+        return upsampled(x, command, record.sample_time, factor, filtered=_filtered(model, command))
+
+    x = repaired_ends(inputs["displacement_m"])
+    # The displacement's noise, differentiated twice, would be the force of a mass.
+    quiet = fine(smoothed(x)).a if any(e.name == "moving_mass" for e in model.effects) else None
+    if factor == 1:
+        return 1, record.sample_time, inputs if quiet is None else inputs | {"acceleration_m_s2": quiet}
+    found = fine(x)
+    moved = {"displacement_m": found.x, "velocity_m_s": found.v, "command": found.u}
+    return factor, found.sample_time, moved | {"acceleration_m_s2": found.a if quiet is None else quiet}
 
 
 def write_prediction(model: Model, record: Path | str, path: Path | str) -> dict[str, Array]:

@@ -21,7 +21,6 @@ from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence
 from mrdamp.diagnosis.attribution.stages import DrawnCosts, cause_shares, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.balances import BAND, Balances
-from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.constants import BLOCK_FAULT
 from mrdamp.diagnosis.evidence.resample import SECONDS, Interval, draws, group_sums, interval
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -31,6 +30,7 @@ from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative, lowpass
+from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.structures import ShearFrame
 
 _STAGE = {"accelerometer": "sensor", "storey": "structure"}

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from mrdamp.diagnosis.channels.smoothing import noise_level
 from mrdamp.diagnosis.constants import (
     CHANNELS_AGREE,
     DIRECT_LEFT,
@@ -30,6 +29,7 @@ from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.model import core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.smoothing import noise_level
 
 #: A law without force, and a spring of 1 N/m: the force equals the imposed displacement.
 PASSES = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.1, "gas_spring_k": 1.0}

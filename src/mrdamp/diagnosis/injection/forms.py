@@ -21,11 +21,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import bessel, cont2discrete, lfilter
 
-from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.smoothing import smoothed
 
 Parameters = Mapping[str, float]
 Put = Callable[[Signals, Parameters, Scales], Record]

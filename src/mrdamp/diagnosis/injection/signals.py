@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mrdamp.diagnosis.channels.smoothing import smoothed
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import lowpass
+from mrdamp.records.smoothing import smoothed
 
 #: Cut-off of the derivatives as a share of half the sampling rate, zero-phase: faster parts come from the
 #: interpolation.

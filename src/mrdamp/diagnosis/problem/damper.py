@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp.diagnosis.channels.smoothing import noise_level, smoothed
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
 from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
 from mrdamp.diagnosis.hypotheses.outside import (
@@ -31,6 +30,7 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.log_filter import FILTERED, LOGGER, logged, rings_before_jumps
 from mrdamp.records.sampling import derivative
+from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import FineInputs as Fine
 from mrdamp.records.upsampling import repaired_ends as repaired_ends
 from mrdamp.records.upsampling import upsampled

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.smoothing import noise_level
 from mrdamp.diagnosis.constants import REPEATS
 from mrdamp.diagnosis.hypotheses.terms import Settings
 from mrdamp.diagnosis.problem.residuals import SKIP, Problem
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.model.core import Array
+from mrdamp.records.smoothing import noise_level
 
 #: Gap due to noise at which a block's weight is 0.7; model errors are of this size.
 _CLEAR = 0.012
