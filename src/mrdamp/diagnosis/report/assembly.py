@@ -83,7 +83,9 @@ def assemble(
     weighed = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
     regimes_of = _by_regime(chosen, final) if decision.verdict == "effect" else {}
     worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
-    sets = with_lapse(sets, lapse_of(decision.verdict, inexact=search.inexact, worse=any(worse.values())))
+    # Two channels that differ whatever the law do not depend on it.
+    beside = search.inexact and not decision.apart
+    sets = with_lapse(sets, lapse_of(decision.verdict, inexact=beside, worse=any(worse.values())))
     causes = of_cause(sets)
     rms = {name: pooled(gaps) for name, gaps in (("floor", floor), ("heldout", final.heldout))}
     whole = final.problem
