@@ -26,6 +26,7 @@ from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import identify
+from mrdamp.identify.laws import DEPENDENCES, Scales
 from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -133,6 +134,15 @@ def test_a_simulator_is_kept_if_nothing_is_gained_or_cannot_be_tried(monkeypatch
         module, "gap_of", lambda r, m, some: own(r, m, some) + (some is r.records and m is not r.nominal_model)
     )
     assert baseline_law(given, baseline()) is None
+
+
+def test_the_dependence_on_the_command_is_one_that_each_half_shows() -> None:
+    """Every other record has one of three steady commands; all of them together show more levels."""
+    ordered = [baseline()[k] for k in (0, 4, 1, 5, 2, 3)]
+    assert Scales.of(ordered).levels > Scales.of(ordered[::2]).levels == 3
+    found = baseline_law(rig(lines()), ordered)
+    assert found is not None
+    assert DEPENDENCES[found.dependence] == 3
 
 
 def test_the_given_simulator_stands_first_in_the_answer() -> None:
