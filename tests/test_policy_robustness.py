@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
@@ -10,16 +9,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from modules import TOOLS, loaded
+
 
 @pytest.fixture(scope="module")
 def tool() -> ModuleType:
-    file = Path(__file__).parent.parent / "tools" / "policy_robustness.py"
-    spec = importlib.util.spec_from_file_location("policy_robustness", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(TOOLS / "policy_robustness.py")
 
 
 def test_an_interval_is_of_seeds_and_motions(tool: ModuleType) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.compare.clairvoyant import Effort, Peaks
+from mrdamp.compare.clairvoyant import Effort
 from mrdamp.compare.receding import Receding, until
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.motions import GroundMotion
@@ -17,10 +17,10 @@ QUICK = Effort(holds=(8,), horizon=150, most=1)
 PERIOD = 1e-3
 
 
-def planned(known: float, load: GroundMotion = PLAYED, periods: int = 240, floor: float = 0.0) -> np.ndarray:
+def planned(known: float, load: GroundMotion = PLAYED, periods: int = 240) -> np.ndarray:
     base = rollouts()
     own = Rollouts(base.make, load, base.columns, base.low, base.high, periods)
-    plan = Receding(known, behind=0.1, floor=floor, effort=QUICK)
+    plan = Receding(known, behind=0.1, effort=QUICK)
     return plan.commands(own, objective(0.5, 0.5), PERIOD)
 
 
@@ -70,22 +70,6 @@ def test_knowing_more_is_worth_more() -> None:
     }
     on = objective(0.5, 0.5).value(rolled.run(np.full((1, 240), LARGEST))[0])[0]
     assert max(values[0.05], values[0.2]) < 0.9 * values[0.0] < 0.9 * on
-
-
-def test_floors_leave_small_peaks_alone() -> None:
-    """Below a floor nothing is asked for: value, near-peaks, and commands once the largest peak is over."""
-    y = np.zeros((1, 5, 2))
-    y[0, 2], y[0, 3] = (1.0, -2.0), (0.9, 1.0)
-    peaks = Peaks(np.array([1.0, 2.0]), np.ones(2), np.array([0, 1]))
-    assert peaks.value(y)[0] == pytest.approx(1.0 + 2 * 2.0)
-    floored = replace(peaks, floor=np.array([3.0, 0.5]))
-    assert floored.value(y)[0] == pytest.approx(3.0 + 2 * 2.0)
-    period, channel = floored.near(y[0], 0.7, 1)
-    assert channel.tolist() == [1]
-    assert period.tolist() == [2]
-    assert planned(0.05, floor=1e6).max() > 0  # before there is a peak
-    assert not planned(0.05, floor=1e6)[152:].any()  # behind the first plan
-    assert planned(0.05)[152:].any()
 
 
 @pytest.mark.parametrize("level", [0.0, LARGEST])

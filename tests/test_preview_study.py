@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from modules import TOOLS, loaded
 from mrdamp.compare import Comparison, Contender, FrameBench
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure
@@ -18,13 +18,7 @@ from mrdamp.motions import kanai_tajimi
 
 @pytest.fixture(scope="module")
 def tool() -> ModuleType:
-    file = Path(__file__).parent.parent / "tools" / "preview_study.py"
-    spec = importlib.util.spec_from_file_location("preview_study", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(TOOLS / "preview_study.py")
 
 
 def made(known: dict[float, float]) -> Comparison:

@@ -53,12 +53,7 @@ class AdjointRun(Run):
     """One training. A step counts the control periods of all rows, those that slopes are taken with included."""
 
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
-        unknown = sorted(set(chosen.learner) - set(DEFAULTS))
-        if unknown:
-            raise InputError(
-                f"adjoint: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}"
-            )
-        own = {**DEFAULTS, **chosen.learner}
+        own = chosen.learner_over(DEFAULTS, "adjoint")
         self._loads, self._rate = int(own["loads"]), float(own["learning_rate"])
         self._current, self._noise = float(own["current"]), float(own["noise"])
         if self._loads < 1 or not 0 < self._rate < math.inf or not self._noise >= 0:

@@ -33,12 +33,7 @@ class EvolutionRun(Run):
     """One training. n_envs is loads times population; a generation counts the control periods of all rows."""
 
     def __init__(self, options: Options, chosen: Settings, out: Path) -> None:
-        unknown = sorted(set(chosen.learner) - set(DEFAULTS))
-        if unknown:
-            raise InputError(
-                f"es: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(DEFAULTS)}"
-            )
-        own = {**DEFAULTS, **chosen.learner}
+        own = chosen.learner_over(DEFAULTS, "es")
         self.population, self.loads_count = int(own["population"]), int(own["loads"])
         self._current, self._noise = float(own["current"]), float(own["noise"])
         if not 0 <= self._noise < math.inf:

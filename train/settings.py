@@ -110,6 +110,15 @@ class Settings:
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     learner: Mapping[str, Any] = field(default_factory=dict)
 
+    def learner_over(self, defaults: Mapping[str, Any], algorithm: str) -> dict[str, Any]:
+        """The algorithm's other arguments, over its defaults. Raises InputError for one that it does not have."""
+        unknown = sorted(set(self.learner) - set(defaults))
+        if unknown:
+            raise InputError(
+                f"{algorithm}: hyperparameters: {unknown[0]!r} is unknown; allowed: {', '.join(defaults)}"
+            )
+        return {**defaults, **self.learner}
+
     def __post_init__(self) -> None:
         if self.action not in ("command", "force"):
             raise InputError(f"hyperparameters: action is {self.action!r}; allowed: command, force")

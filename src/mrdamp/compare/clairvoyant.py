@@ -46,28 +46,19 @@ class Effort:
 class Peaks:
     """What is made small: the sum over groups of a weight times the largest |channel| / scale of the group.
 
-    weights (groups,); scale (channels,); group (channels,) of each channel; floor: (groups,) of the largest: less than
-    that is not asked for, None: zero.
+    weights (groups,); scale (channels,); group (channels,) of each channel.
     """
 
     weights: Array
     scale: Array
     group: Whole
-    floor: Array | None = None
-
-    @property
-    def floors(self) -> Array:
-        """(groups,)"""
-        return np.zeros(len(self.weights)) if self.floor is None else self.floor
-
-    def largest(self, y: Array) -> Array:
-        """(n, groups) the largest |channel| / scale of channels (n, periods, channels), floor or no floor."""
-        size = np.abs(y).max(axis=1) / self.scale
-        return np.stack([size[:, self.group == g].max(axis=1) for g in range(len(self.weights))], axis=1)
 
     def value(self, y: Array) -> Array:
         """(n,) of channels (n, periods, channels)."""
-        return np.asarray(np.maximum(self.largest(y), self.floors) @ self.weights)
+        largest = np.abs(y).max(axis=1) / self.scale
+        return np.asarray(
+            sum(w * largest[:, self.group == g].max(axis=1) for g, w in enumerate(self.weights) if w > 0)
+        )
 
     def near(self, y: Array, share: float, apart: int) -> tuple[Whole, Whole]:
         """Period and channel (m,) of samples of y (periods, channels) that are at least a share of their group's peak.
@@ -75,7 +66,7 @@ class Peaks:
         Local peaks, and one in `apart` of the others. Periods do not decrease.
         """
         size = np.abs(y) / self.scale
-        largest = np.maximum(self.largest(y[None])[0], self.floors)[self.group]
+        largest = np.array([size[:, self.group == g].max() for g in range(len(self.weights))])[self.group]
         counts = (self.weights[self.group] > 0) & (size >= share * largest)
         padded = np.pad(size, ((1, 1), (0, 0)))
         top = (size >= padded[:-2]) & (size >= padded[2:])
@@ -195,8 +186,6 @@ def _change(rollouts: Rollouts, objective: Peaks, path: Path, hold: int, effort:
     y, states = path.now
     block_commands, commands = path.block_commands, _spread(path.block_commands, hold, rollouts.periods)
     period, channel = objective.near(y, effort.near, hold)
-    if not len(period):
-        return np.zeros(len(block_commands))
     horizon_periods = np.zeros(rollouts.periods, dtype=bool)
     for k in np.unique(period):
         horizon_periods[max(0, k - effort.horizon) : k] = True
@@ -216,21 +205,18 @@ def _change(rollouts: Rollouts, objective: Peaks, path: Path, hold: int, effort:
     change = np.zeros(len(block_commands))
     change[here] = _minimax(
         slope[:, some], np.abs(sample) / objective.scale[channel], objective.group[channel], objective.weights,
-        objective.floors, low, high,
+        low, high,
     )  # fmt: skip
     return change
 
 
-def _minimax(
-    slope: Array, size: Array, group: Whole, weights: Array, floors: Array, low: Array, high: Array
-) -> Array:
-    """d (n,) between low and high that makes the weighted sum of the groups' largest size + slope d, or the floors
-    (groups,) where those are larger, least."""
+def _minimax(slope: Array, size: Array, group: Whole, weights: Array, low: Array, high: Array) -> Array:
+    """d (n,) between low and high that makes the weighted sum of the groups' largest size + slope d least."""
     m, n = slope.shape
     tops = np.zeros((m, len(weights)))
     tops[np.arange(m), group] = -1.0
     bounds = np.column_stack(
-        [np.append(low, floors), np.append(high, np.full(len(weights), np.inf))]
+        [np.append(low, np.zeros(len(weights))), np.append(high, np.full(len(weights), np.inf))]
     )
     solved = linprog(
         np.append(np.zeros(n), weights), np.hstack([slope, tops]), -size, bounds=bounds, method="highs-ds"

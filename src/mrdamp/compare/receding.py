@@ -22,12 +22,11 @@ from mrdamp.simulation.rows import RowMoment
 @dataclass(frozen=True)
 class Receding:
     """known: s of the motion ahead; behind: s at rest that a plan looks on behind it, a little more than the frame's
-    longest period; floor: share of the largest so far below which a plan asks for no less; blocks: of a plan that are
-    applied before the next; effort: of a plan, whose first `holds` is the length of a block."""
+    longest period; blocks: of a plan that are applied before the next; effort: of a plan, whose first `holds` is the
+    length of a block."""
 
     known: float
     behind: float = 0.2
-    floor: float = 0.0
     blocks: int = 1
     effort: Effort = field(default_factory=lambda: Effort(holds=(8,), horizon=300, most=2))
 
@@ -38,12 +37,12 @@ class Receding:
         period: float,
         progress: Callable[[float], None] | None = None,
     ) -> Array:
-        """(periods,) for the whole of the rollouts' load. objective: without floors; period: of control, s."""
+        """(periods,) for the whole of the rollouts' load. period: of control, s."""
         plant = rollouts.make(1)
         plant.start(0, rollouts.load)
         hold, whole = self.effort.holds[0], rollouts.periods
         every = self.blocks * hold
-        given, largest = np.zeros(whole), np.zeros(len(objective.weights))
+        given = np.zeros(whole)
         measured, plan = plant.plants.measured[0].copy(), np.zeros(0)
         ahead = Rollouts(
             rollouts.make, rollouts.load, rollouts.columns, rollouts.low, rollouts.high, rollouts.periods
@@ -53,13 +52,10 @@ class Receding:
             window = hold * math.ceil((self.known + self.behind) / period / hold)
             ahead.go_on(until(moment, period * begin + self.known), measured, window)
             start = np.concatenate([plan[every:], np.zeros(window)])[:window]
-            wanted = replace(objective, floor=self.floor * largest)
-            plan = search(ahead, [("plan", start)], wanted, self.effort)[0].commands
+            plan = search(ahead, [("plan", start)], objective, self.effort)[0].commands
             for k in range(begin, min(begin + every, whole)):
                 given[k] = plan[k - begin]
                 measured = plant.plants.advance(given[None, k : k + 1])[1][0].copy()
-                seen = objective.largest(measured[None, None, rollouts.columns])[0]
-                largest = np.maximum(largest, seen)
             if progress is not None:
                 progress(min(1.0, (begin + every) / whole))
         return given
