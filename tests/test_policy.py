@@ -70,6 +70,20 @@ def test_wanted_force_is_followed_only_where_the_damper_resists_that_way() -> No
     )
 
 
+def test_a_second_output_adds_a_share_of_the_largest_command() -> None:
+    """Also where the wanted force commands nothing; the sum stays between zero and the largest."""
+    observer = Observer(("stroke", "force"), (1.0, 1.0), 1, False, (2.0,))
+    weights = np.array([[0.0, 0.5], [1.0, 0.0]])  # half of the force is wanted; the stroke is the share
+    p = Policy("p", 2e-3, observer, np.eye(2), Network(((weights, np.zeros(2)),)), 2.0, LEVELS)
+    o = np.array([[0.25, 1.0], [-0.25, 1.0], [0.25, -1.0], [0.8, 1.0], [-0.9, 1.0]], dtype=np.float32)
+    force = np.array([1.0, 1.0, 1.0, 1.0, 1.0])
+    assert p.commands(o, force) == pytest.approx([1.0, 0.0, 0.5, 2.0, 0.0])
+    assert p.commands(o * np.array([0, 1], dtype=np.float32), force) == pytest.approx([0.5, 0.5, 0.0, 0.5, 0.5])
+    three = Network(((np.zeros((3, 2)), np.zeros(3)),))
+    with pytest.raises(InputError, match="more than two outputs"):
+        Policy("p", 2e-3, observer, np.eye(2), three, 2.0, LEVELS)
+
+
 def test_force_levels_are_the_yield_forces_of_the_bouc_wen_element() -> None:
     """Well past yielding z rests at sqrt(A / (gamma + beta)), and alpha(u) z is what the command adds to the force."""
     damper = default_damper()

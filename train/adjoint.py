@@ -29,12 +29,11 @@ from mrdamp.train.worlds import FrameWorld
 Array = NDArray[np.float64]
 
 #: What the hyperparameters hold besides `Settings`. start: a set of shipped linear policies; a training begins with the
-#: weights of its seed's one, none: with the teacher's. loads: of a step; learning_rate: of Adam at first, that of the
-#: hidden layer's weights is twice it, and all fall along half a cosine to a twentieth; current, noise: as of the
-#: evolution strategy.
+#: weights of its seed's one, none: with the teacher's. loads: of a step; learning_rate: of Adam at first, it falls
+#: along half a cosine to a twentieth; current, noise: as of the evolution strategy.
 DEFAULTS: Mapping[str, Any] = {
     "start": None,
-    "loads": 21,
+    "loads": 84,
     "learning_rate": 5e-3,
     "current": 0.02,
     "noise": 5e-4,
@@ -61,13 +60,14 @@ class AdjointRun(Run):
                 "adjoint: hyperparameters: allowed: loads 1 or more, learning_rate > 0, noise >= 0"
             )
         super().__init__(options, chosen, out, 1)
+        torch.set_num_threads(1)  # the matrices are small
         if not isinstance(self.world, FrameWorld) or not chosen.teacher or self.levels is None:
             raise InputError("adjoint: allowed: mrdamp/Frame-v0, action: force, and a teacher")
         if chosen.viscous or chosen.switch:
             raise InputError("adjoint: hyperparameters: viscous and switch are not allowed")
         hidden = chosen.policy_kwargs.get("net_arch", [])
-        if len(hidden) != 1:
-            raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: one hidden layer")
+        if not hidden or not all(isinstance(size, int) and size > 0 for size in hidden):
+            raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: sizes of hidden layers")
         self.loop = ClosedLoop(self.world, self._loads)
         rng = np.random.default_rng(self.seed)
         begin = self._begin(self.inputs - len(self.task.observer.peaks), own["start"])
@@ -75,21 +75,13 @@ class AdjointRun(Run):
             self.task.observer,
             self.matrix,
             begin,
-            int(hidden[0]),
+            hidden,
             self.levels,
             self.command_max,
             self.least(),
             rng,
         )
-        s = self.soft
-        self._adam = torch.optim.Adam(
-            [
-                {"params": [s.teacher, s.out, s.offset], "share": 1.0},
-                {"params": [s.weight, s.bias], "share": 2.0},
-            ],
-            lr=self._rate,
-            betas=(0.9, 0.98),
-        )
+        self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
         self._periods = self._steps = 0
         if self._checkpoint.is_file():
             kept = torch.load(self._checkpoint, weights_only=True)
@@ -144,6 +136,9 @@ class AdjointRun(Run):
     def network(self) -> Network:
         return self.soft.network()
 
+    def transform(self) -> Array:
+        return self.soft.transform()
+
     def teacher(self) -> Array:
         return self.soft.taught()
 
@@ -170,6 +165,7 @@ class AdjointRun(Run):
         key = (*self.draws.spawn_key, self._steps)
         rng = np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
         loads = self.world.draw(rng, self._loads)
+        before = self.loop.periods
         run = self.loop.run(loads, self.soft.commands, self._noise, rng)
         value, by_channel = self.value(run)
         self.backward(run, by_channel)
@@ -177,10 +173,10 @@ class AdjointRun(Run):
         share = min(1.0, self._periods / self.chosen.n_timesteps)
         fallen = _LEAST_RATE + (1 - _LEAST_RATE) * 0.5 * (1 + math.cos(math.pi * share))
         for group in self._adam.param_groups:
-            group["lr"] = self._rate * group["share"] * fallen
+            group["lr"] = self._rate * fallen
         self._adam.step()
         self._steps += 1
-        self._periods += run.periods * self.loop.rows_each
+        self._periods += self.loop.periods - before
         return value
 
     def value(self, run: Trajectory) -> tuple[float, Array]:

@@ -1,8 +1,9 @@
-"""A closed loop of a frame on the chain, run with its slopes, and the adjoint of the linearised run.
+"""A closed loop of a frame on the chain, and the adjoint of the linearised run.
 
-Next to every row stand rows with one state, or the command, changed a little: their differences after a control
-period linearise the chain there. One sweep backwards through the slopes of plant, Kalman filter, leaky peak and policy
-says what a unit of each command adds to a value of the whole run.
+In the periods before the near-peaks, which alone the value depends on, rows with one state, or the command, changed a
+little stand next to every row: their differences after a control period linearise the chain there. One sweep backwards
+through the slopes of plant, Kalman filter, leaky peaks and policy says what a unit of each command adds to a value of
+the whole run.
 """
 
 from __future__ import annotations
@@ -26,17 +27,21 @@ _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of 
 _NUDGE = 1e-6  # of a state or command over its size, as in mrdamp.compare.rollouts
 _HEADER = 4  # doubles of a row's state before its coordinates
 _PROBED = 64  # periods at which it is looked up which states matter
+_ROWS = 1008  # rows that slopes are taken with at once
+#: Periods before a near-peak that slopes are taken in, .3 s of a frame whose first period is .18 s; and what counts as
+#: a near-peak, of the largest slope of the value: .7 of the peak with a norm of exponent 20.
+_HORIZON, _SMALL = 150, 1e-3
 
 
 @dataclass(frozen=True)
 class Trajectory:
     """T control periods of n rows. observations (T, n, size); commands (T, n); channels (T + 1, n, c), those of the
-    observer first; a, b, c, d as of `mrdamp.compare.rollouts.Slopes`, (T, n, ...); lasts: (n,) periods."""
+    observer first; states: (T, n, doubles) of the rows before each period; lasts: (n,) periods."""
 
     observations: NDArray[np.float32]
     commands: Array
     channels: Array
-    slopes: Slopes
+    states: Array
     lasts: NDArray[np.int64]
 
     @property
@@ -53,10 +58,8 @@ class ClosedLoop:
         self.world, self.n, self._given = world, n, given
         self.task = FrameTask(n, **given)
         o = self.task.observer
-        if o.history != 1 or o.memory or len(o.peaks) > 1:
-            raise InputError(
-                "adjoint: the observer has a history, a memory or several peaks; allowed: none of them"
-            )
+        if o.history != 1 or o.memory:
+            raise InputError("adjoint: the observer has a history or a memory; allowed: none of them")
         names, storeys = self.task.rows.names, range(1, self.task.structure.storeys + 1)
         self.signals = [names.index(name) for name in o.signals]
         watched = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in storeys]
@@ -66,6 +69,7 @@ class ClosedLoop:
         self.groups = slice(first, first + many), slice(first + many, first + 2 * many)
         self._rows: Any = None
         self._moving, self._scale = np.zeros(0, dtype=np.intp), np.zeros(0)
+        self.periods = 0  #: Simulated so far, of all rows, those of slopes included.
 
     @property
     def rows_each(self) -> int:
@@ -78,93 +82,89 @@ class ClosedLoop:
 
     def run(self, loads: Sequence[Any], act: Act, noise: float, rng: np.random.Generator) -> Trajectory:
         """Under n loads; act: commands (n,) from observations; noise: on the signals, over the observer's units."""
-        if self._rows is None:
-            self._find_states(loads, act)
-        return self._run(loads, act, noise, rng, self._moving, self._scale)
-
-    def _find_states(self, loads: Sequence[Any], act: Act) -> None:
-        """States that change in a run and that a channel depends on, and their sizes."""
-        rng = np.random.default_rng(0)
-        size = self.task.rows.plants.state.shape[1]
-        largest, first, changing = np.zeros(size), None, np.zeros(size, dtype=np.bool_)
-        states: list[Array] = []
-        self._run(loads, act, 0.0, rng, np.zeros(0, dtype=np.intp), np.zeros(0), states)
-        for now in states:
-            first = now if first is None else first
-            largest, changing = (
-                np.maximum(largest, np.abs(now).max(axis=0)),
-                changing | (now != first).any(axis=0),
-            )
-        moving = np.flatnonzero(changing & np.isfinite(largest))
-        moving = moving[moving >= _HEADER]
-        scale = np.maximum(largest[moving], np.finfo(np.float64).tiny)
-        s = self._run(loads, act, 0.0, rng, moving, scale).slopes
-        some = np.linspace(0, len(s.a) - 1, _PROBED).astype(np.intp)
-        flat = (part[some].reshape(-1, *part.shape[2:]) for part in (s.a, s.b, s.c, s.d))
-        kept = matter(Slopes(*flat))
-        self._moving, self._scale, self._rows = moving[kept], scale[kept], None
-
-    def _run(
-        self,
-        loads: Sequence[Any],
-        act: Act,
-        noise: float,
-        rng: np.random.Generator,
-        moving: NDArray[np.intp],
-        scale: Array,
-        states: list[Array] | None = None,
-    ) -> Trajectory:
-        n, many, o = self.n, len(moving), self.task.observer
-        each = many + 2 if many else 1
-        self._start(loads, each)
-        plants, base = self._rows.plants, self.task.rows.plants
-        x, measured = base.state.copy(), base.measured.copy()
-        lasts = self.task.rows.steps[:n].copy()
-        t, width, largest = int(lasts.max()), len(self.columns), float(self.task.command_max[0])
-        seen = np.zeros((t, n, o.size), np.float32)
-        commands, channels = np.zeros((t, n)), np.zeros((t + 1, n, width))
-        a, b = np.zeros((t, n, many, many), np.float32), np.zeros((t, n, many), np.float32)
-        c, d = np.zeros((t, n, width, many), np.float32), np.zeros((t, n, width), np.float32)
-        channels[0], before, units = measured[:, self.columns], None, np.array(o.scales)
-        u = np.zeros(n)
+        self._start(loads)
+        rows, plants, o = self.task.rows, self.task.rows.plants, self.task.observer
+        lasts = rows.steps[: self.n].copy()
+        t, units = int(lasts.max()), np.array(o.scales)
+        seen, states = np.zeros((t, self.n, o.size), np.float32), np.zeros((t, *plants.state.shape))
+        commands, channels = np.zeros((t, self.n)), np.zeros((t + 1, self.n, len(self.columns)))
+        measured, before, u = plants.measured, None, np.zeros(self.n)
+        channels[0] = measured[:, self.columns]
         for k in range(t):
             values = measured[:, self.signals]
             if noise:
                 values = values + noise * units * rng.standard_normal(values.shape)
             before = o.scaled(values, u[:, None], before)
-            seen[k] = before
+            seen[k], states[k] = before, plants.state
             commands[k] = u = act(seen[k])
-            if states is not None:
-                states.append(x)
-            changed = np.repeat(x[:, None], each, axis=1)
-            given = np.repeat(u[:, None], each, axis=1)
-            # Away from the limit that is nearer: at a limit the chain cuts commands off.
-            du = np.where(u > largest / 2, -1.0, 1.0) * _NUDGE * largest
-            if many:
-                changed[:, np.arange(many), moving] += _NUDGE * scale
-                given[:, many] += du
-            plants.state[:] = changed.reshape(n * each, -1)
-            rows = plants.advance(given.reshape(-1, 1))[1].reshape(n, each, -1)
-            after = plants.state.reshape(n, each, -1)
-            x, measured = after[:, -1].copy(), rows[:, -1].copy()
+            measured = plants.advance(u[:, None])[1]
             channels[k + 1] = measured[:, self.columns]
-            if many:
-                dx = (after[:, :-1, moving] - x[:, None, moving]) / scale
-                dy = rows[:, :-1, self.columns] - channels[k + 1][:, None]
-                a[k], b[k] = dx[:, :many].transpose(0, 2, 1) / _NUDGE, dx[:, many] / du[:, None]
-                c[k], d[k] = dy[:, :many].transpose(0, 2, 1) / _NUDGE, dy[:, many] / du[:, None]
-        return Trajectory(seen, commands, channels, Slopes(a, b, c, d), lasts)
+        self.periods += t * self.n
+        return Trajectory(seen, commands, channels, states, lasts)
 
-    def _start(self, loads: Sequence[Any], each: int) -> None:
+    def _start(self, loads: Sequence[Any]) -> None:
         rngs = [np.random.default_rng(k) for k in range(self.n)]
         for k, load in enumerate(loads):
             self.task.reset([k], rngs, {self.world.option: load})
-        if self._rows is None or self._rows.plants.n != self.n * each:
-            self._rows = FrameTask(self.n * each, **self._given).rows
-        for k in range(self.n):
-            moment = self.task.rows.plants.save(k)
-            for row in range(k * each, (k + 1) * each):
-                self._rows.plants.restore(row, moment)
+
+    def _find_states(self, run: Trajectory) -> None:
+        """States that change in a run and that a channel depends on, and their sizes."""
+        largest = np.abs(run.states).max(axis=(0, 1))
+        changing = (run.states != run.states[0]).any(axis=(0, 1))
+        moving = np.flatnonzero(changing & np.isfinite(largest))
+        moving = moving[moving >= _HEADER]
+        self._moving, self._scale = moving, np.maximum(largest[moving], np.finfo(np.float64).tiny)
+        k = np.linspace(0, len(run.commands) - 1, _PROBED).astype(np.intp)
+        at = np.repeat(k, self.n), np.tile(np.arange(self.n), len(k))
+        counted = self.periods
+        kept = matter(self.slopes(run, *at))
+        self.periods = counted
+        self._moving, self._scale = moving[kept], self._scale[kept]
+
+    def slopes(self, run: Trajectory, periods: NDArray[np.intp], rows: NDArray[np.intp]) -> Slopes:
+        """At (p,) pairs of a control period and a row of the last run."""
+        if not len(self._moving):
+            self._find_states(run)
+        moving, scale, many, largest = self._moving, self._scale, len(self._moving), float(self.task.command_max[0])
+        each, width = many + 2, len(self.columns)
+        chunk, p = _ROWS // each, len(periods)
+        self.periods += p * each
+        if self._rows is None:
+            self._rows = FrameTask(_ROWS, **self._given).rows
+        plants, given = self._rows.plants, np.zeros((_ROWS, 1))
+        a, b = np.zeros((p, many, many), np.float32), np.zeros((p, many), np.float32)
+        c, d = np.zeros((p, width, many), np.float32), np.zeros((p, width), np.float32)
+        own = np.zeros(_ROWS, dtype=np.intp)
+        for begin in range(0, p, chunk):
+            k, row = periods[begin : begin + chunk], rows[begin : begin + chunk]
+            m, here = len(k), slice(begin, begin + chunk)
+            u = run.commands[k, row]
+            # Away from the limit that is nearer: at a limit the chain cuts commands off.
+            du = np.where(u > largest / 2, -1.0, 1.0) * _NUDGE * largest
+            changed = np.repeat(run.states[k, row][:, None], each, axis=1)
+            changed[:, np.arange(many), moving] += _NUDGE * scale
+            commands = np.repeat(u[:, None], each, axis=1)
+            commands[:, many] += du
+            own[: m * each] = np.repeat(row, each)
+            plants.share(self.task.rows.plants, own)
+            plants.state[: m * each], given[: m * each, 0] = changed.reshape(m * each, -1), commands.ravel()
+            y = plants.advance(given)[1][: m * each, self.columns].reshape(m, each, -1)
+            after = plants.state[: m * each, moving].reshape(m, each, -1)
+            dx, dy = (after[:, :-1] - after[:, -1:]) / scale, y[:, :-1] - y[:, -1:]
+            a[here], b[here] = dx[:, :many].transpose(0, 2, 1) / _NUDGE, dx[:, many] / du[:, None]
+            c[here], d[here] = dy[:, :many].transpose(0, 2, 1) / _NUDGE, dy[:, many] / du[:, None]
+        return Slopes(a, b, c, d)
+
+    def needed(self, by_channel: Array) -> NDArray[np.bool_]:
+        """(T, n) periods from which a change reaches a period that a value depends on, within the horizon."""
+        size = np.abs(by_channel).max(axis=2)
+        at = size > _SMALL * size.max(axis=0)
+        found = np.zeros(at.shape, dtype=np.bool_)
+        left = np.zeros(at.shape[1], dtype=np.intp)
+        for k in range(len(at) - 1, -1, -1):
+            left = np.where(at[k], _HORIZON + 1, np.maximum(left - 1, 0))
+            found[k] = left > 0
+        return found[1:]
 
     def adjoint(self, run: Trajectory, by_channel: Array, by_observation: Array, price: float = 0.0) -> Array:
         """(T, n): what a unit of each command adds to a value, all that comes of it later included.
@@ -172,32 +172,38 @@ class ClosedLoop:
         by_channel: (T + 1, n, c) slopes of the value; by_observation: (T, n, size) slopes of the commands;
         price: what a unit of each command adds by itself.
         """
-        o, s, ns = self.task.observer, run.slopes, len(self.signals)
+        o, ns, (t, _) = self.task.observer, len(self.signals), run.commands.shape
+        at = np.nonzero(self.needed(by_channel))
+        s, places = self.slopes(run, *at), np.searchsorted(at[0], np.arange(t + 1))
         units, n = np.array(o.scales), self.n
         states = o.filter.size if o.filter else 0
         step, before, now = (
             o.filter.matrices if o.filter else (np.zeros((0, 0)), np.zeros((0, ns)), np.zeros((0, ns)))
         )
-        signal = o.signals.index(next(iter(o.peaks))) if o.peaks else 0
-        fall = np.exp(-1 / next(iter(o.peaks.values()))) if o.peaks else 0.0
+        peaked = [o.signals.index(name) for name in o.peaks]
+        fall = np.exp(-1 / np.array(list(o.peaks.values())))
         last = ns if o.action_in_observation else None
-        at = ns + o.action_in_observation if o.peaks else None
-        by_x, by_y = np.zeros((n, s.a.shape[-1])), by_channel[-1].copy()
-        by_filter, by_peak = np.zeros((n, states)), np.zeros(n)
+        tops = ns + o.action_in_observation + np.arange(len(peaked))
+        by_x, by_y = np.zeros((n, len(self._moving))), by_channel[-1].copy()
+        by_filter, by_peak = np.zeros((n, states)), np.zeros((n, len(peaked)))
         found, by_command = np.zeros(run.commands.shape), np.full(n, price)
         for k in range(len(found) - 1, -1, -1):
-            found[k] = (by_x * s.b[k]).sum(axis=-1) + (by_y * s.d[k]).sum(axis=-1) + by_command
-            by_x = (by_x[:, None] @ s.a[k] + by_y[:, None] @ s.c[k])[:, 0]
+            here = slice(places[k], places[k + 1])
+            rows, found[k] = at[1][here], by_command
+            x, y = by_x[rows], by_y[rows]
+            found[k, rows] += (x * s.b[here]).sum(axis=-1) + (y * s.d[here]).sum(axis=-1)
+            by_x[:] = 0.0
+            by_x[rows] = (x[:, None] @ s.a[here] + y[:, None] @ s.c[here])[:, 0]
             through = by_observation[k] * found[k][:, None]
             later = by_filter
             by_filter = later @ step + through[:, o.size - states :]
             by_signal = through[:, :ns] + by_filter @ now + later @ before
             if last is not None:
                 by_command = price + through[:, last] / float(o.command_max[0])
-            if at is not None:
-                value, total = run.observations[k, :, signal], by_peak + through[:, at]
-                fresh = np.abs(value) >= run.observations[k, :, at]
-                by_signal[:, signal] += np.where(fresh, np.sign(value) * total, 0.0)
+            if peaked:
+                value, total = run.observations[k][:, peaked], by_peak + through[:, tops]
+                fresh = np.abs(value) >= run.observations[k][:, tops]
+                by_signal[:, peaked] += np.where(fresh, np.sign(value) * total, 0.0)
                 by_peak = np.where(fresh, 0.0, fall * total)
             by_y = by_channel[k].copy()
             by_y[:, :ns] += by_signal / units

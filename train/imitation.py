@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
+from mrdamp.control.ground_filter import Ground
 from mrdamp.control.observe import LinearFilter, Observer
+from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
 from mrdamp.train.worlds import Stage, World
 
@@ -50,6 +52,16 @@ def estimated(world: World, spec: str) -> Observer:
     return replace(
         own, limit=_WIDE, filter=LinearFilter(*(tuple(map(tuple, matrix.tolist())) for matrix in rows))
     )
+
+
+def with_ground(world: World, given: Any) -> World:
+    """The world with an observer that has the states of a filter of frame and ground besides; given: see
+    `mrdamp.control.ground_filter.Ground`. Raises InputError."""
+    ground, task = Ground.of(given), world.task(1)
+    if not isinstance(task, FrameTask):
+        raise InputError("ground filter: it is for mrdamp/Frame-v0 only")
+    observer = ground.observed(task.observer, task.structure, task.rows.period)
+    return world.observing(replace(observer, limit=_WIDE))
 
 
 def imitated(

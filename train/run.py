@@ -22,7 +22,7 @@ from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import Judge, forces
-from mrdamp.train.imitation import estimated, imitated
+from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 
@@ -58,6 +58,8 @@ class Run(ABC):
         self.world: World = world(options.environment, chosen.env_kwargs, options.model, chosen.score)
         if chosen.estimator:
             self.world = self.world.observing(estimated(self.world, chosen.estimator))
+        if chosen.ground is not None:
+            self.world = with_ground(self.world, chosen.ground)
         self.worlds = (self.world, *(self._like(file) for file in options.others))
         self.task: Task = self.world.task(n, chosen.engine)
         if len(self.task.command_max) != 1:
@@ -85,7 +87,7 @@ class Run(ABC):
     def _like(self, model: Path) -> World:
         """The world with another model, seen by the same observer."""
         other = world(self.options.environment, self.chosen.env_kwargs, model, self.chosen.score)
-        return other.observing(self.world.task(1).observer) if self.chosen.estimator else other
+        return other.observing(self.world.task(1).observer) if self.chosen.estimator or self.chosen.ground else other
 
     @property
     def inputs(self) -> int:
@@ -136,6 +138,10 @@ class Run(ABC):
     def memory(self) -> Memory | None:
         """What has been learned of a memory before the network."""
         return None
+
+    def transform(self) -> Array:
+        """(k, size) from observations to what a `Policy` gives its network."""
+        return self.matrix.astype(np.float64)
 
     def teacher(self) -> Array | None:
         """(inputs,) weights of the action that the network corrects, see `Policy`."""
@@ -188,7 +194,7 @@ class Run(ABC):
             "timesteps": self.timesteps,
         }
         fresh = Observer.from_dict(self.task.observer.to_dict())
-        name, matrix = f"{o.algorithm} seed {o.seed}", self.matrix.astype(np.float64)
+        name, matrix = f"{o.algorithm} seed {o.seed}", self.transform()
         return Policy(
             name, self.task.rows.period, fresh, matrix, self.network(), self.command_max, self.levels, about,
             self.least(), self.teacher(), self.chosen.reach, self.memory(), self.chosen.ahead,

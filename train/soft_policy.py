@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
@@ -17,11 +20,17 @@ Array = NDArray[np.float64]
 
 
 class SoftPolicy(torch.nn.Module):
-    """As `mrdamp.control.policy.Policy` with a teacher: action = t h + v tanh(W h + b) + c, h = transform observation.
+    """As `mrdamp.control.policy.Policy` with a teacher, for observations o and those with the opposite signs, o*:
 
-    The slopes are those of the pieces that the inverse of the damper is made of; its jump where the force changes its
-    sign has none. W and b are drawn, v begins at zero: the first actions are the teacher's. Parameters are single
-    precision, as the observations are.
+        action = t h + n1(h) - n1(h*)      share = n2(h) + n2(h*) + c      h = transform o, h* = transform o*
+
+    n1 and n2 are the outputs of one network with tanh. The wanted force is an odd function of the signals, and the
+    share of the largest command, which is added to that of the wanted force, an even one: a motion and its mirror image
+    are commanded alike. The command of the wanted force jumps where the force changes its sign, the share does not.
+
+    The slopes are those of the pieces that the inverse of the damper is made of; its jump has none. Weights are drawn,
+    those of the last layer are zero: the first actions are the teacher's. Parameters are single precision, as the
+    observations are.
     """
 
     def __init__(
@@ -29,19 +38,26 @@ class SoftPolicy(torch.nn.Module):
         observer: Observer,
         transform: NDArray[np.float32],
         teacher: Array,
-        hidden: int,
+        hidden: Sequence[int],
         levels: ForceLevels,
         command_max: float,
         least: LeastCommand | None,
         rng: np.random.Generator,
     ) -> None:
         super().__init__()
-        inputs = len(teacher)
-        self._transform = _tensor(transform)
+        sizes = [len(teacher), *hidden]
+        signed = np.full(observer.size, False)
+        signed[list(observer.without_peaks)] = True
+        signed[[name == "command" for name in observer.names]] = False
+        self._signs = np.where(signed, -1.0, 1.0)
+        self._transform, self._mirror = _tensor(transform), _tensor(transform * self._signs)
         self.teacher = torch.nn.Parameter(_tensor(teacher))
-        self.weight = torch.nn.Parameter(_tensor(rng.standard_normal((hidden, inputs)) / np.sqrt(inputs)))
-        self.bias = torch.nn.Parameter(_tensor(0.3 * rng.standard_normal(hidden)))
-        self.out = torch.nn.Parameter(torch.zeros(hidden))
+        drawn = [(b, rng.standard_normal((b, a)) / np.sqrt(a)) for a, b in pairwise(sizes)]
+        self.weights = torch.nn.ParameterList([torch.nn.Parameter(_tensor(w)) for _, w in drawn])
+        self.biases = torch.nn.ParameterList(
+            [torch.nn.Parameter(_tensor(0.3 * rng.standard_normal(b))) for b, _ in drawn]
+        )
+        self.out = torch.nn.Parameter(torch.zeros(2, sizes[-1]))
         self.offset = torch.nn.Parameter(torch.zeros(1))
         self._forces, self._commands = _tensor(levels.forces), _tensor(levels.commands)
         self._force_max, self._command_max, self._least = levels.force_max, command_max, least
@@ -52,33 +68,55 @@ class SoftPolicy(torch.nn.Module):
     def forward(self, observations: Any) -> Any:
         """(...) A or V from observations (..., size)."""
         h = observations @ self._transform.T
-        action = h @ self.teacher + torch.tanh(h @ self.weight.T + self.bias) @ self.out + self.offset
-        wanted = self._force_max * torch.clamp(action, -1.0, 1.0)
+        one, other = self._outputs(h), self._outputs(observations @ self._mirror.T)
+        correction = torch.clamp(one[..., 0] - other[..., 0], -1.0, 1.0)
+        share = torch.clamp(one[..., 1] + other[..., 1] + self.offset, -1.0, 1.0)
+        wanted = self._force_max * torch.clamp(h @ self.teacher + correction, -1.0, 1.0)
         size = wanted.abs()
         after = torch.searchsorted(self._forces, size.detach().contiguous()).clamp(1, len(self._forces) - 1)
         low, high = self._forces[after - 1], self._forces[after]
-        share = ((size - low) / (high - low).clamp(min=1e-9)).clamp(0.0, 1.0)
+        part = ((size - low) / (high - low).clamp(min=1e-9)).clamp(0.0, 1.0)
         ends = self._commands
-        found = ends[after - 1] + share * (ends[after] - ends[after - 1])
+        found = ends[after - 1] + part * (ends[after] - ends[after - 1])
         found = torch.where(wanted * observations[..., self._force] > 0, found, torch.zeros_like(found))
+        found = (found + self._command_max * share).clamp(min=0.0)
         if self._least is not None:
             peak = (self._unit * observations[..., self._peak]).detach().double().numpy()
             found = torch.maximum(found, _tensor(self._least(peak)))
         return found.clamp(max=self._command_max)
+
+    def _outputs(self, h: Any) -> Any:
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            h = torch.tanh(h @ weight.T + bias)
+        return h @ self.out.T
 
     def commands(self, observations: NDArray[np.float32]) -> Array:
         """(n,) of observations (n, size), without slopes."""
         with torch.no_grad():
             return np.asarray(self(torch.from_numpy(observations)).numpy(), dtype=np.float64)
 
+    def transform(self) -> Array:
+        """(2 inputs, size) of `Policy`: h, then h*."""
+        own = self._transform.double().numpy()
+        return np.vstack([own, own * self._signs])
+
     def network(self) -> Network:
-        """What corrects the teacher, for export."""
-        own = [p.detach().double().numpy() for p in (self.weight, self.bias, self.out, self.offset)]
-        return Network(((own[0], own[1]), (own[2][None], own[3])), "tanh")
+        """What corrects the teacher and adds to the command, for export: n1 and n2 of h and of h* side by side."""
+        layers = [
+            (block_diag(w, w), np.tile(b, 2))
+            for w, b in zip(map(_array, self.weights), map(_array, self.biases), strict=True)
+        ]
+        force, share = _array(self.out)
+        last = np.array([[*force, *-force], [*share, *share]]), np.array([0.0, *_array(self.offset)])
+        return Network((*layers, last), "tanh")
 
     def taught(self) -> Array:
-        """(inputs,) the teacher's weights, which are trained too."""
-        return np.asarray(self.teacher.detach().double().numpy())
+        """(2 inputs,) the teacher's weights, which are trained too."""
+        return np.append(_array(self.teacher), np.zeros(len(self.teacher)))
+
+
+def _array(values: Any) -> Array:
+    return np.asarray(values.detach().double().numpy())
 
 
 def _tensor(values: Any) -> Any:

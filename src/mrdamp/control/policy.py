@@ -6,6 +6,7 @@ m = memory(h, m)                   where the policy has one, else h itself
 a = layers(m)                      cut off at -1 and 1, or through tanh
 a = t h + reach a                  where it corrects a linear teacher of weights t, cut off at -1 and 1
 command = command_max (a + 1) / 2, or that of the wanted force a force_max (`mrdamp.control.force_levels`)
+command + command_max b            where the layers have a second output b, cut off as a; 0 at least
 command >= a least one for weak motion, where the policy has one (`mrdamp.control.least_command`)
 command held back by a first-order lag, on a driver that is faster than the one of the training (`Policy.matched`)
 measured force before a first-order lag of its sensor, where that lag is known (`Policy.matched`)
@@ -45,13 +46,13 @@ def velocities(observer: Observer, observations: NDArray[np.float32], ahead: Map
 class Policy:
     """A `Controller` of one damper; read with `Policy.read`.
 
-    name; period: of control, s; observer; transform: W (k, observer.size); network: k in, or the memory's cells, 1 out;
-    command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON; least:
-    for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the network
-    corrects by `reach` at most; memory: before the network. ahead: for levels with damping, s by signal: the stroke's
-    velocity is `stroke_velocity` plus these times the signals, that of a little later where the signals are its rate.
-    command_lag: s, of the current behind the command in the plant of the training (`Model.command_lag`); None: not
-    known. Raises InputError.
+    name; period: of control, s; observer; transform: W (k, observer.size); network: k in, or the memory's cells, 1 or 2
+    out; command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON;
+    least: for weak motion, of an observer with a leaky peak of the force; teacher: (k,) weights t whose action the
+    network corrects by `reach` at most; memory: before the network. ahead: for levels with damping, s by signal: the
+    stroke's velocity is `stroke_velocity` plus these times the signals, that of a little later where the signals are
+    its rate. command_lag: s, of the current behind the command in the plant of the training (`Model.command_lag`);
+    None: not known. Raises InputError.
     """
 
     def __init__(
@@ -72,8 +73,10 @@ class Policy:
         command_lag: float | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
-        if len(observer.command_max) != 1 or len(network.layers[-1][1]) != 1:
+        if len(observer.command_max) != 1:
             raise InputError(f"policy {name}: it is for several dampers; a controller gives one command")
+        if len(network.layers[-1][1]) > 2:
+            raise InputError(f"policy {name}: its network has more than two outputs; allowed: one or two")
         if levels is not None and "force" not in observer.signals:
             raise InputError(f"policy {name}: its action is a force, and its observer sees no force")
         if levels is not None and levels.damping and VELOCITY not in observer.signals:
@@ -151,19 +154,28 @@ class Policy:
     def _at_once(self, observations: NDArray[np.float32], force: ArrayLike) -> Array:
         """(n,) A or V, without an added lag."""
         inputs = self.inputs(observations)
-        if self.memory is None:
-            return self.driven(self.network(inputs)[:, 0], observations, force)
-        if self._state is None:
-            self._state = self.memory.start(len(inputs))
-        self._state = self.memory(inputs, self._state)
-        return self.driven(self.network(self._state[0])[:, 0], observations, force)
+        if self.memory is not None:
+            before = self.memory.start(len(inputs)) if self._state is None else self._state
+            self._state = self.memory(inputs, before)
+            inputs = self._state[0]
+        out = self.network(inputs)
+        return self.driven(out[:, 0], observations, force, out[:, 1] if out.shape[1] > 1 else 0.0)
 
     def inputs(self, observations: NDArray[np.float32]) -> Array:
         """(n, k) h."""
         return np.asarray(observations.astype(np.float64) @ self.transform.T)
 
-    def driven(self, actions: Array, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:
-        """(n,) A or V for actions (n,) in [-1, 1], as the network gives them, with observations and forces."""
+    def driven(
+        self,
+        actions: Array,
+        observations: NDArray[np.float32],
+        force: ArrayLike = 0.0,
+        added: ArrayLike = 0.0,
+    ) -> Array:
+        """(n,) A or V for actions (n,) in [-1, 1], as the network gives them, with observations and forces.
+
+        added: (n,) shares of the largest command, the network's second output.
+        """
         if self.teacher is not None:
             actions = np.clip(self.inputs(observations) @ self.teacher + self.reach * actions, -1.0, 1.0)
         if self.levels is None:
@@ -171,6 +183,7 @@ class Policy:
         else:
             velocity = velocities(self.observer, observations, self.ahead) if self.levels.damping else 0.0
             found = self.levels.command(actions * self.levels.force_max, force, velocity)
+        found = np.maximum(found + self.command_max * np.asarray(added), 0.0)
         if self.least is not None:
             found = np.maximum(found, self.least(self.observer.peak(observations, "force")))
         return np.minimum(found, self.command_max)

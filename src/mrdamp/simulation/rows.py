@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -257,6 +258,15 @@ class ChainRows:
         self._give(row, moment.load, moment.sample_time, moment.steps)
         self.state[row] = moment.state
         self.step[row] = int(moment.state[0])
+
+    def share(self, other: ChainRows, chosen: NDArray[np.intp]) -> None:
+        """The loads of other rows, without copies: row k takes that of `other`'s row chosen[k], chosen (n,)."""
+        self._given, size = [other._given[k] for k in chosen.tolist()], ctypes.sizeof(Load)
+        mine, theirs = (
+            np.ctypeslib.as_array(ctypes.cast(rows._load, ctypes.POINTER(ctypes.c_uint8)), (rows.n, size))
+            for rows in (self, other)
+        )
+        mine[:] = theirs[chosen]
 
     def _give(self, row: int, load: Array, sample_time: float, steps: int) -> None:
         values = np.ascontiguousarray(load, dtype=np.float64)
