@@ -242,7 +242,7 @@ def test_names_of_contenders() -> None:
         contenders(BENCH, ["policy:missing.json"], settings)
 
 
-@pytest.mark.parametrize(("name", "seeds"), [("learned", 5), ("ppo", 5), ("adjoint", 3)])
+@pytest.mark.parametrize(("name", "seeds"), [("learned", 5), ("ppo", 5), ("adjoint", 5)])
 def test_shipped_policies_of_the_frame_are_different_seeds(name: str, seeds: int) -> None:
     (row,) = contenders(BENCH, [name], {}, shipped_policies("frame"))
     assert row.learned

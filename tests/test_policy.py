@@ -216,7 +216,7 @@ def test_a_lag_that_cannot_be() -> None:
 
 @pytest.mark.parametrize("name", ["learned/seed_3", "ppo/seed_0", "adjoint/seed_0"])
 def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(name: str) -> None:
-    """As it is it is unstable there: its command moves more than twice as much from period to period."""
+    """As it is it is unstable there: its command moves half as much again from period to period, or more."""
     published, motion = default_damper(), embedded_motion().compressed(5.0)
 
     def moved(damper: Model, control: Controller) -> float:
@@ -233,7 +233,7 @@ def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(
     fast = replace(published, effects=())
     as_trained = moved(published, alone)
     alone.reset()
-    assert moved(fast, alone) > 2 * as_trained
+    assert moved(fast, alone) > 1.5 * as_trained
     site = registry.Site(dyke1996(), fast, 2.25, 0.002)
     assert moved(fast, registry.make(f"policy:{file}", site)) < 1.1 * as_trained
 
