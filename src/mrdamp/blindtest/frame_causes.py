@@ -19,6 +19,7 @@ DAMPER = (
     "saturation",
     "remanence",
     "asymmetry",
+    "shear_thinning",
     "seal_friction",
     "mount_compliance",
 )

@@ -7,7 +7,7 @@ catalogue without the causes that clean blocks rule out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,12 +21,13 @@ from mrdamp.diagnosis.attribution.frame_blocks import (
     shares_by_stage,
 )
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence, frame_baseline_law
+from mrdamp.diagnosis.attribution.frame_laws import OtherLaw, other_law
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
-from mrdamp.diagnosis.constants import CAUSE_PRICE, NUMBER_PRICE
-from mrdamp.diagnosis.evidence.judgement import decided, scored, unexplained
+from mrdamp.diagnosis.constants import CAUSE_PRICE, LAW_FORMS, NUMBER_PRICE
+from mrdamp.diagnosis.evidence.judgement import decided, needless, scored, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
@@ -128,10 +129,20 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
             places=place_shares(found),
             place_intervals=place_intervals(found),
         )
-        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
+        other = laws[0].to_dict() if laws else None
+        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels), other_law=other)
+
+    laws: list[OtherLaw] = []
 
     def judged() -> Judged:
-        return judge(search, rig, untouched, channels)
+        fits, decision = judge(search, rig, untouched, channels)
+        named = decision.chosen.causes if decision.verdict == "effect" else ()
+        if again is None and search.inexact and LAW_FORMS.intersection(named):
+            progress("identifying other laws", 0.68)
+            laws[:] = filter(None, [other_law(case, search.problem, fits[decision.chosen.index], jobs)])
+        if not laws:
+            return fits, decision
+        return judge(search, rig, untouched, channels, laws[0].others) if laws[0].others else (fits, needless(decision))
 
     return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again)
 
@@ -146,12 +157,16 @@ def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> t
 
 
 def judge(
-    search: Search, rig: FrameRig, baseline: Problem | None = None, channels: Sequence[Compared] = ()
+    search: Search,
+    rig: FrameRig,
+    baseline: Problem | None = None,
+    channels: Sequence[Compared] = (),
+    only: Collection[str] | None = None,
 ) -> Judged:
     """All fits, including those whose structural parameters are interpreted as effects, and the decision.
 
     baseline: residuals of the rig's baseline records. channels: findings on storeys and accelerometers
-    without a law; they have priority if the law is not the rig's.
+    without a law; they have priority if the law is not the rig's. only: causes that may be named; None: all.
     """
     penalties: dict[int, float] = {}
     if rig.free_structure:
@@ -165,6 +180,8 @@ def judge(
                         search.fits[key] = named
                         penalties[id(named)] = penalty
     fits = [*search.ranked(False), *search.ranked(True)]
+    if only is not None:
+        fits = [f for f in fits if set(f.hypothesis.causes) <= set(only)]
     if search.inexact:
         search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
         for f in fits:

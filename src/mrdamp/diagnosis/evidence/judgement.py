@@ -161,6 +161,11 @@ def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
     return unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
 
 
+def needless(decision: Decision) -> Decision:
+    """The decision where another law makes the named cause needless: nothing is established."""
+    return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
+
+
 def unchanged(decision: Decision, fits: Sequence[Fit]) -> Decision:
     """The decision with the unchanged nominal simulator as the chosen fit."""
     index = next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates)

@@ -68,7 +68,7 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     for effects that `mrdamp identify` does not fit, for fewer than four records, and without the channel force_N.
     """
     model = given.nominal_model
-    extras = _extras(model)
+    extras = fitted_along(model)
     if len(baseline) < _LEAST or extras is None or model.law not in (*LAWS, "bingham"):
         return None
     if not all("force_N" in r.channels for r in baseline):
@@ -108,7 +108,7 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     return BaselineLaw(model, best, dependence, before, after, before)
 
 
-def _extras(model: Model) -> tuple[str, ...] | None:
+def fitted_along(model: Model) -> tuple[str, ...] | None:
     """Names of the effects to fit along, None if `mrdamp identify` does not fit one of them."""
     out = {"offset"}
     for effect in model.effects:

@@ -174,6 +174,7 @@ class Diagnosis:
         None  # cause outside the catalogue that explains an unknown gap
     )
     baseline_law: Mapping[str, Any] | None = None  # law identified again on the baseline, if it is used
+    other_law: Mapping[str, Any] | None = None  # law identified on these records that makes a cause needless
     stepped: tuple[
         Mapping[str, Any], ...
     ] = ()  # check of the MJCF on records: gaps offline and in MuJoCo
@@ -203,6 +204,7 @@ class Diagnosis:
             "standing": dict(self.standing) if self.standing is not None else None,
             "outside_catalogue": dict(self.outside) if self.outside is not None else None,
             "baseline_law": dict(self.baseline_law) if self.baseline_law is not None else None,
+            "other_law": dict(self.other_law) if self.other_law is not None else None,
             "indistinguishable": [list(t) for t in self.indistinguishable],
             "unseen": [dict(u) for u in self.unseen],
             "where": self.where.to_dict(),

@@ -51,7 +51,14 @@ def percent(x: float) -> str:
 
 
 def sentence(d: Diagnosis) -> str:
-    """The answer in plain words; with the law that was identified again on the baseline, if it is used."""
+    """The answer in plain words; with a law that was identified again, if there is one."""
+    if d.other_law is not None:
+        other = d.other_law
+        return (
+            f"{_sentence(d)} Another law ({other['law']}), identified on these records, leaves {percent(other['gap'])}"
+            f" without {' and '.join(other['without'])}, which leaves {percent(other['gap_with'])} in left-out records:"
+            " identify the simulator again."
+        )
     if d.baseline_law is None:
         return _sentence(d)
     again = d.baseline_law

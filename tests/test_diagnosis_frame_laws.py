@@ -1,0 +1,112 @@
+"""Other laws beside a cause that has the form of a law, in the frame that SciPy integrates (`frame_case`).
+
+Its damper is a modified Bouc-Wen one; the simulator has a Bingham law of the same size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from frame_case import altered, believed, case_of, records
+from mrdamp.diagnosis import frame_run
+from mrdamp.diagnosis.attribution import frame_laws as module
+from mrdamp.diagnosis.attribution.frame_damper import damper_alone
+from mrdamp.diagnosis.attribution.frame_laws import other_law
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.evidence.judgement import needless, scored
+from mrdamp.diagnosis.evidence.verdict import Decision, Scored
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.frame_run import reduced
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.diagnosis.searched import Judged
+from mrdamp.identify import identify
+
+
+@cache
+def case(stiffer: float = 1.0) -> Case:
+    found = records()
+    if stiffer != 1:
+        found = altered(found, "floor3_acceleration_m_s2", stiffer)
+    true = case_of(believed(), found)
+    own = identify("bingham", damper_alone(true).records, extras=("driver_lag",), starts=2, threads=1).model
+    model = replace(true.model, law=own.law, parameters=own.parameters, effects=own.effects)
+    return case_of(model, found)
+
+
+def problem_of(one: Case) -> Problem:
+    rig = reduced(one)[1]
+    return Problem(rig, coarse=True)
+
+
+def fitted(problem: Problem, *names: str) -> Fit:
+    terms = [next(t for t in problem.rig.terms if t.cause == name) for name in names]
+    hypothesis = Hypothesis((), tuple(terms))
+    return fit(problem, hypothesis, hypothesis.start(), most=8)
+
+
+@pytest.mark.parametrize("others", [(), ("sensor_gain@3",)])
+def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> None:
+    one = case(1.15 if others else 1.0)
+    problem = problem_of(one)
+    found = other_law(one, problem, fitted(problem, "shear_thinning", *others))
+    assert found is not None
+    assert found.law == "modified_bouc_wen"
+    assert found.causes == ("shear_thinning",)
+    assert found.others == frozenset(others)
+    assert found.gap < 0.5 * found.left
+    assert found.to_dict() == {
+        "law": "modified_bouc_wen",
+        "gap": found.gap,
+        "without": ["shear_thinning"],
+        "gap_with": found.left,
+    }
+
+
+def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of(case())
+    chosen = fitted(problem, "shear_thinning")
+    monkeypatch.setattr(module, "heldout", lambda *_: np.full(len(problem.blocks), 1e-3))
+    assert other_law(case(), problem, chosen) is None
+
+
+def test_only_causes_in_the_form_of_a_law_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("identified")
+
+    monkeypatch.setattr(module, "identify", never)
+    problem = problem_of(case())
+    assert other_law(case(), problem, fitted(problem, "seal_friction")) is None
+
+
+def test_a_needless_cause_is_unknown() -> None:
+    chosen = Scored(("shear_thinning",), False, 1.0, 1)
+    found = needless(Decision("effect", chosen, (1.0,), 0.2, 0.1, 1.0, unknown=0.1))
+    assert found.verdict == "unknown"
+    assert found.unknown > 0.5
+
+
+def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = frame_run.judge
+
+    def named(search: Search, *args: Any, **options: Any) -> Judged:
+        fits, decision = own(search, *args, **options)
+        fits = [*fits, fitted(search.problem, "shear_thinning")]
+        chosen = replace(scored(fits)[-1], index=len(fits) - 1)
+        return fits, replace(decision, verdict="effect", chosen=chosen, probabilities=(*decision.probabilities, 0.0))
+
+    monkeypatch.setattr(frame_run, "judge", named)
+    found = diagnose(case())
+    assert (found.verdict, found.effects) == ("unknown", ())
+    assert found.other_law is not None
+    assert found.other_law["gap"] < 0.5 * found.gap.nominal
+    assert found.to_dict()["other_law"] == found.other_law
+    assert f"Another law ({found.other_law['law']})" in found.sentence
+    assert "identify the simulator again" in found.sentence
