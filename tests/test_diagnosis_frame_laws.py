@@ -18,7 +18,7 @@ from mrdamp.diagnosis.attribution import frame_laws as module
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone
 from mrdamp.diagnosis.attribution.frame_laws import other_law
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.evidence.judgement import needless, scored
+from mrdamp.diagnosis.evidence.judgement import not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -88,7 +88,7 @@ def test_only_causes_in_the_form_of_a_law_are_compared(monkeypatch: pytest.Monke
 
 def test_a_needless_cause_is_unknown() -> None:
     chosen = Scored(("shear_thinning",), False, 1.0, 1)
-    found = needless(Decision("effect", chosen, (1.0,), 0.2, 0.1, 1.0, unknown=0.1))
+    found = not_established(Decision("effect", chosen, (1.0,), 0.2, 0.1, 1.0, unknown=0.1))
     assert found.verdict == "unknown"
     assert found.unknown > 0.5
 

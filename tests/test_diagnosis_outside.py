@@ -170,6 +170,18 @@ def test_the_command_is_heard_by_the_own_sensor_alone() -> None:
     np.testing.assert_array_equal(outside.read({}, "force", force, command), force)
 
 
+def test_the_motion_is_recorded_ever_later_by_a_slow_clock() -> None:
+    t = 0.002 * np.arange(2001)
+    drift = {"outside_clock_rate": 0.01}
+    true, v = np.sin(3 * t), 3 * np.cos(3 * t)
+    recorded = tuple(np.interp(t / 1.01, t, values) for values in (true, v))
+    found = outside.moved(drift, recorded, 0.002)
+    inside = slice(0, -30)
+    np.testing.assert_allclose(found[0][inside], true[inside], atol=2e-5)
+    np.testing.assert_allclose(found[1][inside], v[inside], atol=6e-5)
+    np.testing.assert_array_equal(outside.moved({}, recorded, 0.002)[0], recorded[0])
+
+
 def test_sets_with_the_same_rival_run_together_and_the_chain_sees_none_of_it() -> None:
     sets = [{"c0a": 1.0}, {"outside_threshold": 0.1, "c0a": 2.0}, {"outside_threshold": 0.1}, {"fya": 1.0}]
     assert outside.grouped(sets) == [({}, [0, 3]), ({"outside_threshold": 0.1}, [1, 2])]

@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees
 from mrdamp.diagnosis.constants import LOGIT_TEMPER, UNSTEADY
+from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
@@ -294,6 +295,15 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
             true = np.asarray(r.channel(name))[kept]
             squares.append(float(np.mean((own[name][kept] - true) ** 2) / np.mean(true**2)))
     assert found.gap.corrected == pytest.approx(float(np.sqrt(np.mean(squares))), rel=0.01)
+
+
+def test_a_cause_that_harms_a_regime_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judgement, "REGIME_WORSE", 0.0)
+    found = answer(case(gain=1.2))
+    assert (found.verdict, found.effects) == ("unknown", ())
+    assert found.probabilities["unknown"] > 0.7
+    assert "No cause in the catalogue is established" in found.sentence
+    assert found.gap.corrected <= found.gap.nominal
 
 
 def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:

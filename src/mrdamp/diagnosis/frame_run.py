@@ -27,7 +27,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.constants import CAUSE_PRICE, LAW_FORMS, NUMBER_PRICE
-from mrdamp.diagnosis.evidence.judgement import decided, needless, scored, unexplained
+from mrdamp.diagnosis.evidence.judgement import decided, not_established, scored, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
@@ -140,9 +140,9 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         if again is None and search.inexact and LAW_FORMS.intersection(named):
             progress("identifying other laws", 0.68)
             laws[:] = filter(None, [other_law(case, search.problem, fits[decision.chosen.index], jobs)])
-        if not laws:
-            return fits, decision
-        return judge(search, rig, untouched, channels, laws[0].others) if laws[0].others else (fits, needless(decision))
+        if laws and laws[0].others:
+            return judge(search, rig, untouched, channels, laws[0].others)
+        return fits, not_established(decision) if laws else decision
 
     return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again)
 

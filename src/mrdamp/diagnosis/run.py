@@ -9,7 +9,13 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
-from mrdamp.diagnosis.evidence.judgement import carried_over, never_worse, with_nearest
+from mrdamp.diagnosis.evidence.judgement import (
+    carried_over,
+    never_worse,
+    not_established,
+    not_in_every_regime,
+    with_nearest,
+)
 from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
@@ -59,6 +65,10 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=rig)
     decision = carried_over(search, final, decision)
     final, decision = never_worse(search, fits, final, decision)
+    if not_in_every_regime(search, final, decision):
+        decision = with_nearest(search, fits, not_established(decision))
+        final = final_fit(search, fits[decision.chosen.index], rig=rig)
+        final, decision = never_worse(search, fits, final, decision)
     progress("looking at what is tied and unseen", 0.85)
     answer = assemble(
         found.case, rig, search, fits, decision, final, found.noise, found.floor, found.notes, begun

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import CARRIED, INDEPENDENT, LOGIT_GAIN, UNNAMED_GAP, UNSTEADY
+from mrdamp.diagnosis.constants import CARRIED, INDEPENDENT, LOGIT_GAIN, REGIME_WORSE, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
+from mrdamp.diagnosis.evidence.consistency import largest_increase
 from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
@@ -161,8 +162,16 @@ def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
     return unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
 
 
-def needless(decision: Decision) -> Decision:
-    """The decision where another law makes the named cause needless: nothing is established."""
+def not_in_every_regime(search: Search, final: FinalFit, decision: Decision) -> bool:
+    """True if the only named cause makes the gap of a regime larger by REGIME_WORSE, and the law is not the rig's."""
+    causes = {t.cause for t in final.fit.hypothesis.terms}
+    if not search.inexact or decision.verdict != "effect" or len(causes) != 1:
+        return False
+    return largest_increase(final.problem, final.fit, causes.pop()) > REGIME_WORSE
+
+
+def not_established(decision: Decision) -> Decision:
+    """The decision without a cause: it is unknown."""
     return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
 
 

@@ -28,6 +28,7 @@ PLAIN: Mapping[str, str] = {
     "worn_bore": "a bore that is worn at one place",
     "side_load": "friction that grows with the distance from a position",
     "cross_talk": "the command in the reading of the force",
+    "clock_drift": "two clocks that run apart, of the displacement and of the force",
     "settled_particles": "particles that have settled and are stirred up by the motion",
     "storey_crack": "a crack that opens and closes",
     "storey_yield": "a spring that yields",
@@ -107,6 +108,13 @@ def force_rivals(s: Sizes) -> tuple[Term, ...]:
             ((0.2, 3 * s.stroke), (0.2, 20 * s.stroke)),
         ),
         Term(
+            "clock_drift",
+            "sensor",
+            # Started together: with a shift of its own it would contain the catalogue's channel_shift.
+            (linear("outside_clock_rate", 5e-4, -0.02, 0.02),),
+            ((1e-3,), (-1e-3,)),
+        ),
+        Term(
             "cross_talk",
             "sensor",
             (linear("outside_talk", 0.05 * heard, -4 * heard, 4 * heard),),
@@ -167,6 +175,15 @@ def forced(settings: Mapping[str, float], force: Array, x: Array, v: Array) -> A
         away = np.abs(x - settings["outside_side_x"])
         out = out + settings["outside_side_force"] * away * np.tanh(v / settings["outside_side_v"])
     return out
+
+
+def moved(settings: Mapping[str, float], channels: Sequence[Array], sample_time: float) -> tuple[Array, ...]:
+    """Channels (n,) of the motion at the damper of a rig with a rival, from those that the transducer recorded."""
+    if "outside_clock_rate" not in settings:
+        return tuple(channels)
+    t = sample_time * np.arange(len(channels[0]))
+    read_at = (1 + settings["outside_clock_rate"]) * t
+    return tuple(np.interp(read_at, t, values) for values in channels)
 
 
 def read(settings: Mapping[str, float], name: str, force: Array, command: Array) -> Array:

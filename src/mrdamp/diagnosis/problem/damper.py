@@ -18,6 +18,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
     forced,
     grouped,
     inside_of,
+    moved,
     read,
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
@@ -265,20 +266,21 @@ class DamperRig:
         names = columns or [_COLUMNS[c] for c in self.channels]
         out = np.empty((len(settings), len(names), len(inputs.x)))
         for outside, rows in grouped(settings):
+            x, v, a = moved(outside, (inputs.x, inputs.v, inputs.a), inputs.sample_time)
             run = core.run_many(
                 law,
                 np.array([core.vector(law, inside_of(self._base | settings[k])) for k in rows]),
                 inputs.sample_time,
-                inputs.x,
+                x,
                 commanded(outside, inputs.u, inputs.sample_time),
-                v=inputs.v,
-                a=inputs.a,
+                v=v,
+                a=a,
                 substep=inputs.sample_time / pieces,
                 threads=self.threads,
                 narx=self.nominal_model.narx,
                 columns=names,
             )
-            run = forced(outside, run, inputs.x, inputs.v)
+            run = forced(outside, run, x, v)
             for k, name in enumerate(names):
                 out[rows, k] = read(outside, name, run[:, k], inputs.u)
         return np.ascontiguousarray(logged(out, inputs.filtered, inputs.factor))
