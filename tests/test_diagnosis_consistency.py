@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull, largest_increase
-from mrdamp.diagnosis.evidence.judgement import not_in_every_regime
+from mrdamp.diagnosis.evidence.judgement import harms_a_regime
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -144,11 +144,14 @@ def test_a_cause_that_harms_a_regime_is_not_established() -> None:
     for value, harms in ((0.4, False), (-0.4, True)):
         point = np.array([c.point(value) for c in cubic.coordinates])
         final = FinalFit(fit(problem, hypothesis, point, most=0), (), np.zeros(1), problem)
-        assert not_in_every_regime(search, final, decision) == harms
-    assert not not_in_every_regime(search, final, replace(decision, verdict="parameters"))
+        note = harms_a_regime(search, final, decision)
+        assert (note is not None) == harms
+    assert note is not None
+    assert note.startswith("cubic explains the gap best")
+    assert harms_a_regime(search, final, replace(decision, verdict="parameters")) is None
     exact = Search(problem, 1e9, Limits())
     assert not exact.inexact
-    assert not not_in_every_regime(exact, final, decision)
+    assert harms_a_regime(exact, final, decision) is None
 
 
 def test_a_single_record_and_a_cause_that_was_not_fitted_have_no_estimates() -> None:

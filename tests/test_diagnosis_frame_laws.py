@@ -77,13 +77,16 @@ def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.Mon
     assert other_law(case(), problem, chosen) is None
 
 
-def test_only_causes_in_the_form_of_a_law_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object, **__: object) -> None:
         raise AssertionError("identified")
 
     monkeypatch.setattr(module, "identify", never)
     problem = problem_of(case())
     assert other_law(case(), problem, fitted(problem, "seal_friction")) is None
+    for missing in ("force_N", "floor1_displacement_m"):
+        some = tuple(replace(r, channels={k: v for k, v in r.channels.items() if k != missing}) for r in case().records)
+        assert other_law(replace(case(), records=some), problem, fitted(problem, "shear_thinning")) is None
 
 
 def test_a_needless_cause_is_unknown() -> None:

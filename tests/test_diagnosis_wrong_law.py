@@ -303,6 +303,7 @@ def test_a_cause_that_harms_a_regime_is_not_named(monkeypatch: pytest.MonkeyPatc
     assert (found.verdict, found.effects) == ("unknown", ())
     assert found.probabilities["unknown"] > 0.7
     assert "No cause in the catalogue is established" in found.sentence
+    assert any("sensor_gain explains the gap best" in note for note in found.notes)
     assert found.gap.corrected <= found.gap.nominal
 
 

@@ -11,9 +11,9 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
 from mrdamp.diagnosis.evidence.judgement import (
     carried_over,
+    harms_a_regime,
     never_worse,
     not_established,
-    not_in_every_regime,
     with_nearest,
 )
 from mrdamp.diagnosis.fits.final import final_fit
@@ -65,7 +65,9 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=rig)
     decision = carried_over(search, final, decision)
     final, decision = never_worse(search, fits, final, decision)
-    if not_in_every_regime(search, final, decision):
+    harm = harms_a_regime(search, final, decision)
+    if harm is not None:
+        found.notes.append(harm)
         decision = with_nearest(search, fits, not_established(decision))
         final = final_fit(search, fits[decision.chosen.index], rig=rig)
         final, decision = never_worse(search, fits, final, decision)

@@ -54,12 +54,16 @@ def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> 
     again = baseline_law(alone, before.records)
     if again is None:
         return None
-    placed = tuple(e for e in case.model.effects if e.place is not None)
-    law = again.model
-    model = replace(case.model, law=law.law, parameters=law.parameters, effects=(*law.effects, *placed))
+    model = with_law(case.model, again.model)
     given = Problem(FrameRig(case.model, case.baseline, threads=threads), coarse=True)
     gap = float(np.sqrt(np.mean(given.gaps(given.of_settings([{}])[0]) ** 2)))
     return replace(again, given=case.model, model=model, given_gap=gap)
+
+
+def with_law(frame: Model, law: Model) -> Model:
+    """The model of a frame with the law and the effects of a damper alone, and its own in the frame."""
+    placed = tuple(e for e in frame.effects if e.place is not None)
+    return replace(frame, law=law.law, parameters=law.parameters, effects=(*law.effects, *placed))
 
 
 def damper_alone(case: Case) -> DamperRig:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.attribution.frame_damper import damper_alone
+from mrdamp.diagnosis.attribution.frame_damper import damper_alone, with_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS
 from mrdamp.diagnosis.fits.final import heldout
@@ -58,8 +58,10 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     """
     causes = tuple(c for c in chosen.hypothesis.causes if c in LAW_FORMS)
     rig, extras = problem.rig, fitted_along(case.model)
-    measured = all("force_N" in r.channels for r in case.records)
-    if not causes or extras is None or not measured or not isinstance(rig, FrameRig):
+    if not causes or extras is None or not isinstance(rig, FrameRig):
+        return None
+    needed = {"force_N", *(f"floor{k}_displacement_m" for k in rig.structure.damper_between if k)}
+    if not all(needed <= set(r.channels) for r in case.records):
         return None
     kept = [t for t in chosen.hypothesis.terms if t.cause not in causes]
     names = {c.name for t in kept for c in t.coordinates}
@@ -90,10 +92,8 @@ def _gaps(
         own = identify(law, alone.records, extras=extras, dependence=dependence, starts=_STARTS, threads=threads).model
     except InputError:
         return np.full(len(problem.blocks), np.inf)
-    placed = tuple(e for e in rig.nominal_model.effects if e.place is not None)
-    model = replace(rig.nominal_model, law=own.law, parameters=own.parameters, effects=(*own.effects, *placed))
     framed = Problem(
-        replace(rig, nominal_model=model),
+        replace(rig, nominal_model=with_law(rig.nominal_model, own)),
         problem.records,
         stride=problem.stride,
         coarse=problem.coarse,

@@ -162,12 +162,16 @@ def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
     return unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
 
 
-def not_in_every_regime(search: Search, final: FinalFit, decision: Decision) -> bool:
-    """True if the only named cause makes the gap of a regime larger by REGIME_WORSE, and the law is not the rig's."""
-    causes = {t.cause for t in final.fit.hypothesis.terms}
-    if not search.inexact or decision.verdict != "effect" or len(causes) != 1:
-        return False
-    return largest_increase(final.problem, final.fit, causes.pop()) > REGIME_WORSE
+def harms_a_regime(search: Search, final: FinalFit, decision: Decision) -> str | None:
+    """Line for a person if the only named cause makes the gap of a regime larger by REGIME_WORSE and the law is not the
+    rig's, else None."""
+    causes = [t.cause for t in final.fit.hypothesis.terms]
+    if not search.inexact or decision.verdict != "effect" or len(set(causes)) != 1:
+        return None
+    increase = largest_increase(final.problem, final.fit, causes[0])
+    if not increase > REGIME_WORSE:
+        return None
+    return f"{causes[0]} explains the gap best, but makes it {increase:.1f} times as large in a regime: it is not named"
 
 
 def not_established(decision: Decision) -> Decision:
