@@ -297,6 +297,17 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
     assert found.gap.corrected == pytest.approx(float(np.sqrt(np.mean(squares))), rel=0.01)
 
 
+def test_a_gain_that_one_record_does_not_have_is_not_named() -> None:
+    """The best single cause is the gain; the record at no command is worse with it."""
+    some = []
+    for k, r in enumerate(records(gain=1.3)):
+        own = r if k else record("test_0", 0.01, 1.0, 0.0, seed=0)
+        some.append(replace(own, channels={n: v for n, v in own.channels.items() if n != "reference_force_N"}))
+    found = answer(Case("rig", Path(), model(OWN), tuple(some), (), ()))
+    assert (found.verdict, found.effects) == ("unknown", ())
+    assert any(note.startswith("sensor_gain explains the gap best, but makes it 1.") for note in found.notes)
+
+
 def test_a_cause_that_harms_a_regime_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(judgement, "REGIME_WORSE", 0.0)
     found = answer(case(gain=1.2))

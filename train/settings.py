@@ -62,16 +62,17 @@ class Settings:
 
     n_envs: rows of the vector environment. engine: that they train on, `chain` (the C++ chain) or `mujoco`; a policy is
     evaluated in MuJoCo. n_timesteps: control periods in all. action: `command`, or `force`: the wanted force, which the
-    damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical controller, as `clipped-
-    optimal:r=1e-9`, whose Kalman filter's states are observed besides. ground: of a Kalman filter of frame and ground
-    that is observed too, see `mrdamp.control.ground_filter.Ground`; none: no such filter. normalize: whiten the
-    observations. viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's velocity among the
-    signals; ahead: s by signal, that lead that velocity, see `Policy`. teacher: a classical controller whose wanted
-    force, as a linear function of the observations, is what the learner begins at; reach: how far a learner of stable-
-    baselines3 may go from it, over the largest force. least: of a least command (`mrdamp.control.least_command`),
-    `level` over the largest command, and `fade`, `full` and `rise` over the damper's force at zero command; none: no
-    such command. env_kwargs: of the environment. score: what the validation score is made of, see
-    `mrdamp.train.worlds.world`. policy, policy_kwargs: of stable-baselines3, activation_fn by name. learner: the
+    damper's command follows by `ForceLevels`; switch: on/off. estimator: a classical controller, as
+    `clipped-optimal:r=1e-9`, whose Kalman filter's states are observed besides. ground: of a Kalman filter of frame
+    and ground that is observed too, see `mrdamp.control.ground_filter.Ground`; none: no such filter. normalize:
+    whiten the observations. viscous: `ForceLevels` with the damper's viscous part, which needs the stroke's
+    velocity among the signals; ahead: s by signal, that lead that velocity, see `Policy`. teacher: a classical
+    controller whose wanted force, as a linear function of the observations, is what the learner begins at; reach:
+    how far a learner of stable-baselines3 may go from it, over the largest force. least: of a least command
+    (`mrdamp.control.least_command`), `level` over the largest command, and `fade`, `full` and `rise` over the
+    damper's force at zero command; none: no such command. env_kwargs: of the environment. score: what the
+    validation score is made of, see `mrdamp.train.worlds.world`. policy, policy_kwargs: of stable-baselines3,
+    activation_fn by name. learner: the
     algorithm's other arguments; learning_rate may be `linear_0.001`, which falls to zero over the training.
 
     For learners of stable-baselines3: pool: loads in all, which an episode takes one of, with the reward of
