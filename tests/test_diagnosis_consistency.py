@@ -149,6 +149,10 @@ def test_a_cause_that_harms_a_regime_is_not_established() -> None:
     assert note is not None
     assert note.startswith("cubic explains the gap best")
     assert harms_a_regime(search, final, replace(decision, verdict="parameters")) is None
+    (sign,) = (t for t in rig.terms if t.effect == "sign")
+    both = Hypothesis((), (cubic, sign))
+    two = replace(final, fit=fit(problem, both, np.append(point, 0.1), most=0))
+    assert harms_a_regime(search, two, decision) is None
     exact = Search(problem, 1e9, Limits())
     assert not exact.inexact
     assert harms_a_regime(exact, final, decision) is None

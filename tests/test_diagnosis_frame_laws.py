@@ -61,7 +61,7 @@ def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> N
     assert found.law == "modified_bouc_wen"
     assert found.causes == ("shear_thinning",)
     assert found.others == frozenset(others)
-    assert found.gap < 0.5 * found.left
+    assert found.gap < 0.2 * found.left  # with the sensor's gain, which alone leaves half
     assert found.to_dict() == {
         "law": "modified_bouc_wen",
         "gap": found.gap,
