@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes, write_atomic
 
 Array = NDArray[np.float64]
+#: A list of numbers as `json.dumps` indents it.
+_ROW = re.compile(r"\[\n([-+.\deE,\s]+)\]")
 
 FORMAT = "mrdamp policy 1"
 VELOCITY = "stroke_velocity"  #: The signal that levels with damping need.
@@ -202,8 +205,9 @@ class Policy:
             raise InputError(why if why.startswith(str(path)) else f"{path}: {why}") from None
 
     def write(self, path: Path | str) -> None:
-        """As JSON, in one go."""
-        write_atomic(Path(path), json.dumps(self.to_dict(), indent=1) + "\n")
+        """As JSON, in one go; a row of numbers in one line."""
+        text = json.dumps(self.to_dict(), indent=1)
+        write_atomic(Path(path), _ROW.sub(lambda row: f"[{' '.join(row[1].split())}]", text) + "\n")
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
