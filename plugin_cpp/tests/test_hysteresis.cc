@@ -84,6 +84,24 @@ TEST(ClosedFormsDoNotDependOnTheStep) {
   }
 }
 
+// An exponent at a bound of a fit, and one near it, give the same law.
+TEST(ExponentsBesideTheClosedForms) {
+  for (const double n : {1.0, 2.0}) {
+    for (const double share : kShares) {
+      const Shape p = Make(n, share);
+      for (const double z : {-0.9, -0.2, 0.6}) {
+        for (const double reaches : {0.3, 2.0, 40.0}) {
+          const double dx = reaches * kReach, exact = Hysteresis(z * kRest, dx, p.A, p.beta, p.gamma, n);
+          CHECK(Hysteresis(z * kRest, dx, p.A, p.beta, p.gamma, n + 5e-7) == exact);
+          const double beside = n + 1e-5;
+          const double change = std::pow(kRest, n - beside);
+          NEAR(Hysteresis(z * kRest, dx, p.A, p.beta * change, p.gamma * change, beside), exact, 2e-3 * kRest);
+        }
+      }
+    }
+  }
+}
+
 TEST(MirrorImage) {
   for (const double n : kExponents) {
     const Shape p = Make(n, 0.7);
