@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,18 @@ def test_calibration_error() -> None:
     assert [b.stated for b in bins] == pytest.approx([0.3, 0.85, 0.95])
     assert [b.share for b in bins] == [Share(1, 2), Share(2, 2), Share(1, 2)]
     assert score.calibration_error(rows()) == pytest.approx((2 * 0.2 + 2 * 0.15 + 2 * 0.45) / 6)
+
+
+def test_calibration_error_of_exact_probabilities() -> None:
+    """Two answers that state one half are off by one half, equally often as by nothing."""
+
+    def stating(*probabilities: float) -> list[Row]:
+        return [replace(rows()[0], probability=p) for p in probabilities]
+
+    assert score.exact_calibration_error(stating(0.5, 0.5)) == pytest.approx((0.25, 0.5), abs=0.02)
+    assert score.exact_calibration_error(stating(0.9))[0] == pytest.approx(0.9 * 0.1 + 0.1 * 0.9, abs=0.02)
+    assert score.exact_calibration_error(stating(*[0.5] * 400))[1] < 0.06
+    assert all(np.isnan(score.exact_calibration_error(stating(np.nan))))
 
 
 def test_numbers() -> None:

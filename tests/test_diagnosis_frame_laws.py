@@ -20,12 +20,16 @@ from mrdamp.diagnosis.attribution.frame_laws import other_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.judgement import not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
+from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.run import diagnose
+from mrdamp.diagnosis.report.file_gaps import predicted_gap
+from mrdamp.diagnosis.report.other_law import with_other_law
+from mrdamp.diagnosis.run import answered, diagnose, searched
 from mrdamp.diagnosis.searched import Judged
 from mrdamp.identify import identify
 
@@ -67,7 +71,10 @@ def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> N
         "gap": found.gap,
         "without": ["shear_thinning"],
         "gap_with": found.left,
+        "handed_over": False,
     }
+    # With other causes kept the fit is handed over: halves are not needed.
+    assert np.all(np.isinf(found.left_out) if others else found.left_out < 2 * found.gap + 0.1)
 
 
 def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,5 +118,34 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
     assert found.other_law is not None
     assert found.other_law["gap"] < 0.5 * found.gap.nominal
     assert found.to_dict()["other_law"] == found.other_law
+    assert found.other_law["handed_over"]
+    assert found.corrected.law == found.other_law["law"]
+    assert not any(e.name == "shear_thinning" for e in found.corrected.effects)
+    assert [s.name for s in found.waterfall] == ["nominal", f"law {found.corrected.law}"]
+    assert found.gap.left_out is not None
+    assert found.gap.corrected < found.gap.left_out < 0.5 * found.gap.nominal
+    whole = Problem(reduced(case())[1])
+    assert found.gap.corrected == pytest.approx(predicted_gap(found.corrected, whole), rel=0.1)
+    assert found.remainder is None or found.remainder.gap == found.gap.left_out
     assert f"Another law ({found.other_law['law']})" in found.sentence
-    assert "identify the simulator again" in found.sentence
+    assert found.sentence.endswith("it is handed over.")
+
+
+def test_a_law_that_does_not_hold_on_the_other_half_is_not_handed_over() -> None:
+    found = searched(case(), 1, lambda *_: None, None, Store())
+    problem = found.search.problem
+    chosen = fitted(problem, "shear_thinning")
+    other = other_law(case(), problem, chosen)
+    assert other is not None
+    final = final_fit(found.search, found.judge()[0][0], rig=found.rig)
+    answer = replace(answered(found, 0.0, lambda *_: None), verdict="unknown", effects=())
+    over = replace(other, left_out=np.full(len(problem.blocks), 0.71 * nominal_gap(final.problem)))
+    under = replace(other, left_out=np.full(len(problem.blocks), 0.69 * nominal_gap(final.problem)))
+    assert with_other_law(answer, over, found.search, final) is answer
+    assert with_other_law(answer, under, found.search, final).corrected is under.model
+    assert with_other_law(replace(answer, verdict="effect"), under, found.search, final).corrected is answer.corrected
+    assert with_other_law(answer, None, found.search, final) is answer
+
+
+def nominal_gap(problem: Problem) -> float:
+    return float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))

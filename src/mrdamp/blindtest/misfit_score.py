@@ -66,6 +66,7 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
         "unknown recognised": _share([r for r in rows if r.want == "unknown"]),
         "stage": _text(Share(sum(r.stage_right for r in placed), len(placed))),
         "expected calibration error": _number(score.calibration_error(rows)),
+        "the same for exact probabilities": _number(score.exact_calibration_error(rows)[0]),
         "left over base, median": _number(float(np.median(left)) if left else math.nan),
         "left over base, worst": _number(max(left, default=math.nan)),
         "worse than nominal": f"{sum(worse(r) for r in rows)}/{len(rows)}",

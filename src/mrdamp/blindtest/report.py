@@ -101,10 +101,12 @@ def _figure_rows(figures: Mapping[str, Share]) -> list[list[Cell]]:
 
 
 def _number_rows(n: Numbers) -> list[list[Cell]]:
+    exact, most = n.exact_calibration_error
     return [
         [f"shrink on unseen tests, median ({n.shrink_count} cases)", f"{n.shrink_median:.3f}", "0.95"],
         ["shrink on unseen tests, worst tenth", f"{n.shrink_worst_tenth:.3f}", "0.85"],
         ["expected calibration error", f"{n.calibration_error:.3f}", "0.05"],
+        ["the same for exact probabilities, mean and .95 quantile", f"{exact:.3f}, {most:.3f}", ""],
         ["seconds a case, median", f"{n.seconds_median:.1f}", "30"],
         ["seconds a case, worst", f"{n.seconds_worst:.1f}", "90"],
     ]

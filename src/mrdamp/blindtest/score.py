@@ -19,6 +19,8 @@ NOT_EFFECTS = ("none", "parameters")
 Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 Cause = tuple[str, str | None]
 _SKIP = 50
+#: Bins of the stated probability; draws and seed of the resampling.
+_BINS, _DRAWS, _SEED = 10, 2000, 0
 
 
 @dataclass(frozen=True)
@@ -235,13 +237,14 @@ def shares(rows: Sequence[Row]) -> dict[str, Share]:
 
 @dataclass(frozen=True)
 class Numbers:
-    """The figures that are not proportions: reduction of the gap on tests outside the case, expected
-    calibration error, seconds per case."""
+    """The figures that are not proportions: reduction of the gap on tests outside the case, expected calibration error,
+    the same for exact probabilities (mean, .95 quantile), seconds per case."""
 
     shrink_median: float
     shrink_worst_tenth: float
     shrink_count: int
     calibration_error: float
+    exact_calibration_error: tuple[float, float]
     seconds_median: float
     seconds_worst: float
 
@@ -255,6 +258,7 @@ def numbers(rows: Sequence[Row]) -> Numbers:
         float(np.quantile(shrink, 0.1)) if shrink else math.nan,
         len(shrink),
         calibration_error(rows),
+        exact_calibration_error(rows),
         float(np.median(seconds)),
         float(np.max(seconds)),
     )
@@ -268,12 +272,12 @@ class Bin:
     share: Share
 
 
-def reliability(rows: Sequence[Row], bins: int = 10) -> list[Bin]:
+def reliability(rows: Sequence[Row]) -> list[Bin]:
     """Answers by stated probability in bins of equal width; empty bins are omitted."""
     said = [r for r in rows if math.isfinite(r.probability)]
     out = []
-    for k in range(bins):
-        inside = [r for r in said if k == min(int(r.probability * bins), bins - 1)]
+    for k in range(_BINS):
+        inside = [r for r in said if k == min(int(r.probability * _BINS), _BINS - 1)]
         if inside:
             mean = float(np.mean([r.probability for r in inside]))
             out.append(Bin(mean, Share(sum(r.right for r in inside), len(inside))))
@@ -286,6 +290,19 @@ def calibration_error(rows: Sequence[Row]) -> float:
     found = reliability(rows)
     total = sum(b.share.of for b in found)
     return sum(b.share.of * abs(b.stated - b.share.value) for b in found) / total if total else math.nan
+
+
+def exact_calibration_error(rows: Sequence[Row]) -> tuple[float, float]:
+    """Mean and .95 quantile of the calibration error if every stated probability were exact: the resolution of the
+    figure with so many answers (consistency resampling, Bröcker & Smith 2007, doi:10.1175/WAF993.1)."""
+    said = np.array([r.probability for r in rows if math.isfinite(r.probability)])
+    if not len(said):
+        return math.nan, math.nan
+    rng = np.random.default_rng(_SEED)
+    inside = np.minimum((said * _BINS).astype(int), _BINS - 1)[:, None] == np.arange(_BINS)
+    excess = (rng.random((_DRAWS, len(said))) < said) - said
+    errors = np.sum(np.abs(excess @ inside), axis=1) / len(said)
+    return float(np.mean(errors)), float(np.quantile(errors, 0.95))
 
 
 def read_answer(folder: Path) -> dict[str, Any]:

@@ -144,7 +144,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
             return judge(search, rig, untouched, channels, laws[0].others)
         return fits, not_established(decision) if laws else decision
 
-    return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again)
+    return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again, laws)
 
 
 def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:

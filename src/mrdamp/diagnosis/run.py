@@ -22,6 +22,7 @@ from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.report.assembly import assemble
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps, with_given
+from mrdamp.diagnosis.report.other_law import with_other_law
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.report.sentence import sentence
 from mrdamp.diagnosis.searched import Searched
@@ -78,4 +79,5 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     answer = found.complete(answer, fits[decision.chosen.index])
     base = found.base if found.case.baseline else None
     answer = with_file_gaps(answer, found.case, final.problem, final.fit.residual, base)
+    answer = with_other_law(answer, next(iter(found.others), None), search, final)
     return answer if found.again is None else with_given(answer, found.again, final.problem)

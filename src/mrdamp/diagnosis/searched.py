@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from mrdamp.diagnosis.attribution.frame_laws import OtherLaw
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -25,7 +26,8 @@ class Searched:
     case: as compared (a frame's averaged). rig: with whole records. floor (blocks,): gaps due to noise alone.
     base (channels,): gap of the nominal simulator on the rig's baseline. notes: of the audit. judge: computes
     all fits and the decision. complete: adds what only this rig can provide to the answer, given the
-    decision's fit. again: the law identified again on the baseline, which the case's model then has.
+    decision's fit. again: the law identified again on the baseline, which the case's model then has. others: laws
+    identified on the records themselves that make a judged cause needless, at most one; `judge` fills it.
     """
 
     case: Case
@@ -38,3 +40,4 @@ class Searched:
     judge: Callable[[], Judged]
     complete: Callable[[Diagnosis, Fit], Diagnosis]
     again: BaselineLaw | None = None
+    others: list[OtherLaw] = field(default_factory=list)

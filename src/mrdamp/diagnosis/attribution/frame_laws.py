@@ -6,7 +6,7 @@ only if no other law, identified on the same records, makes it needless.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,29 +23,40 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.identify.laws import DEPENDENCES, Scales
+from mrdamp.model import Model
 from mrdamp.model.core import Array
+from mrdamp.records import Record
 
-#: Local fits of each law.
-_STARTS = 2
+#: Local fits of each law; least number of records for a fit of each half.
+_STARTS, _LEAST = 2, 4
 
 
 @dataclass(frozen=True)
 class OtherLaw:
     """A law that makes causes needless.
 
-    causes: of the fit that have the form of a law. others: the fit's other causes. gap, left: of this law, and of the
-    fit on left-out records.
+    model: the simulator with this law, identified on all records. causes: of the fit that have the form of a law.
+    others: the fit's other causes. gap, left: of this law, and of the fit on left-out records. left_out (blocks,):
+    gaps of the law alone, identified on the one half of the records and evaluated on the other; infinite if a half
+    does not suffice.
     """
 
-    law: str
+    model: Model
     causes: tuple[str, ...]
     others: frozenset[str]
     gap: float
     left: float
+    left_out: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Entry of `diagnosis.json`."""
-        return {"law": self.law, "gap": self.gap, "without": list(self.causes), "gap_with": self.left}
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return self.model.law
+
+    def to_dict(self, handed_over: bool = False) -> dict[str, Any]:
+        """Entry of `diagnosis.json`. handed_over: the corrected simulator has this law."""
+        own = {"law": self.law, "gap": self.gap, "without": list(self.causes), "gap_with": self.left}
+        return {**own, "handed_over": handed_over}
 
 
 def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> OtherLaw | None:
@@ -66,37 +77,36 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     kept = [t for t in chosen.hypothesis.terms if t.cause not in causes]
     names = {c.name for t in kept for c in t.coordinates}
     held = {name: value for name, value in chosen.settings.items() if name in names}
-    found = {law: _gaps(case, rig, problem, law, extras, held, threads) for law in LAWS}
+    alone = damper_alone(case).records
+
+    def fitted(law: str, records: Sequence[Record]) -> Model | None:
+        levels = Scales.of(records).levels
+        dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
+        try:
+            own = identify(law, records, extras=extras, dependence=dependence, starts=_STARTS, threads=threads).model
+        except InputError:
+            return None
+        return with_law(rig.nominal_model, own)
+
+    models = {law: model for law in LAWS if (model := fitted(law, alone)) is not None}
+    costs = {law: problem.cost(gaps_with(problem, model, held)) for law, model in models.items()}
     left = heldout(problem, chosen)
-    best = min(found, key=lambda law: problem.cost(found[law]))
-    if not problem.cost(found[best]) < LAW_NEEDLESS * problem.cost(left):
+    law = min(costs, key=lambda name: costs[name], default="")
+    if not law or not costs[law] < LAW_NEEDLESS * problem.cost(left):
         return None
-    gap, before = (float(np.sqrt(np.mean(gaps**2))) for gaps in (found[best], left))
-    return OtherLaw(best, causes, frozenset(t.cause for t in kept), gap, before)
+    gap, before = (float(np.sqrt(np.mean(gaps**2))) for gaps in (gaps_with(problem, models[law], held), left))
+    left_out = np.full(len(problem.blocks), np.inf)
+    for half in (0, 1) if not kept and len(alone) >= _LEAST else ():
+        model = fitted(law, alone[half::2])
+        if model is not None:
+            outside = [b.record % 2 != half for b in problem.blocks]
+            left_out[outside] = gaps_with(problem, model)[outside]
+    return OtherLaw(models[law], causes, frozenset(t.cause for t in kept), gap, before, left_out)
 
 
-def _gaps(
-    case: Case,
-    rig: FrameRig,
-    problem: Problem,
-    law: str,
-    extras: tuple[str, ...],
-    held: Mapping[str, float],
-    threads: int,
-) -> Array:
-    """(blocks,) gaps of the law in the frame, with `held` settings of other causes; infinite without a fit."""
-    alone = damper_alone(case)
-    levels = Scales.of(alone.records).levels
-    dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
-    try:
-        own = identify(law, alone.records, extras=extras, dependence=dependence, starts=_STARTS, threads=threads).model
-    except InputError:
-        return np.full(len(problem.blocks), np.inf)
-    framed = Problem(
-        replace(rig, nominal_model=with_law(rig.nominal_model, own)),
-        problem.records,
-        stride=problem.stride,
-        coarse=problem.coarse,
-        trust=problem.trust,
-    )
-    return framed.gaps(framed.of_settings([dict(held)])[0])
+def gaps_with(problem: Problem, model: Model, held: Mapping[str, float] | None = None) -> Array:
+    """(blocks,) gaps of another simulator of the frame, with `held` settings of effects."""
+    assert isinstance(problem.rig, FrameRig)
+    rig = replace(problem.rig, nominal_model=model)
+    other = Problem(rig, problem.records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
+    return other.gaps(other.of_settings([dict(held or {})])[0])

@@ -115,14 +115,14 @@ def assemble(
     notes += search.failed
     if noise.source != "repeat":
         notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
-    predictable = _predictable(final, search.floor)
+    left, ceiling = remaining(search, final, pooled(nominal_gaps), rms["floor"])
     gap = Gap(
         nominal=pooled(nominal_gaps),
         recalibrated=pooled(recalibrated),
         corrected=rms["heldout"],
         noise_floor=rms["floor"],
         interval=last.interval,
-        ceiling=_ceiling(final, predictable, rms["floor"]),
+        ceiling=ceiling,
     )
     residual = final.fit.residual
     conditions, halves = _conditions(whole)
@@ -173,9 +173,7 @@ def assemble(
         probabilities=causes,
         seconds=time.monotonic() - begun,
         outside=_outside(search, chosen),
-        remainder=None
-        if decision.verdict == "none"
-        else _remainder(search, final, conditions, halves, rms, predictable),
+        remainder=None if decision.verdict == "none" else left,
         standing=None if decision.standing is None else asdict(decision.standing),
         pictures=pictures,
     )
@@ -204,31 +202,18 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
     }
 
 
-def _predictable(final: FinalFit, floor: float) -> float:
-    """Share of the corrected simulator's error beyond the noise that a model of any form would predict."""
-    return of_fit(final.problem, final.fit.residual, floor).predictable
+def remaining(search: Search, final: FinalFit, nominal: float, noise: float) -> tuple[Remainder | None, float]:
+    """The remaining error beyond the noise, None if the corrected simulator reaches the noise, and the gap of a model
+    of any form on left-out records.
 
-
-def _ceiling(final: FinalFit, predictable: float, noise: float) -> float:
-    """Gap of a model of any form on left-out records. noise: its gap due to noise."""
+    nominal: gap of the nominal simulator. noise: gap due to noise.
+    """
+    residual = final.fit.residual
+    predictable = of_fit(final.problem, residual, search.floor).predictable
     left = pooled(final.heldout)
-    return float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
-
-
-def _remainder(
-    search: Search,
-    final: FinalFit,
-    conditions: Mapping[str, Array],
-    halves: Array,
-    rms: Mapping[str, float],
-    predictable: float,
-) -> Remainder | None:
-    """The remaining error beyond the noise; None if the corrected simulator reaches the noise."""
-    left, noise = rms["heldout"], rms["floor"]
+    ceiling = float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
     if left**2 <= NONE_ABOVE * noise**2:
-        return None
-    whole = final.problem
-    nominal = pooled(whole.gaps(whole.of_settings([{}])[0]))
+        return None, ceiling
     share = (left**2 - noise**2) / max(nominal**2 - noise**2, 1e-12)
     if search.looks_like is not None:
         (term,) = search.looks_like.hypothesis.terms
@@ -237,7 +222,8 @@ def _remainder(
         of, stage = "law", LAW_STAGE
     else:
         of, stage = "unpredictable", None
-    return Remainder(left, share, of, stage, regimes(conditions, final.fit.residual, halves)[:3])
+    conditions, halves = _conditions(final.problem)
+    return Remainder(left, share, of, stage, regimes(conditions, residual, halves)[:3]), ceiling
 
 
 def _named(

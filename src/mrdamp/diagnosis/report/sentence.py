@@ -54,10 +54,11 @@ def sentence(d: Diagnosis) -> str:
     """The answer in plain words; with a law that was identified again, if there is one."""
     if d.other_law is not None:
         other = d.other_law
+        then = "it is handed over" if other["handed_over"] else "identify the simulator again"
         return (
             f"{_sentence(d)} Another law ({other['law']}), identified on these records, leaves {percent(other['gap'])}"
             f" without {' and '.join(other['without'])}, which leaves {percent(other['gap_with'])} in left-out records:"
-            " identify the simulator again."
+            f" {then}."
         )
     if d.baseline_law is None:
         return _sentence(d)
