@@ -27,8 +27,8 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 
-#: Local fits of each law; least number of records for a fit of each half.
-_STARTS, _LEAST = 2, 4
+#: Local fits of each law.
+_STARTS = 2
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class OtherLaw:
 
     model: the simulator with this law, identified on all records. causes: of the fit that have the form of a law.
     others: the fit's other causes. gap, left: of this law, and of the fit on left-out records. left_out (blocks,):
-    gaps of the law alone, identified on the one half of the records and evaluated on the other; infinite if a half
-    does not suffice.
+    gaps of the law alone with each record left out of its identification in turn; infinite if the others do not
+    suffice, and beside other causes.
     """
 
     model: Model
@@ -79,16 +79,19 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     held = {name: value for name, value in chosen.settings.items() if name in names}
     alone = damper_alone(case).records
 
-    def fitted(law: str, records: Sequence[Record]) -> Model | None:
+    def fitted(law: str, records: Sequence[Record], start: Model | None = None) -> Model | None:
         levels = Scales.of(records).levels
         dependence = [name for name, need in DEPENDENCES.items() if need <= levels][-1]
+        begin, starts = (None, _STARTS) if start is None else (start.attributes, 1)
         try:
-            own = identify(law, records, extras=extras, dependence=dependence, starts=_STARTS, threads=threads).model
+            return identify(
+                law, records, extras=extras, dependence=dependence, start=begin, starts=starts, threads=threads
+            ).model
         except InputError:
             return None
-        return with_law(rig.nominal_model, own)
 
-    models = {law: model for law in LAWS if (model := fitted(law, alone)) is not None}
+    laws = {law: found for law in LAWS if (found := fitted(law, alone)) is not None}
+    models = {law: with_law(rig.nominal_model, found) for law, found in laws.items()}
     costs = {law: problem.cost(gaps_with(problem, model, held)) for law, model in models.items()}
     left = heldout(problem, chosen)
     law = min(costs, key=lambda name: costs[name], default="")
@@ -96,11 +99,11 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
         return None
     gap, before = (float(np.sqrt(np.mean(gaps**2))) for gaps in (gaps_with(problem, models[law], held), left))
     left_out = np.full(len(problem.blocks), np.inf)
-    for half in (0, 1) if not kept and len(alone) >= _LEAST else ():
-        model = fitted(law, alone[half::2])
-        if model is not None:
-            outside = [b.record % 2 != half for b in problem.blocks]
-            left_out[outside] = gaps_with(problem, model)[outside]
+    for k in problem.records if not kept else ():
+        found = fitted(law, [r for j, r in enumerate(alone) if j != k], laws[law])
+        if found is not None:
+            own = [b.record == k for b in problem.blocks]
+            left_out[own] = gaps_with(problem, with_law(rig.nominal_model, found))[own]
     return OtherLaw(models[law], causes, frozenset(t.cause for t in kept), gap, before, left_out)
 
 

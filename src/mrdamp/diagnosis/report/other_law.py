@@ -22,14 +22,15 @@ from mrdamp.diagnosis.report.result import Diagnosis, pooled, step
 def with_other_law(found: Diagnosis, other: OtherLaw | None, search: Search, final: FinalFit) -> Diagnosis:
     """The answer with the simulator that has the other law, instead of the one that contains the needless cause.
 
-    Unchanged without another law, with a named cause, and if the law leaves more than UNNAMED_GAP of the nominal gap
-    on the records outside its fit: the rule for every correction without a named cause. search, final: of the answer.
+    Unchanged without another law, with a named cause, and if the law leaves more of left-out records than the answer's
+    simulator, or than UNNAMED_GAP of the nominal gap. search, final: of the answer.
     """
     own = final.problem
     if other is None or found.verdict != "unknown" or not isinstance(own.rig, FrameRig):
         return found
     gaps = other.left_out
-    if not pooled(gaps) <= UNNAMED_GAP * pooled(own.gaps(own.of_settings([{}])[0])):
+    nominal = pooled(own.gaps(own.of_settings([{}])[0]))
+    if not pooled(gaps) < min(pooled(final.heldout), UNNAMED_GAP * nominal):
         return found
     rig = replace(own.rig, nominal_model=other.model)
     problem = Problem(rig, own.records, stride=own.stride, coarse=own.coarse, trust=own.trust)
