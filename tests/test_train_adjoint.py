@@ -105,6 +105,12 @@ def test_a_motion_and_its_mirror_image_are_commanded_alike(run: AdjointRun) -> N
     assert np.abs(run.soft.commands(-o) - found).max() > 1e-3  # the unsigned ones are observed
 
 
+def test_commands_are_those_that_slopes_are_taken_of(run: AdjointRun) -> None:
+    o = np.random.default_rng(0).normal(0, 0.3, (300, run.task.observer.size)).astype(np.float32)
+    with torch.no_grad():
+        np.testing.assert_allclose(run.soft.commands(o), run.soft(torch.from_numpy(o)).numpy(), atol=2e-4)
+
+
 def test_the_price_of_the_current_is_added(run: AdjointRun) -> None:
     loads = run.world.draw(np.random.default_rng(4), 2)
     base = run.loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
@@ -123,6 +129,31 @@ def test_a_training_begins_at_a_shipped_policy(tmp_path: Path) -> None:
     theirs = shipped.commands(old, shipped.observer.measured(old, "force"))
     np.testing.assert_allclose(own.soft.commands(o), theirs, atol=0.03)
     assert theirs.std() > 0.3
+
+
+def test_a_training_goes_on_from_another_with_more_filters(tmp_path: Path) -> None:
+    """Their states count for nothing at first, and are learned from then."""
+    first = made(tmp_path / "one")
+    first.step()
+    folder = tmp_path / "first" / "seed_0"
+    folder.mkdir(parents=True)
+    first.policy().write(folder / "policy.json")
+    known: Any = settings(options()).ground
+    more = "{frequency: 100, damping: 0.5, noise_ratio: 1.0e+7, precision: 8.0e-4}"
+    text = ", ".join(f"{name}: {value!r}" for name, value in known.items())
+    own = made(tmp_path / "two", f"start={tmp_path / 'first'}", f"ground=[{{{text}}}, {more}]")
+    before, size = first.task.observer.size, own.task.observer.size
+    assert size == before + 8
+    o = np.random.default_rng(0).normal(0, 0.3, (300, size)).astype(np.float32)
+    np.testing.assert_allclose(own.soft.commands(o), first.soft.commands(o[:, :before]), atol=2e-4)
+    own.step()
+    other = o.copy()
+    other[:, before:] = 0.0
+    assert np.abs(own.soft.commands(o) - own.soft.commands(other)).max() > 1e-3
+    with pytest.raises(InputError, match="net_arch"):
+        made(tmp_path / "three", f"start={tmp_path / 'first'}", "policy_kwargs.net_arch=[5]")
+    with pytest.raises(InputError, match="whose observations these begin with"):
+        made(tmp_path / "four", f"start={tmp_path / 'first'}", "ground.frequency=40")
 
 
 def test_what_is_exported_is_what_was_trained(run: AdjointRun, tmp_path: Path) -> None:

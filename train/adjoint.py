@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mrdamp.compare.contenders import shipped_policies
 from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
@@ -28,9 +29,10 @@ from mrdamp.train.worlds import FrameWorld
 
 Array = NDArray[np.float64]
 
-#: What the hyperparameters hold besides `Settings`. start: a set of shipped linear policies; a training begins with the
-#: weights of its seed's one, none: with the teacher's. loads: of a step; learning_rate: of Adam at first, it falls
-#: along half a cosine to a twentieth; current, noise: as of the evolution strategy.
+#: What the hyperparameters hold besides `Settings`. start: a set of shipped linear policies, or a folder of an earlier
+#: training; a training begins with the weights of its seed's policy, none: with the teacher's. loads: of a step;
+#: learning_rate: of Adam at first, it falls along half a cosine to a twentieth; current, noise: as of the evolution
+#: strategy.
 DEFAULTS: Mapping[str, Any] = {
     "start": None,
     "loads": 84,
@@ -59,6 +61,7 @@ class AdjointRun(Run):
             raise InputError(
                 "adjoint: hyperparameters: allowed: loads 1 or more, learning_rate > 0, noise >= 0"
             )
+        self._earlier = _earlier(own["start"], options.seed)
         super().__init__(options, chosen, out, 1)
         torch.set_num_threads(1)  # the matrices are small
         if not isinstance(self.world, FrameWorld) or not chosen.teacher or self.levels is None:
@@ -70,7 +73,11 @@ class AdjointRun(Run):
             raise InputError(f"adjoint: policy_kwargs.net_arch is {hidden}; allowed: sizes of hidden layers")
         self.loop = ClosedLoop(self.world, self._loads)
         rng = np.random.default_rng(self.seed)
-        begin = self._begin(self.inputs - len(self.task.observer.peaks), own["start"])
+        begin = (
+            np.zeros(self.inputs)
+            if self._earlier is not None
+            else self._begin(self.inputs - len(self.task.observer.peaks), own["start"])
+        )
         self.soft = SoftPolicy(
             self.task.observer,
             self.matrix,
@@ -81,6 +88,8 @@ class AdjointRun(Run):
             self.least(),
             rng,
         )
+        if self._earlier is not None:
+            self.soft.load(self._earlier)
         self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
         self._periods = self._steps = 0
         if self._checkpoint.is_file():
@@ -122,6 +131,8 @@ class AdjointRun(Run):
         if self.matrix_file.is_file():
             return matrix
         o = self.task.observer
+        if self._earlier is not None:
+            return _continued(self._earlier, o, matrix)
         columns = [j for j in range(o.size) if j not in o.without_peaks]
         return np.vstack([matrix, _PEAK * np.eye(o.size, dtype=np.float32)[columns]])
 
@@ -209,3 +220,30 @@ class AdjointRun(Run):
         each = each * np.minimum(1.0, _LOUD * np.median(size) / np.maximum(size, 1e-30))
         self._adam.zero_grad()
         (torch.from_numpy(each.reshape(-1).astype(np.float32)) * commands).sum().backward()
+
+
+def _earlier(start: str | None, seed: int) -> Policy | None:
+    """Of a seed in a folder of an earlier training; None where `start` names no folder. Raises InputError."""
+    if start is None or not Path(start).is_dir():
+        return None
+    return Policy.read(Path(start) / f"seed_{seed}" / "policy.json")
+
+
+def _continued(policy: Policy, observer: Observer, own: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(inputs, observer.size): the inputs of an earlier policy, then the states of filters that there are besides.
+
+    own: (columns with a sign, observer.size), a whitening of them, whose rows the new states take. Raises InputError.
+    """
+    before = policy.observer
+    first, second = (o.filter.matrices[0] if o.filter else np.zeros((0, 0)) for o in (before, observer))
+    many = len(first)
+    same = before.names == observer.names[: before.size] and np.allclose(second[:many, :many], first)
+    if not same or policy.network.layers[-1][1].shape != (2,) or policy.teacher is None:
+        raise InputError(
+            "adjoint: start: not a policy of this learner whose observations these begin with; "
+            "set env_kwargs, estimator and ground as there"
+        )
+    kept = policy.transform[: len(policy.transform) // 2]
+    fresh = own[[list(observer.without_peaks).index(j) for j in range(before.size, observer.size)]].copy()
+    fresh[:, : before.size] = 0.0
+    return np.vstack([np.pad(kept, ((0, 0), (0, len(fresh)))), fresh]).astype(np.float32)

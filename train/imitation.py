@@ -55,12 +55,14 @@ def estimated(world: World, spec: str) -> Observer:
 
 
 def with_ground(world: World, given: Any) -> World:
-    """The world with an observer that has the states of a filter of frame and ground besides; given: see
-    `mrdamp.control.ground_filter.Ground`. Raises InputError."""
-    ground, task = Ground.of(given), world.task(1)
+    """The world with an observer that has the states of a filter of frame and ground besides, or of several, one behind
+    the other; given: see `mrdamp.control.ground_filter.Ground`, or a list of such. Raises InputError."""
+    task = world.task(1)
     if not isinstance(task, FrameTask):
         raise InputError("ground filter: it is for mrdamp/Frame-v0 only")
-    observer = ground.observed(task.observer, task.structure, task.rows.period)
+    observer = task.observer
+    for ground in [Ground.of(one) for one in (given if isinstance(given, list) else [given])]:
+        observer = ground.observed(observer, task.structure, task.rows.period)
     return world.observing(replace(observer, limit=_WIDE))
 
 
