@@ -218,3 +218,20 @@ def test_a_loop_finds_the_states_that_matter(run: AdjointRun) -> None:
     base = loop.run(loads, run.soft.commands, 0.0, np.random.default_rng(0))
     loop.slopes(base, np.array([500]), np.array([0]))
     assert loop.rows_each == 12
+
+
+def test_what_is_known_ahead_is_the_motion_so_much_later(run: AdjointRun) -> None:
+    """And the sweep leaves it out: no command changes the ground."""
+    assert isinstance(run.world, FrameWorld)
+    loop, size = ClosedLoop(run.world, 2, (0.0, 0.02)), run.task.observer.size
+    loads = run.world.draw(np.random.default_rng(1), 2)
+    seen = loop.run(loads, lambda o: run.soft.commands(o[:, :size]), 0.0, np.random.default_rng(0))
+    now, later = seen.observations[:, :, size], seen.observations[:, :, size + 1]
+    later_by_ten = np.concatenate([now[10:], np.zeros((10, 2))])
+    np.testing.assert_allclose(later[:-10], later_by_ten[:-10], atol=1e-4)
+    assert np.abs(now).max() == pytest.approx(max(m.pga for m in loads), rel=0.05)
+    by_channel = run.value(seen)[1]
+    slopes = np.ones(seen.observations.shape)
+    known = loop.adjoint(seen, by_channel, slopes)
+    slopes[:, :, size:] = 1e3
+    np.testing.assert_array_equal(loop.adjoint(seen, by_channel, slopes), known)

@@ -8,7 +8,7 @@ sweep backwards, as backpropagation through time does for networks (Werbos, Proc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from mrdamp.train.worlds import FrameWorld
 
 Array = NDArray[np.float64]
 
-#: What the hyperparameters hold besides `Settings`. start: a set of shipped linear policies, or a folder of an earlier
+#: What the hyperparameters hold besides `Settings`. start: a set of shipped policies, or a folder of an earlier
 #: training; a training begins with the weights of its seed's policy, none: with the teacher's. loads: of a step;
 #: learning_rate: of Adam at first, it falls along half a cosine to a twentieth; current, noise: as of the evolution
 #: strategy.
@@ -171,6 +171,12 @@ class AdjointRun(Run):
         if self.curve[-1]["timesteps"] < self.timesteps:
             self.evaluate()
 
+    def foresee(self, ahead: Sequence[float]) -> None:
+        """For studies: from now on the ground's acceleration these s later is known, and no policy can be exported."""
+        self.loop = ClosedLoop(self.loop.world, self._loads, ahead)
+        self.soft.extend(len(ahead))
+        self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
+
     def step(self) -> float:
         """One step of Adam under loads drawn anew; the value before it."""
         key = (*self.draws.spawn_key, self._steps)
@@ -223,10 +229,16 @@ class AdjointRun(Run):
 
 
 def _earlier(start: str | None, seed: int) -> Policy | None:
-    """Of a seed in a folder of an earlier training; None where `start` names no folder. Raises InputError."""
-    if start is None or not Path(start).is_dir():
+    """Of a seed in a shipped set or in a folder of an earlier training; None where it is not of this learner. Raises
+    InputError."""
+    files = shipped_policies("frame").get(start or "", ())
+    if files:
+        found = Policy.read(files[seed % len(files)])
+    elif start is not None and Path(start).is_dir():
+        found = Policy.read(Path(start) / f"seed_{seed}" / "policy.json")
+    else:
         return None
-    return Policy.read(Path(start) / f"seed_{seed}" / "policy.json")
+    return found if len(found.network.layers) > 1 else None
 
 
 def _continued(policy: Policy, observer: Observer, own: NDArray[np.float32]) -> NDArray[np.float32]:

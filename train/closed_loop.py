@@ -51,11 +51,14 @@ class Trajectory:
 
 
 class ClosedLoop:
-    """n rows of a world's frame. Raises InputError for an observer that the sweep does not know."""
+    """n rows of a world's frame. Raises InputError for an observer that the sweep does not know.
 
-    def __init__(self, world: FrameWorld, n: int) -> None:
+    ahead: s, for studies: the ground's acceleration so much later, in m/s2, follows every observation.
+    """
+
+    def __init__(self, world: FrameWorld, n: int, ahead: Sequence[float] = ()) -> None:
         given = {**world.arguments, "timestep": _STEP, "reward": None, "engine": "chain"}
-        self.world, self.n, self._given = world, n, given
+        self.world, self.n, self.ahead, self._given = world, n, tuple(ahead), given
         self.task = FrameTask(n, **given)
         o = self.task.observer
         if o.history != 1 or o.memory:
@@ -86,7 +89,8 @@ class ClosedLoop:
         rows, plants, o = self.task.rows, self.task.rows.plants, self.task.observer
         lasts = rows.steps[: self.n].copy()
         t, units = int(lasts.max()), np.array(o.scales)
-        seen, states = np.zeros((t, self.n, o.size), np.float32), np.zeros((t, *plants.state.shape))
+        seen = np.concatenate([np.zeros((t, self.n, o.size), np.float32), self._ground(loads, t)], axis=-1)
+        states = np.zeros((t, *plants.state.shape))
         commands, channels = np.zeros((t, self.n)), np.zeros((t + 1, self.n, len(self.columns)))
         measured, before, u = plants.measured, None, np.zeros(self.n)
         channels[0] = measured[:, self.columns]
@@ -95,12 +99,18 @@ class ClosedLoop:
             if noise:
                 values = values + noise * units * rng.standard_normal(values.shape)
             before = o.scaled(values, u[:, None], before)
-            seen[k], states[k] = before, plants.state
+            seen[k, :, : o.size], states[k] = before, plants.state
             commands[k] = u = act(seen[k])
             measured = plants.advance(u[:, None])[1]
             channels[k + 1] = measured[:, self.columns]
         self.periods += t * self.n
         return Trajectory(seen, commands, channels, states, lasts)
+
+    def _ground(self, loads: Sequence[Any], t: int) -> NDArray[np.float32]:
+        """(t, n, ahead)"""
+        time = self.task.rows.period * np.arange(t)[:, None] + np.array(self.ahead)
+        each = [np.interp(time, m.time, m.acceleration, right=0.0) for m in loads]
+        return np.stack(each, axis=1).astype(np.float32)
 
     def _start(self, loads: Sequence[Any]) -> None:
         rngs = [np.random.default_rng(k) for k in range(self.n)]
@@ -169,8 +179,8 @@ class ClosedLoop:
     def adjoint(self, run: Trajectory, by_channel: Array, by_observation: Array, price: float = 0.0) -> Array:
         """(T, n): what a unit of each command adds to a value, all that comes of it later included.
 
-        by_channel: (T + 1, n, c) slopes of the value; by_observation: (T, n, size) slopes of the commands;
-        price: what a unit of each command adds by itself.
+        by_channel: (T + 1, n, c) slopes of the value; by_observation: (T, n, size) slopes of the commands, those by
+        what is known ahead do not count; price: what a unit of each command adds by itself.
         """
         o, ns, (t, _) = self.task.observer, len(self.signals), run.commands.shape
         at = np.nonzero(self.needed(by_channel))
@@ -194,7 +204,7 @@ class ClosedLoop:
             found[k, rows] += (x * s.b[here]).sum(axis=-1) + (y * s.d[here]).sum(axis=-1)
             by_x[:] = 0.0
             by_x[rows] = (x[:, None] @ s.a[here] + y[:, None] @ s.c[here])[:, 0]
-            through = by_observation[k] * found[k][:, None]
+            through = by_observation[k, :, : o.size] * found[k][:, None]
             later = by_filter
             by_filter = later @ step + through[:, o.size - states :]
             by_signal = through[:, :ns] + by_filter @ now + later @ before
