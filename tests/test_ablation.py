@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -11,9 +13,11 @@ import numpy as np
 import pytest
 
 from modules import TOOLS, loaded
+from mrdamp.diagnosis import frame_run, run
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import judge
-from mrdamp.diagnosis.evidence import established, penalties, verdict
+from mrdamp.diagnosis.evidence import established, judgement, penalties, verdict
+from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -63,6 +67,38 @@ def test_every_rule_is_left_out_and_back_again(tool: ModuleType) -> None:
     assert price == (verdict.LAW_PRICE, established.LOGIT_LAW)
     with tool.RULES["sensor and load cell that agree (`SENSOR_AGREES`)"](one):
         assert penalties.SENSOR_AGREES == 0.0
+    with tool.RULES["cause that harms a regime (`REGIME_WORSE`)"](one):
+        assert math.inf == judgement.REGIME_WORSE
+    with tool.RULES["other laws beside a cause of a law's form (`LAW_FORMS`)"](one):
+        assert not frame_run.LAW_FORMS
+
+
+def test_checks_after_the_final_fit_are_left_out_as_well(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = found()
+    assert tool._judged(one)["verdict"] == "effect"
+    worse = replace(run.concluded(one)[2], heldout=np.full(1, 1e3))
+    monkeypatch.setattr(run, "final_fit", lambda *args, **kwargs: worse)
+    assert tool._judged(one)["verdict"] == "unknown"
+    with tool.RULES["answer worse than nominal on left-out records"](one):
+        assert tool._judged(one)["verdict"] == "effect"
+
+
+def test_a_final_fit_is_made_once_for_every_rule(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, made = found(), []
+
+    def final(*args: Any, **kwargs: Any) -> Any:
+        made.append(kwargs["mend"])
+        return final_fit(*args, **kwargs)
+
+    monkeypatch.setattr(run, "final_fit", final)
+    with tool._once(run, "final_fit"):
+        tool._judged(one)
+        tool._judged(one)
+        assert len(made) == 1
+        with tool.RULES["another evidence beside a wrong law (`INEXACT`)"](one):
+            tool._judged(one)
+        assert len(made) == 2
+    assert run.final_fit is final
 
 
 def test_the_table_counts_right_named_and_invented(tool: ModuleType, tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """What each special rule of the diagnosis is worth: `python tools/ablation.py OUT --bench NAME=CASES,LABELS.json ...`.
 
 Every case is searched once. Its fits are then evaluated with all rules and once more with each rule left out,
-so that a row of the table differs from the first by that rule alone. Rules of the search (which fits are made)
-are not among them.
+so that a row of the table differs from the first by that rule alone. The checks that need the final fit are
+evaluated too. Rules of the search (which fits are made) are not among them.
 OUT/BENCH/CASE.json holds the answers of a case; an interrupted run is resumed. OUT/ablation.md is the table:
 cases right, those with a cause named right, and those with a cause invented.
 """
@@ -24,6 +24,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.blindtest.score import Row, row
+from mrdamp.diagnosis import frame_run, run
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.evidence import established, judgement, penalties, verdict
 from mrdamp.diagnosis.fits.search import Search
@@ -60,6 +61,22 @@ def _both(one: Any, other: Any) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def _once(module: Any, name: str) -> Iterator[None]:
+    """A function of a module that is computed once for the same arguments: most rules lead to the same fit."""
+    plain = getattr(module, name)
+    known: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+
+    def same(*args: Any, **kwargs: Any) -> Any:
+        key = (*map(id, args), *((k, id(v)) for k, v in sorted(kwargs.items())), Search.inexact)
+        if key not in known:
+            known[key] = plain(*args, **kwargs), (args, kwargs)  # held, so that no id is used twice
+        return known[key][0]
+
+    with mock.patch.object(module, name, same):
+        yield
+
+
 Rule = Callable[[Searched], Any]
 #: What is left out, by name.
 RULES: Mapping[str, Rule] = {
@@ -83,13 +100,20 @@ RULES: Mapping[str, Rule] = {
     "baseline records": lambda s: constant(judgement, "of_baseline", lambda *a: {}),
     "records left out, beside a wrong law": lambda s: constant(judgement, "left_out_costs", lambda *a: {}),
     "another evidence beside a wrong law (`INEXACT`)": lambda s: constant(Search, "inexact", False),
+    "cause that harms a regime (`REGIME_WORSE`)": lambda s: constant(judgement, "REGIME_WORSE", math.inf),
+    "other laws beside a cause of a law's form (`LAW_FORMS`)": lambda s: constant(
+        frame_run, "LAW_FORMS", frozenset()
+    ),
+    "answer worse than nominal on left-out records": lambda s: constant(
+        run, "never_worse", lambda search, fits, final, decision: (final, decision)
+    ),
 }
 
 
 def answers(folder: Path) -> dict[str, Any]:
     """Verdict and causes (name, place) with all rules, and without each."""
     case = read_case(folder)
-    with threadpool_limits(limits=1):
+    with threadpool_limits(limits=1), _once(run, "final_fit"), _once(frame_run, "other_law"):
         found = searched(case, 1, lambda what, share: None, None, Store())
         out = {"all rules": _judged(found)}
         for name, rule in RULES.items():
@@ -99,7 +123,7 @@ def answers(folder: Path) -> dict[str, Any]:
 
 
 def _judged(found: Searched) -> dict[str, Any]:
-    fits, decision = found.judge()
+    fits, decision, *_ = run.concluded(found)
     terms = fits[decision.chosen.index].hypothesis.terms if decision.verdict == "effect" else ()
     likely = 1 - decision.unknown
     effects = [{"name": t.effect, "place": t.place, "probability": likely} for t in terms]

@@ -135,6 +135,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
     laws: list[OtherLaw] = []
 
     def judged() -> Judged:
+        laws.clear()
         fits, decision = judge(search, rig, untouched, channels)
         named = decision.chosen.causes if decision.verdict == "effect" else ()
         if again is None and search.inexact and LAW_FORMS.intersection(named):

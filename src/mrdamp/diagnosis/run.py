@@ -16,7 +16,9 @@ from mrdamp.diagnosis.evidence.judgement import (
     not_established,
     with_nearest,
 )
-from mrdamp.diagnosis.fits.final import final_fit
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.final import FinalFit, final_fit
+from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import search_frame
@@ -59,6 +61,33 @@ def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, s
 def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     """Answer from a search, without its sentence."""
     search, rig = found.search, found.rig
+    fits, decision, final, notes = concluded(found, progress)
+    progress("looking at what is tied and unseen", 0.85)
+    answer = assemble(
+        found.case,
+        rig,
+        search,
+        fits,
+        decision,
+        final,
+        found.noise,
+        found.floor,
+        [*found.notes, *notes],
+        begun,
+    )
+    answer = found.complete(answer, fits[decision.chosen.index])
+    base = found.base if found.case.baseline else None
+    answer = with_file_gaps(answer, found.case, final.problem, final.fit.residual, base)
+    answer = with_other_law(answer, next(iter(found.others), None), search, final)
+    return answer if found.again is None else with_given(answer, found.again, final.problem)
+
+
+def concluded(
+    found: Searched, progress: Progress = lambda what, share: None
+) -> tuple[list[Fit], Decision, FinalFit, list[str]]:
+    """All fits of a search, the decision after the checks that need the final fit, this fit, and notes on the
+    checks."""
+    search, rig = found.search, found.rig
     fits, decision = found.judge()
     decision = with_nearest(search, fits, decision)
     progress("fitting the corrected simulator", 0.7)
@@ -67,17 +96,9 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     decision = carried_over(search, final, decision)
     final, decision = never_worse(search, fits, final, decision)
     harm = harms_a_regime(search, final, decision)
-    if harm is not None:
-        found.notes.append(harm)
-        decision = with_nearest(search, fits, not_established(decision))
-        final = final_fit(search, fits[decision.chosen.index], rig=rig)
-        final, decision = never_worse(search, fits, final, decision)
-    progress("looking at what is tied and unseen", 0.85)
-    answer = assemble(
-        found.case, rig, search, fits, decision, final, found.noise, found.floor, found.notes, begun
-    )
-    answer = found.complete(answer, fits[decision.chosen.index])
-    base = found.base if found.case.baseline else None
-    answer = with_file_gaps(answer, found.case, final.problem, final.fit.residual, base)
-    answer = with_other_law(answer, next(iter(found.others), None), search, final)
-    return answer if found.again is None else with_given(answer, found.again, final.problem)
+    if harm is None:
+        return fits, decision, final, []
+    decision = with_nearest(search, fits, not_established(decision))
+    final = final_fit(search, fits[decision.chosen.index], rig=rig)
+    final, decision = never_worse(search, fits, final, decision)
+    return fits, decision, final, [harm]
