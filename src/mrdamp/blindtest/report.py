@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mrdamp.blindtest import misfit_score, score
+from mrdamp.blindtest import misfit_score, rows_file, score
 from mrdamp.blindtest.score import Numbers, Row, Share
 from mrdamp.files import write_atomic
 from mrdamp.pictures import blindtest as pictures
@@ -28,10 +28,11 @@ _MISFIT = "Where the law is not the rig's"
 
 
 def write(out: Path, rows: Sequence[Row], seal: str, baselines: Mapping[str, Sequence[Row]]) -> None:
-    """Writes index.html, results.md and rows.csv into a folder. baselines: rows of other methods on the same
-    cases."""
+    """Writes index.html, results.md, rows.csv and rows.json into a folder. baselines: rows of other methods on the
+    same cases."""
     figures, numbers = score.shares(rows), score.numbers(rows)
     write_atomic(out / "rows.csv", _csv(rows))
+    rows_file.write(out / "rows.json", rows)
     write_atomic(out / "results.md", markdown(rows, seal, baselines))
     page = Page(
         "Blind test of the diagnosis", _summary(rows, figures, numbers), f"SHA-256 of the labels: {seal}"

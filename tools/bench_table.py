@@ -1,0 +1,155 @@
+"""Figures of scored benches with 95 % intervals, as a table: `python tools/bench_table.py ROWS.json|FOLDER ...`.
+
+ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of tools/spike_bench.py with its answers
+(answers/CASE, each with a run.json), which is scored first. Several are pooled. docs/diagnosis/rows holds the rows of
+the tables in docs/diagnosis/README.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mrdamp.blindtest import misfit_score, rows_file, score
+from mrdamp.blindtest.run import judge
+from mrdamp.blindtest.score import Row, Share
+from mrdamp.errors import InputError
+
+Group = Sequence[Row]
+
+
+def of_folder(folder: Path) -> list[Row]:
+    """Scored answers of a bench of measured records. Its labels hold roots of means over the tests, rows roots of sums:
+    the base is put on the scale of the row's gap. Raises InputError."""
+    labels = folder / "labels.json"
+    if not labels.is_file():
+        raise InputError(f"{folder}: no file of rows, and no bench with a labels.json")
+    rows = []
+    for case, label in json.loads(labels.read_text(encoding="utf-8")).items():
+        if not (folder / "answers" / case / "run.json").is_file():
+            raise InputError(f"{folder}: no answer (run.json) to {case}")
+        row = judge(case, label, folder / "answers" / case, folder / "tests" / f"{case}.npz")
+        rows.append(replace(row, base=label["base"] * row.before / label["gap"]))
+    return rows
+
+
+def table(rows: Group) -> str:
+    """Markdown: a line a figure; columns by the law's error and by the rig if the rows tell them."""
+    names = ["all"]
+    groups: Sequence[Group] = [rows]
+    if misfit_score.is_misfit(rows):
+        names, groups = ["all", "base below 6 %", "6 % and more", "damper", "frame"], misfit_score.groups(rows)
+    lines = ["| figure | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
+    for what, figure in _FIGURES.items():
+        cells = [figure(g, k == 0) for k, g in enumerate(groups)]
+        if cells[0]:
+            lines.append(f"| {what} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _share(of: Callable[[Row], bool], right: Callable[[Row], bool] = lambda r: r.right) -> Callable[[Group, bool], str]:
+    def cell(rows: Group, first: bool) -> str:
+        chosen = [r for r in rows if of(r)]
+        share = Share(sum(map(right, chosen)), len(chosen))
+        if not chosen:
+            return ""
+        low, high = share.interval
+        span = f"; {_short(low)} to {_short(high)}" if first else ""
+        return f"{share.right} of {share.of} ({_short(share.value)}{span})"
+
+    return cell
+
+
+def _short(value: float) -> str:
+    return f"{value:.2f}".replace("0.", ".", 1) if value < 1 else f"{value:.2f}"
+
+
+def _single(row: Row) -> bool:
+    return row.want == "effect" and len(row.causes) == 1
+
+
+def _pair(row: Row) -> bool:
+    return len(row.causes) == 2
+
+
+def _one_of(row: Row) -> bool:
+    return not row.right and not row.invented and bool(row.named & row.causes)
+
+
+def _left(rows: Group, first: bool) -> str:
+    ratios = [r.after / r.base for r in rows if math.isfinite(r.after) and r.base > 0]
+    return f"{_short(float(np.median(ratios)))}, {_short(max(ratios))}" if ratios else ""
+
+
+def _calibration(rows: Group, first: bool) -> str:
+    value = score.calibration_error(rows)
+    return f"{value:.3f}".lstrip("0") if math.isfinite(value) else ""
+
+
+def _exact(rows: Group, first: bool) -> str:
+    mean, most = score.exact_calibration_error(rows)
+    return f"{mean:.3f}, {most:.3f}".replace("0.", ".") if math.isfinite(mean) else ""
+
+
+def _seconds(rows: Group, first: bool) -> str:
+    return f"{np.median([r.seconds for r in rows]):.0f}, {max(r.seconds for r in rows):.0f}" if rows else ""
+
+
+_FIGURES: dict[str, Callable[[Group, bool], str]] = {
+    "single effects named": _share(_single),
+    "of these, gap due to the cause at least the base": _share(
+        lambda r: _single(r) and not r.weak and math.isfinite(r.misfit)
+    ),
+    "of these, .4 to .8 of the base": _share(lambda r: _single(r) and r.weak),
+    "named, or in a declared tie of two or three": _share(_single, lambda r: r.right_or_tied),
+    "single effects named, cases with baseline records": _share(lambda r: _single(r) and r.baseline),
+    "pairs named": _share(_pair),
+    "one of a pair named, nothing else": _share(_pair, _one_of),
+    "controls without an invented cause": _share(lambda r: r.want == "own"),
+    "no false alarm": _share(lambda r: r.want in score.NOT_EFFECTS),
+    "causes outside the catalogue answered with `unknown`": _share(lambda r: r.want == "unknown"),
+    "right stage": _share(lambda r: r.want in ("effect", "unknown"), lambda r: r.stage_right),
+    "expected calibration error": _calibration,
+    "the same for exact probabilities, mean and .95 quantile": _exact,
+    "gap on held-out tests over the base, median and worst": _left,
+    "corrected simulator worse than the nominal one on held-out tests": _share(
+        lambda r: True, misfit_score.worse
+    ),
+    "seconds, median and worst": _seconds,
+}
+
+
+def main() -> int:
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("rows", type=Path, nargs="+", metavar="ROWS.json|FOLDER")
+    p.add_argument("--save", type=Path, metavar="ROWS.json", help="write all rows to one file")
+    p.add_argument("--misses", action="store_true", help="list the wrong answers and the worse simulators as well")
+    a = p.parse_args()
+    try:
+        rows = [r for path in a.rows for r in (of_folder(path) if path.is_dir() else rows_file.read(path))]
+    except InputError as error:
+        print(f"bench_table: {error}", file=sys.stderr)
+        return 2
+    if a.save:
+        rows_file.write(a.save, rows)
+    print(table(rows), end="")
+    for r in rows if a.misses else []:
+        if not r.right or misfit_score.worse(r):
+            named = " + ".join(sorted(name + (f"@{place}" if place else "") for name, place in r.named))
+            print(
+                f"{r.case} {r.label}{' weak' if r.weak else ''} -> {r.verdict} {named} p {r.probability:.2f} "
+                f"stage {r.stage} of {','.join(r.stages)} tied {[sorted(t) for t in r.tied]} "
+                f"after/before {r.after / r.before:.2f} /base {r.after / r.base:.2f} {r.seconds:.0f} s"
+            )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
