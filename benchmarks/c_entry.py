@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -16,22 +17,25 @@ from mrdamp.model.core import Array
 
 TARGET = ">= 15"
 STROKE, FREQUENCY = 0.01, 2.5  # m, Hz
+YIELD_FORCE, EXPONENT, YIELDS = 1e3, 1.5, (1e-3, 1e-4, 1e-5)  # N, -, m
 
 
 class Entry:
     """A record of a sine through `mrdamp_run`, one parameter set, one thread."""
 
-    def __init__(self, dt: float, samples: int) -> None:
+    def __init__(
+        self, dt: float, samples: int, law: str = DYKE.law, attributes: Mapping[str, float] | None = None
+    ) -> None:
         t = np.arange(samples) * dt
         w = 2.0 * math.pi * FREQUENCY
         self.dt, self.x, self.v = dt, STROKE * np.sin(w * t), STROKE * w * np.cos(w * t)
         self.u: Array = 1.125 + 1.125 * np.sin(3.0 * t)
-        self.params = core.vector(DYKE.law, DYKE.attributes())
+        self.law, self.params = law, core.vector(law, attributes or DYKE.attributes())
 
     def __call__(self) -> float:
         """Cost of a sample, us."""
         begin = clock()
-        force = core.run_many(DYKE.law, self.params, self.dt, self.x, self.u, v=self.v)
+        force = core.run_many(self.law, self.params, self.dt, self.x, self.u, v=self.v)
         cost = (clock() - begin) / len(self.x)
         if not np.isfinite(force).all():
             raise RuntimeError("the C entry gives forces that are not finite")
@@ -67,8 +71,41 @@ class Rig:
         return cost
 
 
+def bouc_wen(travel: float) -> dict[str, float]:
+    """A Bouc-Wen law that yields at YIELD_FORCE after about `travel` (m)."""
+    rate = 0.5 * travel**-EXPONENT
+    return {
+        "c0a": 500.0,
+        "c0b": 500.0,
+        "alpha_a": YIELD_FORCE / travel,
+        "alpha_b": 0.0,
+        "gamma": rate,
+        "beta": rate,
+        "A": 1.0,
+        "n": EXPONENT,
+        "k0": 0.0,
+        "x0": 0.0,
+    }
+
+
+def rigid(effort: Effort) -> Section:
+    """Cost of a Bouc-Wen law that is nearly rigid before it yields, over that of a compliant one."""
+    laws = {f"{t:g}": Entry(1e-3, 10 * effort.steps, "bouc_wen", bouc_wen(t)) for t in YIELDS}
+    costs = interleave(laws, effort.rounds)
+    first, *others = costs
+    return Section(
+        "Rigid Bouc-Wen laws",
+        f"Cost of a sample at 1 ms of a Bouc-Wen law (exponent {EXPONENT:g}) by the travel at which it yields, "
+        f"over that of a law that yields after {1e3 * YIELDS[0]:g} mm. Strokes are {1e3 * STROKE:g} mm.",
+        tuple(
+            of_ratio(f"yields after {1e3 * float(t):g} mm", ratio(costs[t], costs[first]), "rigid", "compliant")
+            for t in others
+        ),
+    )
+
+
 def measure(effort: Effort) -> list[Section]:
-    """The table."""
+    """The tables."""
     rows = []
     for dt in (5e-4, 1e-3):
         costs = interleave(
@@ -92,5 +129,6 @@ def measure(effort: Effort) -> list[Section]:
             "motion and command set from Python before every step, or the engine is stepped alone, "
             f"{BLOCK} steps per call at a constant velocity.",
             tuple(rows),
-        )
+        ),
+        rigid(effort),
     ]
