@@ -57,8 +57,8 @@ inline double Linear(double u, double A, double B, double s, double* left) {
   return next;
 }
 
-// Any n: exponential Rosenbrock steps of a twelfth of the path over which u builds up, and longer ones near the rest: the
-// error of a step goes with u'^2 and the cube of its length.
+// Any n: exponential Rosenbrock steps of a twelfth of the path over which u builds up, and longer ones near a stable rest:
+// the error of a step goes with u'^2 and the cube of its length. The rest at u < 0 with beta > gamma is unstable.
 inline double General(double u, double A, double beta, double gamma, double n, double s) {
   const double sum = beta + gamma;
   const double reach = sum > 0 ? std::pow(A / sum, 1 / n) / A : s;
@@ -70,7 +70,8 @@ inline double General(double u, double A, double beta, double gamma, double n, d
     const double f = A - k * power * a;
     const double slope = -k * n * power * (u < 0 ? -1 : 1);
     const double rate = std::fmin(std::fabs(f / A), 1);
-    const double ds = rate * s < 1e-6 * reach ? s : std::fmin(s, step / std::cbrt(rate * rate));
+    const double most = rate * s < 1e-6 * reach ? s : step / std::cbrt(rate * rate);
+    const double ds = std::fmin(s, slope > 0 ? step : most);
     const double x = slope * ds;
     u += ds * f * (std::fabs(x) < 1e-8 ? 1 + 0.5 * x : std::expm1(x) / x);
     s -= ds;

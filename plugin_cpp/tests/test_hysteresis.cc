@@ -155,6 +155,24 @@ TEST(BeyondRestComesBack) {
   }
 }
 
+// With beta > gamma the far rest is unstable: no step from it may be long, however slowly z leaves it.
+TEST(FarRestIsLeftInShortSteps) {
+  for (const double n : {1.2, 1.5, 2.16, 3.0}) {
+    for (const double share : {0.8, 0.999}) {
+      const Shape p = Make(n, share);
+      const double far = std::pow(p.A / (p.beta - p.gamma), 1 / n);
+      for (const double part : {1.0, 1 - 1e-6, 0.999}) {
+        for (const double reaches : {3.0, 1e3, 1e7}) {
+          const double z = Hysteresis(-part * far, reaches * kReach, p.A, p.beta, p.gamma, n);
+          CHECK(std::isfinite(z) && std::fabs(z) <= far);
+        }
+      }
+      const double left = RungeKutta(p, -0.999 * far, 4 * kReach, 4000);
+      NEAR(Hysteresis(-0.999 * far, 4 * kReach, p.A, p.beta, p.gamma, n), left, 5e-3 * kRest);
+    }
+  }
+}
+
 TEST(SlopeIsThatOfThePath) {
   for (const double n : kExponents) {
     for (const double share : kShares) {
