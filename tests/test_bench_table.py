@@ -7,12 +7,14 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from modules import TOOLS, loaded
 from mrdamp.blindtest import rows_file
 from mrdamp.blindtest.score import Row
 from mrdamp.errors import InputError
+from mrdamp.model import Model
 
 tool = loaded(TOOLS / "bench_table.py")
 
@@ -85,6 +87,29 @@ def test_pairs_count_when_both_are_named() -> None:
     assert "single effects named" not in lines
 
 
+def test_answers_of_a_measured_bench_are_scored(tmp_path: Path) -> None:
+    """Two tests of one sample time; the handed-over simulator has half of the rig's yield force, the nominal none."""
+    law = {"c0a": 0.0, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": 1e-4}
+    t = np.arange(600) * 0.002
+    own = {"time_s": t, "displacement_m": 0.01 * np.sin(9 * t), "command": np.ones_like(t)}
+    force = 2 * Model("bingham", law).simulate(0.002, own)["force_N"]
+    tests = {f"{k}/{n}": v for k in "ab" for n, v in {**own, "force_N": force, "nominal_N": 0 * force}.items()}
+    (tmp_path / "tests").mkdir()
+    np.savez(tmp_path / "tests" / "c.npz", **tests)
+    labels = {"c": {"label": "seal_friction", "stages": ["mechanics"], "gap": 1.0, "base": 0.5}}
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    (tmp_path / "answers" / "c").mkdir(parents=True)
+    Model("bingham", law).write(tmp_path / "answers" / "c" / "corrected.json")
+    answer = {"verdict": "unknown", "effects": [], "where": {"stages": {"mechanics": 1.0}}, "probabilities": {}}
+    (tmp_path / "answers" / "c" / "diagnosis.json").write_text(json.dumps(answer))
+    (row,) = tool.of_folder(tmp_path)
+    assert (row.verdict, row.right, row.stage_right) == ("unknown", False, True)
+    assert row.before == pytest.approx(math.sqrt(2))
+    assert row.after == pytest.approx(math.sqrt(2) / 2, rel=1e-3)
+    assert row.base == pytest.approx(math.sqrt(2) / 2)
+    assert "seconds" not in tool.table([row])
+
+
 def test_a_folder_without_labels_or_answers_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -93,5 +118,5 @@ def test_a_folder_without_labels_or_answers_is_one_line(
     assert "labels.json" in capsys.readouterr().err
     (tmp_path / "labels.json").write_text(json.dumps({"a": {"label": "driver_lag"}}))
     assert tool.main() == 2
-    assert "no answer (run.json) to a" in capsys.readouterr().err
+    assert "no answer (diagnosis.json)" in capsys.readouterr().err
     assert not (tmp_path / "kept.json").exists()

@@ -1,8 +1,8 @@
 """Figures of scored benches with 95 % intervals, as a table: `python tools/bench_table.py ROWS.json|FOLDER ...`.
 
-ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of tools/spike_bench.py with its answers
-(answers/CASE, each with a run.json), which is scored first. Several are pooled. docs/diagnosis/rows holds the rows of
-the tables in docs/diagnosis/README.md.
+ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of tools/spike_bench.py with the answers of
+`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. docs/diagnosis/rows/another_law.json
+holds rows of docs/diagnosis/README.md.
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mrdamp.blindtest import misfit_score, rows_file, score
-from mrdamp.blindtest.run import judge
+from mrdamp.blindtest.run import predicted
 from mrdamp.blindtest.score import Row, Share
 from mrdamp.errors import InputError
+from mrdamp.model import Model
 
 Group = Sequence[Row]
 
@@ -33,9 +35,13 @@ def of_folder(folder: Path) -> list[Row]:
         raise InputError(f"{folder}: no file of rows, and no bench with a labels.json")
     rows = []
     for case, label in json.loads(labels.read_text(encoding="utf-8")).items():
-        if not (folder / "answers" / case / "run.json").is_file():
-            raise InputError(f"{folder}: no answer (run.json) to {case}")
-        row = judge(case, label, folder / "answers" / case, folder / "tests" / f"{case}.npz")
+        own, run = folder / "answers" / case, folder / "answers" / case / "run.json"
+        if not (own / "diagnosis.json").is_file():
+            raise InputError(f"{own}: no answer (diagnosis.json)")
+        model = Model.read(own / "corrected.json")
+        gaps = score.gaps(folder / "tests" / f"{case}.npz", partial(predicted, model))
+        seconds = json.loads(run.read_text(encoding="utf-8"))["seconds"] if run.is_file() else math.nan
+        row = score.row(case, label, score.read_answer(own), gaps, seconds)
         rows.append(replace(row, base=label["base"] * row.before / label["gap"]))
     return rows
 
@@ -99,7 +105,8 @@ def _exact(rows: Group, first: bool) -> str:
 
 
 def _seconds(rows: Group, first: bool) -> str:
-    return f"{np.median([r.seconds for r in rows]):.0f}, {max(r.seconds for r in rows):.0f}" if rows else ""
+    known = [r.seconds for r in rows if math.isfinite(r.seconds)]
+    return f"{np.median(known):.0f}, {max(known):.0f}" if known else ""
 
 
 _FIGURES: dict[str, Callable[[Group, bool], str]] = {
