@@ -110,10 +110,22 @@ RULES: Mapping[str, Rule] = {
 }
 
 
+#: Functions whose results most rules share.
+_COSTLY = (
+    (run, "final_fit"),
+    (frame_run, "other_law"),
+    (judgement, "heldout"),
+    (judgement, "regime_cost"),
+    (judgement, "largest_increase"),
+)
+
+
 def answers(folder: Path) -> dict[str, Any]:
     """Verdict and causes (name, place) with all rules, and without each."""
     case = read_case(folder)
-    with threadpool_limits(limits=1), _once(run, "final_fit"), _once(frame_run, "other_law"):
+    with threadpool_limits(limits=1), ExitStack() as stack:
+        for module, name in _COSTLY:
+            stack.enter_context(_once(module, name))
         found = searched(case, 1, lambda what, share: None, None, Store())
         out = {"all rules": _judged(found)}
         for name, rule in RULES.items():
