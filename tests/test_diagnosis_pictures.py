@@ -26,6 +26,15 @@ def test_a_bar_is_labelled_by_what_it_adds(names: list[str], labels: list[str]) 
     assert [t.get_text() for t in ax.get_yticklabels()] == labels
 
 
+def test_a_bar_off_the_scale_is_cut() -> None:
+    """Free parameters of 56 000 % leave the other bars to be read."""
+    steps = [("nominal", 0.2, (0.18, 0.22)), ("recalibrated", 560.0, (260.0, 790.0)), ("+ a", 0.1, (0.09, 0.11))]
+    ax = waterfall(steps, 0.01).axes[0]
+    assert [p.get_width() for p in ax.patches] == pytest.approx([20.0, 40.0, 10.0])
+    assert [t.get_text() for t in ax.texts] == ["20 %", "more than 40 %", "10 %"]
+    assert ax.get_xlim()[1] < 60
+
+
 def record(displacement: bool = True) -> ResidualData:
     t = np.arange(0.0, 4.0, 1e-3)
     x, v = 0.01 * np.sin(2 * np.pi * t), 0.02 * np.pi * np.cos(2 * np.pi * t)

@@ -79,7 +79,8 @@ def waterfall(
 ) -> Figure:
     """Gap on held-out records, step by step: name, gap, 95 % interval; lines for noise floor and ceiling.
 
-    A step whose name extends that of the one above is labelled by the addition.
+    A step whose name extends that of the one above is labelled by the addition. Bars are cut at twice the larger of the
+    first and the last: free parameters that do not hold on a left-out record can have any gap.
     """
     if not steps:
         raise InputError("waterfall: no steps")
@@ -87,8 +88,10 @@ def waterfall(
     ax = fig.subplots()
     y = np.arange(len(steps))
     gaps = 100 * np.array([gap for _, gap, _ in steps])
-    ends = 100 * np.array([interval for *_, interval in steps])
-    ax.barh(y, gaps, height=0.6, color=[REFERENCE, *[AFTER] * (len(steps) - 1)])
+    most = 2 * max(gaps[0], gaps[-1])
+    cut = gaps > most
+    ends = np.minimum(100 * np.array([interval for *_, interval in steps]), most)
+    ax.barh(y, np.minimum(gaps, most), height=0.6, color=[REFERENCE, *[AFTER] * (len(steps) - 1)])
     ax.hlines(y, ends[:, 0], ends[:, 1], color=INK, linewidth=1.4)
     ax.axvline(100 * floor, color=MUTED, linestyle="--", linewidth=1.0)
     handles = [Line2D([], [], color=MUTED, linestyle="--"), Line2D([], [], color=INK)]
@@ -97,11 +100,13 @@ def waterfall(
         ax.axvline(100 * ceiling, color=COLOURS[2], linestyle=":", linewidth=1.4)
         handles.append(Line2D([], [], color=COLOURS[2], linestyle=":"))
         labels.append("any model")
+    gaps = np.minimum(gaps, most)
     top = max(float(ends.max()), float(gaps.max())) or 1.0
     for k, gap in enumerate(gaps):
-        ax.text(max(gap, ends[k, 1]) + 0.015 * top, k, f"{gap:.2g} %", va="center", color=INK, fontsize=9)
+        text = f"more than {gap:.2g} %" if cut[k] else f"{gap:.2g} %"
+        ax.text(max(gap, ends[k, 1]) + 0.015 * top, k, text, va="center", color=INK, fontsize=9)
     ax.set_yticks(y, [elide(name, 120) for name in added([name for name, *_ in steps])])
-    ax.set_xlim(0, 1.18 * top)
+    ax.set_xlim(0, (1.4 if cut.any() else 1.18) * top)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("gap on held-out records, % of the RMS")
