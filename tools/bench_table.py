@@ -74,6 +74,7 @@ def _share(of: Callable[[Row], bool], right: Callable[[Row], bool] = lambda r: r
 
 
 def _short(value: float) -> str:
+    value = max(value, 0.0)  # the end of an interval at 0 may be -1e-17
     return f"{value:.2f}".replace("0.", ".", 1) if value < 1 else f"{value:.2f}"
 
 
@@ -114,7 +115,9 @@ _FIGURES: dict[str, Callable[[Group, bool], str]] = {
     "of these, gap due to the cause at least the base": _share(
         lambda r: _single(r) and not r.weak and math.isfinite(r.misfit)
     ),
-    "of these, .4 to .8 of the base": _share(lambda r: _single(r) and r.weak),
+    "of these, .4 to .8 of the base": _share(
+        lambda r: _single(r) and r.weak and math.isfinite(r.misfit)
+    ),
     "named, or in a declared tie of two or three": _share(_single, lambda r: r.right_or_tied),
     "single effects named, cases with baseline records": _share(lambda r: _single(r) and r.baseline),
     "pairs named": _share(_pair),

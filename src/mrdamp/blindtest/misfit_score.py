@@ -17,6 +17,8 @@ PARTED = 0.06
 #: Ratio of the gaps from which on a corrected simulator counts as worse than the nominal one, as in the
 #: shared scorer.
 _WORSE = 1.02
+#: Gap by which two integrators of one simulator differ: on the exact benches .0004 to .0016 without a cause.
+_INTEGRATORS = 0.002
 COLUMNS = ["figure", "all", "base misfit 3 to 6 %", "6 to 15 %", "damper", "frame", "to reach"]
 
 
@@ -77,7 +79,7 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
 def worse(row: Row) -> bool:
     """True if the handed-over simulator is worse than the nominal one on tests outside the case, or missing.
     """
-    return not row.after <= _WORSE * row.before
+    return not row.after <= _WORSE * row.before + _INTEGRATORS
 
 
 def _share(rows: Sequence[Row]) -> str:
