@@ -143,12 +143,15 @@ def test_a_cause_that_harms_a_regime_is_not_established() -> None:
     decision = Decision("effect", Scored(("cubic",), False, 1.0, 1), (1.0,), 0.1, 0.1, 1.0)
     for value, harms in ((0.4, False), (-0.4, True)):
         point = np.array([c.point(value) for c in cubic.coordinates])
-        final = FinalFit(fit(problem, hypothesis, point, most=0), (), np.zeros(1), problem)
+        found = fit(problem, hypothesis, point, most=0)
+        final = FinalFit(found, (), problem.gaps(found.residual), problem)
         note = harms_a_regime(search, final, decision)
         assert (note is not None) == harms
     assert note is not None
     assert note.startswith("cubic explains the gap best")
     assert harms_a_regime(search, final, replace(decision, verdict="parameters")) is None
+    little = replace(final, heldout=0.4 * problem.gaps(problem.of_settings([{}])[0]))
+    assert harms_a_regime(search, little, decision) is None  # explains most of the gap
     (sign,) = (t for t in rig.terms if t.effect == "sign")
     both = Hypothesis((), (cubic, sign))
     two = replace(final, fit=fit(problem, both, np.append(point, 0.1), most=0))

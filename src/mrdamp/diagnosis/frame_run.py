@@ -192,9 +192,11 @@ def judge(
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:
         return fits, unexplained(decision, fits)
     first = fits[0]
-    weak = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
-    if decision.verdict == "none" and weak and first.cost < search.nominal_cost - _SEEN * search.floor:
-        # A faulty block shows effects that are small compared with the noise of all channels together.
+    placed = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
+    weak = placed and not search.inexact and first.cost < search.nominal_cost - _SEEN * search.floor
+    if decision.verdict == "none" and weak:
+        # A faulty block shows effects that are small compared with the noise of all channels together. With a wrong law
+        # any effect in a storey takes up some of the law's error.
         left = search.unexplained(first)
         decision = replace(decision, verdict="effect", chosen=scored([first])[0], unexplained=left)
     return fits, decision

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import CARRIED, INDEPENDENT, LOGIT_GAIN, REGIME_WORSE, UNNAMED_GAP, UNSTEADY
+from mrdamp.diagnosis.constants import (
+    CARRIED,
+    INDEPENDENT,
+    LOGIT_GAIN,
+    REGIME_LEFT,
+    REGIME_WORSE,
+    UNNAMED_GAP,
+    UNSTEADY,
+)
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.consistency import largest_increase
 from mrdamp.diagnosis.evidence.established import utility
@@ -163,10 +171,13 @@ def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
 
 
 def harms_a_regime(search: Search, final: FinalFit, decision: Decision) -> str | None:
-    """Line for a person if the only named cause makes the gap of a regime larger by REGIME_WORSE and the law is not the
-    rig's, else None."""
+    """Line for a person if the only named cause makes the gap of a regime larger by REGIME_WORSE, leaves more than
+    REGIME_LEFT of the gap, and the law is not the rig's; else None."""
     causes = [t.cause for t in final.fit.hypothesis.terms]
     if not search.inexact or decision.verdict != "effect" or len(set(causes)) != 1:
+        return None
+    nominal = final.problem.gaps(final.problem.of_settings([{}])[0])
+    if final.problem.cost(final.heldout) <= REGIME_LEFT**2 * final.problem.cost(nominal):
         return None
     increase = largest_increase(final.problem, final.fit, causes[0])
     if not increase > REGIME_WORSE:
