@@ -22,10 +22,12 @@ from mrdamp.diagnosis.evidence.judgement import not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
 from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.file_gaps import predicted_gap
 from mrdamp.diagnosis.report.other_law import with_other_law
@@ -91,9 +93,25 @@ def test_only_causes_in_the_form_of_a_law_of_a_measured_damper_are_compared(monk
     monkeypatch.setattr(module, "identify", never)
     problem = problem_of(case())
     assert other_law(case(), problem, fitted(problem, "seal_friction")) is None
+    for name in ("shear_thinning", "heating"):
+        with pytest.raises(AssertionError, match="identified"):
+            other_law(case(), problem, fitted(problem, name))
     for missing in ("force_N", "floor1_displacement_m"):
         some = tuple(replace(r, channels={k: v for k, v in r.channels.items() if k != missing}) for r in case().records)
         assert other_law(replace(case(), records=some), problem, fitted(problem, "shear_thinning")) is None
+
+
+@pytest.mark.parametrize(("floor", "verdict"), [(1e-6, "none"), (1.0, "effect")])
+def test_a_storeys_cause_of_a_frame_that_is_as_its_baseline(floor: float, verdict: str) -> None:
+    """floor: cost of the noise over that of the best fit. A wrong law's error is taken up by a storey somewhere."""
+    problem = problem_of(case())
+    found = fitted(problem, "floor_mass@1")
+    search = Search(problem, floor * found.cost, Limits())
+    search.keep(found)
+    search.own = search.nominal_cost
+    assert search.inexact == (verdict == "none")
+    assert isinstance(problem.rig, FrameRig)
+    assert frame_run.judge(search, problem.rig)[1].verdict == verdict
 
 
 def test_a_needless_cause_is_unknown() -> None:
