@@ -79,6 +79,13 @@ def test_table_counts_by_group() -> None:
     assert tool.table([replace(r, misfit=math.nan) for r in ROWS]).startswith("| figure | all |\n")
 
 
+def test_integrators_that_differ_are_no_worse_simulator() -> None:
+    """Gaps of a case without a cause, relative to the RMS: the reference's own, and the chain's."""
+    for after, worse in ((0.0016, "0 of 1"), (0.0021, "1 of 1")):
+        lines = tool.table([replace(RIGHT, before=0.0, after=after)]).splitlines()
+        assert f"| corrected simulator worse than the nominal one on held-out tests | {worse}" in "\n".join(lines)
+
+
 def test_pairs_count_when_both_are_named() -> None:
     pair = replace(RIGHT, label="driver_lag+backlash", misfit=math.nan)
     both = replace(pair, named=frozenset({LAG, ("backlash", None)}))

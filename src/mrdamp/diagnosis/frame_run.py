@@ -195,8 +195,7 @@ def judge(
     placed = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
     weak = placed and not search.inexact and first.cost < search.nominal_cost - _SEEN * search.floor
     if decision.verdict == "none" and weak:
-        # A faulty block shows effects that are small compared with the noise of all channels together. With a wrong law
-        # any effect in a storey takes up some of the law's error.
+        # A faulty block shows effects that are small compared with the noise of all channels together.
         left = search.unexplained(first)
         decision = replace(decision, verdict="effect", chosen=scored([first])[0], unexplained=left)
     return fits, decision
@@ -372,10 +371,8 @@ def _freed(search: Search, rig: FrameRig, fixed_law: Fit) -> Fit:
 
 
 def refit_with_fewer_causes(search: Search, best: Fit) -> None:
-    """Repeats the best fit with one cause removed at a time and free parameters, starting from its optimum.
-    The signatures of the law are linearised once at the start of a fit, which may stop too early for a fair
-    comparison.
-    """
+    """Repeats the best fit with one cause removed at a time and free parameters, starting from its optimum. A fit that
+    linearises the law's signatures once, at its start, may stop too early for a fair comparison."""
     causes = set(best.hypothesis.causes)
     fewer = (f for f in search.ranked(True) if f.hypothesis.terms and set(f.hypothesis.causes) < causes)
     found = next(fewer, None)
