@@ -24,7 +24,7 @@ from mrdamp.diagnosis.evidence.verdict import (
     shapley,
     with_lapse,
 )
-from mrdamp.diagnosis.fits.least_squares import fit, leave_out
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
@@ -107,6 +107,20 @@ def test_left_out_records_are_predicted_from_the_others_alone() -> None:
     table, rest, size = tests[2]
     assert gaps[2] == pytest.approx(np.sqrt(np.mean((table @ numbers - rest) ** 2)) / size, rel=1e-5)
     assert np.isnan(np.delete(gaps, 2)).all()
+
+
+@pytest.mark.parametrize(("slope", "left"), [(1.0, 0.0), (0.2, 0.25), (-0.2, 1.0)])
+def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: float) -> None:
+    """With a fifth of the true slope the step is five times too long, and two halvings leave a quarter of the error;
+    with a slope of the wrong sign no step is taken."""
+    rig = toy({"offset": 0.1}, noise=0.0)
+    problem = Problem(rig)
+    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect == "offset"))
+    residual = problem.residuals(hypothesis, np.zeros(1))[0]
+    slopes = slope * problem.jacobian(hypothesis, np.zeros(1), residual)
+    found = Fit(hypothesis, np.zeros(1), float(residual @ residual), residual, slopes)
+    gap = leave_out(problem, found, [(2,)])[2] / problem.gaps(residual)[2]
+    assert gap == pytest.approx(left, abs=0.02)
 
 
 @pytest.mark.parametrize(

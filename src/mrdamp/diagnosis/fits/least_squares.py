@@ -33,6 +33,9 @@ _LONGEST = 8.0
 #: Range of a line scan along a rugged coordinate (logarithm of its setting), and number of scans.
 _AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
 _SCANS = 4
+#: The step to the optimum without some records is checked if it makes their cost this many times as large; number of
+#: halvings that are tried then.
+_CHECKED, _HALVINGS = 2.0, 6
 
 
 @dataclass(frozen=True)
@@ -296,15 +299,34 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
         q = found.point
         # Damping limits steps along directions that hardly matter (exchangeable poles).
         step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
-        inside = [k for k in problem.records if k in group]
-        part = Problem(problem.rig, inside, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
-        rows = part.gaps(part.residuals(found.hypothesis, np.clip(q + step, low, high))[0])
-        for b, value in zip(part.blocks, rows, strict=True):
+        part = _part(problem, [k for k in problem.records if k in group])
+        rows = part.residuals(found.hypothesis, np.clip(q + step, low, high))
+        if keep.any() and np.sum(rows**2) > _CHECKED * np.sum(found.residual[~keep] ** 2):
+            kept = _part(problem, [k for k in problem.records if k not in group])
+            step = _no_worse(kept, found, step, float(np.sum(found.residual[keep] ** 2)))
+            rows = part.residuals(found.hypothesis, np.clip(q + step, low, high))
+        for b, value in zip(part.blocks, part.gaps(rows[0]), strict=True):
             at = next(
                 i for i, o in enumerate(problem.blocks) if (o.record, o.channel) == (b.record, b.channel)
             )
             gaps[at] = value
     return gaps
+
+
+def _part(problem: Problem, records: Sequence[int]) -> Problem:
+    """The problem of some of its records."""
+    return Problem(problem.rig, records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
+
+
+def _no_worse(kept: Problem, found: Fit, step: Array, before: float) -> Array:
+    """The step (coordinates,), halved until the kept records are no worse than before it (cost `before`): a full
+    Gauss-Newton step may leave the range in which the linearisation holds, or in which the simulation is stable."""
+    low, high = found.hypothesis.bounds()
+    weight = PRIOR_WEIGHT * found.hypothesis.prior() ** 2
+    trials = np.clip(found.point + np.outer(0.5 ** np.arange(_HALVINGS + 1), step), low, high)
+    costs = np.sum(kept.residuals(found.hypothesis, trials) ** 2, axis=1) + trials**2 @ weight
+    good = np.flatnonzero(costs <= before + float(weight @ found.point**2))
+    return trials[good[0]] - found.point if len(good) else np.zeros_like(step)
 
 
 def _jacobian(problem: Problem, hypothesis: Hypothesis, q: Array, r: Array, known: Array | None) -> Array:
