@@ -65,8 +65,8 @@ def test_every_rule_is_left_out_and_back_again(tool: ModuleType) -> None:
     with tool.RULES["price of a free law (`LAW_PRICE`, `LOGIT_LAW`)"](one):
         assert (verdict.LAW_PRICE, established.LOGIT_LAW) == (0.0, 0.0)
     assert price == (verdict.LAW_PRICE, established.LOGIT_LAW)
-    with tool.RULES["sensor and load cell that agree (`SENSOR_AGREES`)"](one):
-        assert penalties.SENSOR_AGREES == 0.0
+    with tool.RULES["penalty of a cause that is another one (`NOT_ITSELF`)"](one):
+        assert penalties.NOT_ITSELF == 0.0
     with tool.RULES["cause that harms a regime (`REGIME_WORSE`)"](one):
         assert math.inf == judgement.REGIME_WORSE
     with tool.RULES["other laws beside a cause of a law's form (`LAW_FORMS`)"](one):

@@ -12,11 +12,9 @@ from frame_case import altered, believed, case_of, records
 from mrdamp.diagnosis.attribution.frame_blocks import blocks
 from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
-from mrdamp.diagnosis.evidence.penalties import of_parts
-from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.frame_run import compared_without_law, reduced
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Sizes
+from mrdamp.diagnosis.hypotheses.terms import Sizes
 from mrdamp.diagnosis.report.page import page
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model
@@ -110,14 +108,6 @@ def test_what_no_effect_explains_has_no_cause(measured: dict[str, Record]) -> No
     (one,) = compared(believed(), clipped)
     assert one.cause is None
     assert one.unexplained
-
-
-def test_a_cause_in_a_part_that_is_in_balance_pays(measured: dict[str, Record]) -> None:
-    case = case_of(believed(), measured)
-    terms = {t.name: t for t in reduced(case)[1].catalogue}
-    fit = Fit(Hypothesis((), (terms["storey_damping@1"],)), np.zeros(1), 1.0, np.zeros(1), np.zeros((1, 1)))
-    assert of_parts(fit, {"storey 1", "accelerometer 2"}) > 0
-    assert of_parts(fit, {"storey 2", "accelerometer 1"}) == 0
 
 
 @pytest.mark.slow

@@ -95,7 +95,6 @@ RULES: Mapping[str, Rule] = {
     "tests that do not repeat (`UNSTEADY`)": lambda s: attribute(s.search, "steady", True),
     "rivals outside the catalogue": lambda s: attribute(s.search, "rivals", []),
     "channels compared directly": lambda s: attribute(s.search, "direct", {}),
-    "sensor and load cell that agree (`SENSOR_AGREES`)": lambda s: constant(penalties, "SENSOR_AGREES", 0.0),
     "ties by nature (`TIED_BY_NATURE`)": lambda s: constant(established, "TIED_BY_NATURE", ()),
     "baseline records": lambda s: constant(judgement, "of_baseline", lambda *a: {}),
     "records left out, beside a wrong law": lambda s: constant(judgement, "left_out_costs", lambda *a: {}),

@@ -78,9 +78,6 @@ TIED_BY_NATURE = (
     frozenset({"mount_compliance", "backlash"}),
     frozenset({"gas_spring", "sensor_offset"}),
 )
-#: Penalty (nats) of an effect of the force sensor if its reading agrees with the load cell's. With a wrong law also of
-#: an effect of a frame's storey or accelerometer whose balance closes.
-SENSOR_AGREES = 6.0
 #: If a model of the same inputs predicts more than this share of the residual on left-out records, the
 #: residual is an error of the law.
 PREDICTABLE = 0.15

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.comparison import compared, sensor_agrees, sensor_unexplained
+from mrdamp.diagnosis.channels.comparison import compared, sensor_unexplained
 from mrdamp.diagnosis.constants import INEXACT, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
@@ -80,7 +80,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
 
     def judged() -> Judged:
-        fits, decision = judge(search, clears_sensor=sensor_agrees(channels), baseline=untouched)
+        fits, decision = judge(search, untouched)
         if not apart:
             return fits, decision
         like = search.looks_like
@@ -103,19 +103,11 @@ def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progres
     return baseline_law(rig, case.baseline)
 
 
-def judge(search: Search, *, clears_sensor: bool = False, baseline: Problem | None = None) -> Judged:
-    """All fits of a search and the decision.
-
-    clears_sensor: the load cell next to the force sensor rules out the sensor's effects. baseline: residuals
-    of the rig's baseline records.
-    """
+def judge(search: Search, baseline: Problem | None = None) -> Judged:
+    """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
     fits = [*search.ranked(False), *search.ranked(True)]
-    penalties = {
-        id(f): of_damper(
-            search.problem.rig, f, search.base, clears_sensor=clears_sensor, inexact=search.inexact
-        )
-        for f in fits
-    }
+    rig = search.problem.rig
+    penalties = {id(f): of_damper(rig, f, search.base, inexact=search.inexact) for f in fits}
     return fits, decided(search, fits, penalties, baseline)
 
 

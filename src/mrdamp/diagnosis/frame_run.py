@@ -28,7 +28,6 @@ from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.constants import CAUSE_PRICE, LAW_FORMS, NUMBER_PRICE
 from mrdamp.diagnosis.evidence.judgement import decided, not_established, scored, unexplained
-from mrdamp.diagnosis.evidence.penalties import of_parts
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -185,8 +184,6 @@ def judge(
         fits = [f for f in fits if set(f.hypothesis.causes) <= set(only)]
     if search.inexact:
         search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
-        for f in fits:
-            penalties[id(f)] = penalties.get(id(f), 0.0) + of_parts(f, rig.clean)
     # A frame's nominal parameters move as far as its structure requires: they have no penalty.
     decision = decided(search, fits, penalties, baseline, moves=False)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mrdamp.diagnosis.constants import (
-    CHANNELS_AGREE,
     DIRECT_LEFT,
     DIRECT_RESOLUTION,
     INDEPENDENT,
@@ -94,14 +93,6 @@ def compared(records: Sequence[Record], terms: Sequence[Term], base: Settings) -
         of_driver = [t for t in terms if t.stage == "driver"]
         out += _explained(records, ("command", "current_A"), of_driver, _through_driver(own))
     return tuple(out)
-
-
-def sensor_agrees(found: Sequence[Compared]) -> bool:
-    """True if the force sensor agrees with the load cell within the noise."""
-    return any(
-        c.channels[1] == "force_N" and c.before <= CHANNELS_AGREE * np.hypot(c.noise, 1e-2 * DIRECT_RESOLUTION)
-        for c in found
-    )
 
 
 def sensor_unexplained(found: Sequence[Compared]) -> bool:

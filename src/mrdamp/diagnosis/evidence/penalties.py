@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
-from mrdamp.diagnosis.constants import LOGIT_LAW, LOOPS, NOT_ITSELF, REDUCIBLE, SENSOR_AGREES
+from mrdamp.diagnosis.constants import LOGIT_LAW, LOOPS, NOT_ITSELF, REDUCIBLE
 from mrdamp.diagnosis.evidence.verdict import idle_price
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
@@ -19,36 +17,20 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(
-    rig: Rig, found: Fit, free: Fit, *, clears_sensor: bool = False, inexact: bool = False
-) -> float:
+def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False) -> float:
     """Penalty of a fit of a damper's records if free nominal parameters alone (`free`) are as good or
     equivalent.
 
-    clears_sensor: the load cell next to the force sensor rules out the sensor's effects. inexact: the law is
-    not the rig's; its parameters are then no simpler explanation than a gain, and the two are reported as
-    tied.
+    inexact: the law is not the rig's; its parameters are then no simpler explanation than a gain, and the two
+    are reported as tied.
     """
     penalty = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
     law = rig.model({}).law if inexact else ""
     if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
         penalty += LOGIT_LAW
-    if clears_sensor and any(c.startswith("sensor_") for c in found.hypothesis.causes):
-        penalty += SENSOR_AGREES
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * free.cost:
         penalty += idle_price(found.move)
     return penalty
-
-
-def of_parts(found: Fit, clean: Collection[str]) -> float:
-    """Penalty of a fit of a frame's records with a cause in a storey or an accelerometer whose balance
-    closes.
-
-    clean: names of these parts.
-    """
-    placed = (t for t in found.hypothesis.terms if t.place is not None)
-    parts = {f"{'accelerometer' if t.stage == 'sensor' else 'storey'} {t.place}" for t in placed}
-    return SENSOR_AGREES * len(parts & set(clean))
 
 
 def gone(found: Fit) -> bool:
