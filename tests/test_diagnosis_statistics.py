@@ -29,7 +29,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
@@ -113,9 +113,8 @@ def test_left_out_records_are_predicted_from_the_others_alone() -> None:
 def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: float) -> None:
     """With a fifth of the true slope the step is five times too long, and two halvings leave a quarter of the error;
     with a slope of the wrong sign no step is taken."""
-    rig = toy({"offset": 0.1}, noise=0.0)
-    problem = Problem(rig)
-    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect == "offset"))
+    problem = Problem(toy({"offset": 1.0}, noise=0.0))
+    hypothesis = Hypothesis((), (Term("offset", "sensor", (Coordinate("offset", 0.0, -50.0, 50.0, 1.0),), ((0.0,),)),))
     residual = problem.residuals(hypothesis, np.zeros(1))[0]
     slopes = slope * problem.jacobian(hypothesis, np.zeros(1), residual)
     found = Fit(hypothesis, np.zeros(1), float(residual @ residual), residual, slopes)

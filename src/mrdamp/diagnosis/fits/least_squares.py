@@ -33,9 +33,8 @@ _LONGEST = 8.0
 #: Range of a line scan along a rugged coordinate (logarithm of its setting), and number of scans.
 _AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
 _SCANS = 4
-#: The step to the optimum without some records is checked if it makes their cost this many times as large; number of
-#: halvings that are tried then.
-_CHECKED, _HALVINGS = 2.0, 6
+#: Largest number of halvings of the step to the optimum without some records.
+_HALVINGS = 6
 
 
 @dataclass(frozen=True)
@@ -301,7 +300,7 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
         step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
         part = _part(problem, [k for k in problem.records if k in group])
         rows = part.residuals(found.hypothesis, np.clip(q + step, low, high))
-        if keep.any() and np.sum(rows**2) > _CHECKED * np.sum(found.residual[~keep] ** 2):
+        if keep.any() and np.sum(rows**2) > len(part.records):  # errors larger than the measurement
             kept = _part(problem, [k for k in problem.records if k not in group])
             step = _no_worse(kept, found, step, float(np.sum(found.residual[keep] ** 2)))
             rows = part.residuals(found.hypothesis, np.clip(q + step, low, high))
@@ -323,10 +322,13 @@ def _no_worse(kept: Problem, found: Fit, step: Array, before: float) -> Array:
     Gauss-Newton step may leave the range in which the linearisation holds, or in which the simulation is stable."""
     low, high = found.hypothesis.bounds()
     weight = PRIOR_WEIGHT * found.hypothesis.prior() ** 2
-    trials = np.clip(found.point + np.outer(0.5 ** np.arange(_HALVINGS + 1), step), low, high)
-    costs = np.sum(kept.residuals(found.hypothesis, trials) ** 2, axis=1) + trials**2 @ weight
-    good = np.flatnonzero(costs <= before + float(weight @ found.point**2))
-    return trials[good[0]] - found.point if len(good) else np.zeros_like(step)
+    most = before + float(weight @ found.point**2)
+    for _ in range(_HALVINGS + 1):
+        q = np.clip(found.point + step, low, high)
+        if np.sum(kept.residuals(found.hypothesis, q) ** 2) + weight @ q**2 <= most:
+            return step
+        step = step / 2
+    return np.zeros_like(step)
 
 
 def _jacobian(problem: Problem, hypothesis: Hypothesis, q: Array, r: Array, known: Array | None) -> Array:
