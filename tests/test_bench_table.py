@@ -86,6 +86,15 @@ def test_integrators_that_differ_are_no_worse_simulator() -> None:
         assert f"| corrected simulator worse than the nominal one on held-out tests | {worse}" in "\n".join(lines)
 
 
+def test_a_wrong_answer_without_a_gap_is_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows_file.write(tmp_path / "rows.json", [replace(RIGHT, label="none", also=frozenset(), before=0.0, base=math.nan)])
+    monkeypatch.setattr("sys.argv", ["bench_table.py", str(tmp_path / "rows.json"), "--misses"])
+    assert tool.main() == 0
+    assert "case_001 none -> effect driver_lag" in capsys.readouterr().out.splitlines()[-1]
+
+
 def test_pairs_count_when_both_are_named() -> None:
     pair = replace(RIGHT, label="driver_lag+backlash", misfit=math.nan)
     both = replace(pair, named=frozenset({LAG, ("backlash", None)}))

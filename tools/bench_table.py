@@ -136,6 +136,11 @@ _FIGURES: dict[str, Callable[[Group, bool], str]] = {
 }
 
 
+def _ratio(value: float, by: float) -> str:
+    """A failed case has no gaps: zero of zero."""
+    return f"{value / by:.2f}" if by > 0 else "-"
+
+
 def main() -> int:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("rows", type=Path, nargs="+", metavar="ROWS.json|FOLDER")
@@ -156,7 +161,7 @@ def main() -> int:
             print(
                 f"{r.case} {r.label}{' weak' if r.weak else ''} -> {r.verdict} {named} p {r.probability:.2f} "
                 f"stage {r.stage} of {','.join(r.stages)} tied {[sorted(t) for t in r.tied]} "
-                f"after/before {r.after / r.before:.2f} /base {r.after / r.base:.2f} {r.seconds:.0f} s"
+                f"after/before {_ratio(r.after, r.before)} /base {_ratio(r.after, r.base)} {r.seconds:.0f} s"
             )
     return 0
 
