@@ -137,7 +137,7 @@ _FIGURES: dict[str, Callable[[Group, bool], str]] = {
 
 
 def _ratio(value: float, by: float) -> str:
-    """A failed case has no gaps: zero of zero."""
+    """A case without a cause may have no gap before, and one of an exact law has no base."""
     return f"{value / by:.2f}" if by > 0 else "-"
 
 
