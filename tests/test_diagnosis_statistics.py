@@ -111,9 +111,8 @@ def test_left_out_records_are_predicted_from_the_others_alone() -> None:
 
 @pytest.mark.parametrize(("slope", "left"), [(1.0, 0.0), (0.3, 0.65), (0.2, 0.25), (-0.2, 1.0)])
 def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: float) -> None:
-    """With a fifth of the true slope the step is five times too long, and two halvings leave a quarter of the error; with
-    three tenths one halving leaves two thirds;
-    with a slope of the wrong sign no step is taken."""
+    """With a fifth of the true slope the step is five times too long, and two halvings leave a quarter of the error;
+    with three tenths one halving leaves two thirds; with a slope of the wrong sign no step is taken."""
     problem = Problem(toy({"offset": 1.0}, noise=0.0))
     hypothesis = Hypothesis((), (Term("offset", "sensor", (Coordinate("offset", 0.0, -50.0, 50.0, 1.0),), ((0.0,),)),))
     residual = problem.residuals(hypothesis, np.zeros(1))[0]
