@@ -24,7 +24,7 @@ from mrdamp.diagnosis.evidence.verdict import (
     shapley,
     with_lapse,
 )
-from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out, leave_out_halves
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
@@ -107,6 +107,31 @@ def test_left_out_records_are_predicted_from_the_others_alone() -> None:
     table, rest, size = tests[2]
     assert gaps[2] == pytest.approx(np.sqrt(np.mean((table @ numbers - rest) ** 2)) / size, rel=1e-5)
     assert np.isnan(np.delete(gaps, 2)).all()
+
+
+def test_halves_left_out_are_predicted_from_all_other_samples() -> None:
+    """The toy is linear in its terms: least squares over the other half and the other records."""
+    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3, records=3)
+    problem = Problem(rig)
+    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect in ("cubic", "offset")))
+    found = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-9)
+    tables, rests = [], []
+    for b in problem.blocks:
+        take = problem.taken(b.record)
+        made = {k: v[take] for k, v in parts(np.asarray(rig.records[b.record].displacement)).items()}
+        scale = b.size * np.sqrt(b.span.stop - b.span.start)
+        tables.append(np.column_stack([made["cubic"], made["offset"]]) / scale)
+        rests.append((rig.measured(b.record)[0, take] - 2 * made["gain"]) / scale)
+    table, rest = np.vstack(tables), np.concatenate(rests)
+    expected = []
+    for b in problem.blocks:
+        middle, cost = (b.span.start + b.span.stop) // 2, 0.0
+        for half in (slice(b.span.start, middle), slice(middle, b.span.stop)):
+            others = np.delete(np.arange(len(rest)), half)
+            numbers = np.linalg.lstsq(table[others], rest[others])[0]
+            cost += float(np.sum((table[half] @ numbers - rest[half]) ** 2))
+        expected.append(cost)
+    assert leave_out_halves(problem, found) == pytest.approx(np.array(expected), rel=1e-4)
 
 
 @pytest.mark.parametrize(("slope", "left"), [(1.0, 0.0), (0.3, 0.65), (0.2, 0.25), (-0.2, 1.0)])

@@ -23,6 +23,7 @@ from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
 from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -34,7 +35,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record, read_record
 from mrdamp.simulation.predict import write_prediction
-from toy_rig import toy
+from toy_rig import ToyRig, parts, toy
 
 DT = 0.002
 #: Bingham with the least error on records of this rig with other noise (`identify`): only its form is wrong.
@@ -256,6 +257,25 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
     little = Scored(("a",), False, 0.8, 1, 1)
     assert decide([nominal, little, other], 0.001, inexact=True).verdict == "unknown"
     assert decide([nominal, little, other], 0.001, inexact=True, own=0.9).verdict == "none"
+
+
+def test_what_a_cause_does_in_one_record_is_not_hidden_by_the_errors_of_others() -> None:
+    """The law errs in three records of four, which the cause cannot affect; in the fourth the cause is nearly all."""
+    rng = np.random.default_rng(1)
+    made = []
+    for k, r in enumerate(toy({}, records=4).records):
+        x = np.asarray(r.displacement) * (1.0 if k == 2 else 0.5)
+        error = lfilter([0.1], [1, -0.9], rng.normal(0, 0.03 if k == 2 else 0.4, r.n))
+        force = 2 * x + error + (0.5 * parts(x)["outside"] if k == 2 else 0.0)
+        made.append(Record(r.name, None, r.sample_time, {"displacement_m": x, "command": 0 * x, "force_N": force}))
+    search = Search(Problem(ToyRig(tuple(made))), 1e-6)
+    cause = Term("outside", "fluid", (Coordinate("outside", 0.0, -50.0, 50.0, 0.1),), ((0.2,),))
+    search.keep(search.fitted(Hypothesis((), (cause,)), np.zeros(1), most=6))
+    fits = search.ranked(False)
+    found = judgement.decided(search, fits, {}, None)
+    assert (found.verdict, found.chosen.causes) == ("effect", ("outside",))
+    (named,) = (f for f in fits if f.hypothesis.causes)
+    assert utility(named.cost / search.nominal_cost, 1, 1, free=False) < -1  # by the sum over records there is none
 
 
 def test_what_mends_the_baseline_too_is_no_change() -> None:

@@ -11,6 +11,7 @@ from mrdamp.diagnosis.constants import (
     CARRIED,
     INDEPENDENT,
     LOGIT_GAIN,
+    RECORD_VARIANCE,
     REGIME_LEFT,
     REGIME_WORSE,
     UNNAMED_GAP,
@@ -22,11 +23,12 @@ from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
-from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.regimes import regime_cost
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out_halves
+from mrdamp.diagnosis.fits.regimes import groupings, left_out, regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: Number of fits of an unknown cause that are evaluated on left-out records.
 _NEAREST = 6
@@ -71,24 +73,38 @@ def against_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fi
 def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
     """Costs by id on left-out records, if no fit reaches the noise.
 
-    Fits with free nominal parameters have the larger of two costs: each record left out in turn, or by
-    regime. The cost on left-out records is at least the fit's own cost, so fits that are improbable with
-    their own cost are not evaluated.
+    The halves of each record are left out in turn. Fits with free nominal parameters have the larger of this cost and
+    of those with regimes left out. Costs of records are averaged in the logarithm (`over_records`). Fits that are
+    improbable even with the cost of their own fit have this cost.
     """
     if not search.inexact:
         return {}
     moving = [f for f in fits if f.hypothesis.coordinates]
-    most = {id(f): _own_utility(search, f, f.cost) for f in moving}
-    out: dict[int, float] = {}
+    out = {id(f): over_records(search, search.problem.costs(search.problem.gaps(f.residual))) for f in moving}
+    most = {id(f): _own_utility(search, f, out[id(f)]) for f in moving}
     best = 0.0  # utility of the nominal simulator
     for f in sorted(moving, key=lambda f: -most[id(f)]):
         if most[id(f)] < best - _IMPROBABLE:
             break
-        out[id(f)] = search.problem.cost(heldout(search.problem, f))
-        if f.hypothesis.nominal:
-            out[id(f)] = max(out[id(f)], regime_cost(search.problem, f))
+        out[id(f)] = over_records(search, leave_out_halves(search.problem, f))
+        if f.hypothesis.nominal and _own_utility(search, f, out[id(f)]) > best - _IMPROBABLE:
+            regimes = (left_out(search.problem, f, g.groups) for g in groupings(search.problem))
+            out[id(f)] = max(out[id(f)], *(over_records(search, search.problem.costs(gaps)) for gaps in regimes))
         best = max(best, _own_utility(search, f, out[id(f)]))
     return out
+
+
+def over_records(search: Search, costs: Array) -> float:
+    """Cost of the nominal simulator times the geometric mean, over the records, of the ratio to it.
+
+    costs: of each record. The variance of a wrong law's error differs between records and is unknown. The likelihood of
+    Gaussian errors, marginal over variances with an inverse-gamma prior of scale RECORD_VARIANCE times the mean, is a
+    power of this mean. In a sum, records that a cause cannot affect would hide what it does in the others.
+    Source: Gelman et al. (2013), Bayesian Data Analysis, section 3.2.
+    """
+    nominal = search.problem.costs(search.problem.gaps(search.residual))
+    scale = RECORD_VARIANCE * float(np.mean(nominal))
+    return search.nominal_cost * float(np.exp(np.mean(np.log((costs + scale) / (nominal + scale)))))
 
 
 def _own_utility(search: Search, f: Fit, left: float) -> float:

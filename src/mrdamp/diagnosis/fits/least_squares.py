@@ -287,24 +287,14 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
     groups: numbers of records that are left out together. One Gauss-Newton step gives the optimum without
     them, and they are simulated there.
     """
-    prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
-    low, high = found.hypothesis.bounds()
     gaps = np.full(len(problem.blocks), np.nan)
     for group in groups:
-        keep = np.ones(problem.samples, dtype=bool)
+        left = np.zeros(problem.samples, dtype=bool)
         for b in problem.blocks:
-            if b.record in group:
-                keep[b.span] = False
-        q = found.point
-        # Damping limits steps along directions that hardly matter (exchangeable poles).
-        step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
+            left[b.span] = b.record in group
         part = _part(problem, [k for k in problem.records if k in group])
-        rows = part.residuals(found.hypothesis, np.clip(q + step, low, high))
-        if keep.any() and np.sum(rows**2) > len(part.records):  # errors larger than the measurement
-            kept = _part(problem, [k for k in problem.records if k not in group])
-            step = _no_worse(kept, found, step, float(np.sum(found.residual[keep] ** 2)))
-            rows = part.residuals(found.hypothesis, np.clip(q + step, low, high))
-        for b, value in zip(part.blocks, part.gaps(rows[0]), strict=True):
+        row = _without(problem, found, left, part)
+        for b, value in zip(part.blocks, part.gaps(row), strict=True):
             at = next(
                 i for i, o in enumerate(problem.blocks) if (o.record, o.channel) == (b.record, b.channel)
             )
@@ -312,20 +302,59 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
     return gaps
 
 
+def leave_out_halves(problem: Problem, found: Fit) -> Array:
+    """Costs (records,) on halves of the records that the parameters were not fitted to: the first and the second half
+    in time of each record are left out in turn, as in `leave_out`.
+
+    A record that alone determines a parameter does so by its other half.
+    """
+    out = np.zeros(len(problem.records))
+    for at, record in enumerate(problem.records):
+        part = _part(problem, [record])
+        for first in (True, False):
+            left = np.zeros(problem.samples, dtype=bool)
+            for b in problem.blocks:
+                if b.record == record:
+                    middle = (b.span.start + b.span.stop) // 2
+                    left[b.span.start if first else middle : middle if first else b.span.stop] = True
+            out[at] += np.sum(_without(problem, found, left, part) ** 2)
+    return out
+
+
+def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Problem) -> Array:
+    """Residuals of the samples that are left out, at the optimum of the others.
+
+    left (samples,): those left out. part: the records that contain them.
+    """
+    prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
+    low, high = found.hypothesis.bounds()
+    q, keep = found.point, ~left
+    inside = np.concatenate([left[b.span] for b in problem.blocks if b.record in part.records])
+    # Damping limits steps along directions that hardly matter (exchangeable poles).
+    step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
+    row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
+    if keep.any() and np.sum(row**2) > len(part.records):  # errors larger than the measurement
+        step = _no_worse(problem, found, step, keep)
+        row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
+    return np.asarray(row)
+
+
 def _part(problem: Problem, records: Sequence[int]) -> Problem:
     """The problem of some of its records."""
     return Problem(problem.rig, records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
 
 
-def _no_worse(kept: Problem, found: Fit, step: Array, before: float) -> Array:
-    """The step (coordinates,), halved until the kept records are no worse than before it (cost `before`): a full
-    Gauss-Newton step may leave the range in which the linearisation holds, or in which the simulation is stable."""
+def _no_worse(problem: Problem, found: Fit, step: Array, keep: NDArray[np.bool_]) -> Array:
+    """The step (coordinates,), halved until the kept samples are no worse than before it: a full Gauss-Newton step
+    may leave the range in which the linearisation holds, or in which the simulation is stable."""
     low, high = found.hypothesis.bounds()
+    kept = _part(problem, [b.record for b in problem.blocks if b.channel == 0 and keep[b.span].any()])
+    inside = np.concatenate([keep[b.span] for b in problem.blocks if b.record in kept.records])
     weight = PRIOR_WEIGHT * found.hypothesis.prior() ** 2
-    most = before + float(weight @ found.point**2)
+    most = float(np.sum(found.residual[keep] ** 2) + weight @ found.point**2)
     for _ in range(_HALVINGS + 1):
         q = np.clip(found.point + step, low, high)
-        if np.sum(kept.residuals(found.hypothesis, q) ** 2) + weight @ q**2 <= most:
+        if np.sum(kept.residuals(found.hypothesis, q)[0, inside] ** 2) + weight @ q**2 <= most:
             return step
         step = step / 2
     return np.zeros_like(step)

@@ -160,5 +160,10 @@ class Problem:
 
     def cost(self, gaps: Array) -> float:
         """Sum of squares of the weighted residuals that corresponds to gaps (blocks,)."""
+        return float(np.sum(self.costs(gaps)))
+
+    def costs(self, gaps: Array) -> Array:
+        """The same of each record (records,)."""
         trust = np.array([b.trust for b in self.blocks])
-        return float(np.sum((trust * gaps) ** 2)) / len(self.rig.channels)
+        squares = (trust * gaps) ** 2 / len(self.rig.channels)
+        return np.array([np.sum(squares[[b.record == k for b in self.blocks]]) for k in self.records])
