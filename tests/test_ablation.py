@@ -71,6 +71,17 @@ def test_every_rule_is_left_out_and_back_again(tool: ModuleType) -> None:
         assert math.inf == judgement.REGIME_WORSE
     with tool.RULES["other laws beside a cause of a law's form (`LAW_FORMS`)"](one):
         assert not frame_run.LAW_FORMS
+    fits = one.search.ranked(False)
+    (f, *_) = (f for f in fits if f.hypothesis.coordinates)
+    halves = judgement.left_out_costs(one.search, fits)[id(f)]
+    with tool.RULES["halves of records left out in place of whole ones"](one):
+        whole = judgement.left_out_costs(one.search, fits)[id(f)]
+    with tool.RULES["records left out, beside a wrong law"](one):
+        own = judgement.left_out_costs(one.search, fits)[id(f)]
+    assert own < min(halves, whole)
+    assert halves != whole
+    with tool.RULES["an error variance of each record (`RECORD_VARIANCE`)"](one):
+        assert judgement.over_records(one.search, np.array([1.0, 2.0, 3.0])) == 6.0
 
 
 def test_checks_after_the_final_fit_are_left_out_as_well(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared
-from mrdamp.diagnosis.constants import LOGIT_TEMPER, UNSTEADY
+from mrdamp.diagnosis.constants import LOGIT_TEMPER, RECORD_VARIANCE, UNSTEADY
 from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
@@ -257,6 +257,16 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
     little = Scored(("a",), False, 0.8, 1, 1)
     assert decide([nominal, little, other], 0.001, inexact=True).verdict == "unknown"
     assert decide([nominal, little, other], 0.001, inexact=True, own=0.9).verdict == "none"
+
+
+def test_no_record_counts_without_limit() -> None:
+    search = Search(Problem(toy({"cubic": 0.3}, records=3)), 1e-5)
+    nominal = search.problem.costs(search.problem.gaps(search.residual))
+    assert judgement.over_records(search, nominal) == pytest.approx(search.nominal_cost)
+    assert judgement.over_records(search, 0.1 * nominal) > 0.1 * search.nominal_cost
+    scale = RECORD_VARIANCE * nominal.mean()
+    gone = judgement.over_records(search, nominal * [1, 0, 1]) / search.nominal_cost
+    assert gone == pytest.approx((scale / (nominal[1] + scale)) ** (1 / 3))
 
 
 def test_what_a_cause_does_in_one_record_is_not_hidden_by_the_errors_of_others() -> None:

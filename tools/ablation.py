@@ -27,8 +27,11 @@ from mrdamp.blindtest.score import Row, row
 from mrdamp.diagnosis import frame_run, run
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.evidence import established, judgement, penalties, verdict
+from mrdamp.diagnosis.fits.final import heldout
+from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.run import searched
 from mrdamp.diagnosis.searched import Searched
 from mrdamp.errors import InputError
@@ -77,6 +80,19 @@ def _once(module: Any, name: str) -> Iterator[None]:
         yield
 
 
+def _own_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
+    """Costs by id on the records that the fits were fitted to."""
+    if not search.inexact:
+        return {}
+    costs = search.problem.costs
+    return {id(f): judgement.over_records(search, costs(search.problem.gaps(f.residual))) for f in fits}
+
+
+def _whole_records(problem: Problem, found: Fit) -> Any:
+    """Costs (records,) with each record left out in turn."""
+    return problem.costs(heldout(problem, found))
+
+
 Rule = Callable[[Searched], Any]
 #: What is left out, by name.
 RULES: Mapping[str, Rule] = {
@@ -97,7 +113,13 @@ RULES: Mapping[str, Rule] = {
     "channels compared directly": lambda s: attribute(s.search, "direct", {}),
     "ties by nature (`TIED_BY_NATURE`)": lambda s: constant(established, "TIED_BY_NATURE", ()),
     "baseline records": lambda s: constant(judgement, "of_baseline", lambda *a: {}),
-    "records left out, beside a wrong law": lambda s: constant(judgement, "left_out_costs", lambda *a: {}),
+    "records left out, beside a wrong law": lambda s: constant(judgement, "left_out_costs", _own_costs),
+    "halves of records left out in place of whole ones": lambda s: constant(
+        judgement, "leave_out_halves", _whole_records
+    ),
+    "an error variance of each record (`RECORD_VARIANCE`)": lambda s: constant(
+        judgement, "over_records", lambda search, costs: float(costs.sum())
+    ),
     "another evidence beside a wrong law (`INEXACT`)": lambda s: constant(Search, "inexact", False),
     "cause that harms a regime (`REGIME_WORSE`)": lambda s: constant(judgement, "REGIME_WORSE", math.inf),
     "other laws beside a cause of a law's form (`LAW_FORMS`)": lambda s: constant(
@@ -114,22 +136,28 @@ _COSTLY = (
     (run, "final_fit"),
     (frame_run, "other_law"),
     (judgement, "heldout"),
+    (judgement, "leave_out_halves"),
+    (judgement, "left_out"),
+    (judgement, "groupings"),
     (judgement, "regime_cost"),
     (judgement, "largest_increase"),
 )
 
 
-def answers(folder: Path) -> dict[str, Any]:
-    """Verdict and causes (name, place) with all rules, and without each."""
+def answers(folder: Path, fits: Path) -> dict[str, Any]:
+    """Verdict and causes (name, place) with all rules, and without each. fits: file of the search's fits, deleted at
+    the end; an interrupted search is continued from it."""
     case = read_case(folder)
     with threadpool_limits(limits=1), ExitStack() as stack:
         for module, name in _COSTLY:
             stack.enter_context(_once(module, name))
-        found = searched(case, 1, lambda what, share: None, None, Store())
+        store = Store.of(fits, case)
+        found = searched(case, 1, lambda what, share: None, None, store)
         out = {"all rules": _judged(found)}
         for name, rule in RULES.items():
             with rule(found):
                 out[name] = _judged(found)
+    store.remove()
     return out
 
 
@@ -147,11 +175,11 @@ def answer_one(bench: str, folder: Path, out: Path) -> str:
     if file.exists():
         return ""
     begun = time.monotonic()
+    file.parent.mkdir(parents=True, exist_ok=True)
     try:
-        found = answers(folder)
+        found = answers(folder, file.with_suffix(".fits"))
     except (InputError, ValueError, ArithmeticError) as error:
         return f"{bench}/{folder.name}: {error}"
-    file.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(file, json.dumps(found, indent=1) + "\n")
     return f"{bench}/{folder.name}: {time.monotonic() - begun:.0f} s"
 
