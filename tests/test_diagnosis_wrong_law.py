@@ -21,7 +21,8 @@ from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
-from mrdamp.diagnosis.fits.regimes import groupings
+from mrdamp.diagnosis.fits.least_squares import leave_out_halves
+from mrdamp.diagnosis.fits.regimes import groupings, left_out
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
@@ -267,6 +268,18 @@ def test_no_record_counts_without_limit() -> None:
     scale = RECORD_VARIANCE * nominal.mean()
     gone = judgement.over_records(search, nominal * [1, 0, 1]) / search.nominal_cost
     assert gone == pytest.approx((scale / (nominal[1] + scale)) ** (1 / 3))
+
+
+def test_a_free_law_has_to_hold_in_regimes_left_out() -> None:
+    """A fifth power is fitted by a gain and a cubic term: over other speeds and strokes they err more."""
+    search = Search(Problem(toy({"fifth": 0.5})), 1e-6)
+    (cubic,) = (t for t in search.problem.rig.terms if t.effect == "cubic")
+    found = search.fitted(Hypothesis(search.problem.rig.nominal, (cubic,)), np.zeros(2), most=9)
+    halves = judgement.over_records(search, leave_out_halves(search.problem, found))
+    left = [left_out(search.problem, found, g.groups) for g in groupings(search.problem)]
+    regimes = max(judgement.over_records(search, search.problem.costs(gaps)) for gaps in left)
+    assert regimes > 1.1 * halves
+    assert judgement.left_out_costs(search, [found]) == {id(found): pytest.approx(regimes)}
 
 
 def test_what_a_cause_does_in_one_record_is_not_hidden_by_the_errors_of_others() -> None:
