@@ -24,12 +24,12 @@ from mrdamp.diagnosis.evidence.verdict import (
     shapley,
     with_lapse,
 )
-from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out, leave_out_halves
+from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings, Term
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
 from mrdamp.diagnosis.problem.noise import channel_noise
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.errors import InputError
@@ -40,7 +40,7 @@ from mrdamp.records.sampling import memory
 from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import repaired_ends as repaired_ends
 from mrdamp.records.upsampling import upsampled
-from toy_rig import DT, ToyRig, parts, toy
+from toy_rig import DT, ToyRig, toy
 
 RNG = np.random.default_rng(5)
 
@@ -83,68 +83,6 @@ def test_gaps_of_the_nominal_are_what_the_truth_says() -> None:
     for b, gap in zip(problem.blocks, gaps, strict=True):
         force = rig.measured(b.record)[0, problem.taken(b.record)]
         assert gap == pytest.approx(0.5 / np.sqrt(np.mean(force**2)), rel=1e-9)
-
-
-def test_left_out_records_are_predicted_from_the_others_alone() -> None:
-    """The toy is linear in its terms, so the one step from the fit to all must be the others' own least squares."""
-    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3)
-    problem = Problem(rig)
-    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect in ("cubic", "offset")))
-    found = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-9)
-    gaps = leave_out(problem, found, [(2,)])
-    rows, right, tests = [], [], {}
-    for b in problem.blocks:
-        take = problem.taken(b.record)
-        made = {k: v[take] for k, v in parts(np.asarray(rig.records[b.record].displacement)).items()}
-        force = rig.measured(b.record)[0, take]
-        table, rest = np.column_stack([made["cubic"], made["offset"]]), force - 2 * made["gain"]
-        tests[b.record] = (table, rest, b.size)
-        if b.record != 2:
-            scale = b.size * np.sqrt(len(force))
-            rows.append(table / scale)
-            right.append(rest / scale)
-    numbers = np.linalg.lstsq(np.vstack(rows), np.concatenate(right))[0]
-    table, rest, size = tests[2]
-    assert gaps[2] == pytest.approx(np.sqrt(np.mean((table @ numbers - rest) ** 2)) / size, rel=1e-5)
-    assert np.isnan(np.delete(gaps, 2)).all()
-
-
-def test_halves_left_out_are_predicted_from_all_other_samples() -> None:
-    """The toy is linear in its terms: least squares over the other half and the other records."""
-    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3, records=3)
-    problem = Problem(rig)
-    hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect in ("cubic", "offset")))
-    found = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-9)
-    tables, rests = [], []
-    for b in problem.blocks:
-        take = problem.taken(b.record)
-        made = {k: v[take] for k, v in parts(np.asarray(rig.records[b.record].displacement)).items()}
-        scale = b.size * np.sqrt(b.span.stop - b.span.start)
-        tables.append(np.column_stack([made["cubic"], made["offset"]]) / scale)
-        rests.append((rig.measured(b.record)[0, take] - 2 * made["gain"]) / scale)
-    table, rest = np.vstack(tables), np.concatenate(rests)
-    expected = []
-    for b in problem.blocks:
-        middle, cost = (b.span.start + b.span.stop) // 2, 0.0
-        for half in (slice(b.span.start, middle), slice(middle, b.span.stop)):
-            others = np.delete(np.arange(len(rest)), half)
-            numbers = np.linalg.lstsq(table[others], rest[others])[0]
-            cost += float(np.sum((table[half] @ numbers - rest[half]) ** 2))
-        expected.append(cost)
-    assert leave_out_halves(problem, found) == pytest.approx(np.array(expected), rel=1e-4)
-
-
-@pytest.mark.parametrize(("slope", "left"), [(1.0, 0.0), (0.3, 0.65), (0.2, 0.25), (-0.2, 1.0)])
-def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: float) -> None:
-    """With a fifth of the true slope the step is five times too long, and two halvings leave a quarter of the error;
-    with three tenths one halving leaves two thirds; with a slope of the wrong sign no step is taken."""
-    problem = Problem(toy({"offset": 1.0}, noise=0.0))
-    hypothesis = Hypothesis((), (Term("offset", "sensor", (Coordinate("offset", 0.0, -50.0, 50.0, 1.0),), ((0.0,),)),))
-    residual = problem.residuals(hypothesis, np.zeros(1))[0]
-    slopes = slope * problem.jacobian(hypothesis, np.zeros(1), residual)
-    found = Fit(hypothesis, np.zeros(1), float(residual @ residual), residual, slopes)
-    gap = leave_out(problem, found, [(2,)])[2] / problem.gaps(residual)[2]
-    assert gap == pytest.approx(left, abs=0.02)
 
 
 @pytest.mark.parametrize(

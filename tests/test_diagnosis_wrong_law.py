@@ -16,15 +16,13 @@ from scipy.signal import lfilter
 
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared
-from mrdamp.diagnosis.constants import LOGIT_TEMPER, RECORD_VARIANCE, UNSTEADY
+from mrdamp.diagnosis.constants import LOGIT_TEMPER, UNSTEADY
 from mrdamp.diagnosis.evidence import judgement
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
-from mrdamp.diagnosis.fits.least_squares import leave_out_halves
-from mrdamp.diagnosis.fits.regimes import groupings, left_out
+from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -36,7 +34,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.records import Record, read_record
 from mrdamp.simulation.predict import write_prediction
-from toy_rig import ToyRig, parts, toy
+from toy_rig import toy
 
 DT = 0.002
 #: Bingham with the least error on records of this rig with other noise (`identify`): only its form is wrong.
@@ -258,47 +256,6 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
     little = Scored(("a",), False, 0.8, 1, 1)
     assert decide([nominal, little, other], 0.001, inexact=True).verdict == "unknown"
     assert decide([nominal, little, other], 0.001, inexact=True, own=0.9).verdict == "none"
-
-
-def test_no_record_counts_without_limit() -> None:
-    search = Search(Problem(toy({"cubic": 0.3}, records=3)), 1e-5)
-    nominal = search.problem.costs(search.problem.gaps(search.residual))
-    assert judgement.over_records(search, nominal) == pytest.approx(search.nominal_cost)
-    assert judgement.over_records(search, 0.1 * nominal) > 0.1 * search.nominal_cost
-    scale = RECORD_VARIANCE * nominal.mean()
-    gone = judgement.over_records(search, nominal * [1, 0, 1]) / search.nominal_cost
-    assert gone == pytest.approx((scale / (nominal[1] + scale)) ** (1 / 3))
-
-
-def test_a_free_law_has_to_hold_in_regimes_left_out() -> None:
-    """A fifth power is fitted by a gain and a cubic term: over other speeds and strokes they err more."""
-    search = Search(Problem(toy({"fifth": 0.5})), 1e-6)
-    (cubic,) = (t for t in search.problem.rig.terms if t.effect == "cubic")
-    found = search.fitted(Hypothesis(search.problem.rig.nominal, (cubic,)), np.zeros(2), most=9)
-    halves = judgement.over_records(search, leave_out_halves(search.problem, found))
-    left = [left_out(search.problem, found, g.groups) for g in groupings(search.problem)]
-    regimes = max(judgement.over_records(search, search.problem.costs(gaps)) for gaps in left)
-    assert regimes > 1.1 * halves
-    assert judgement.left_out_costs(search, [found]) == {id(found): pytest.approx(regimes)}
-
-
-def test_what_a_cause_does_in_one_record_is_not_hidden_by_the_errors_of_others() -> None:
-    """The law errs in three records of four, which the cause cannot affect; in the fourth the cause is nearly all."""
-    rng = np.random.default_rng(1)
-    made = []
-    for k, r in enumerate(toy({}, records=4).records):
-        x = np.asarray(r.displacement) * (1.0 if k == 2 else 0.5)
-        error = lfilter([0.1], [1, -0.9], rng.normal(0, 0.03 if k == 2 else 0.4, r.n))
-        force = 2 * x + error + (0.5 * parts(x)["outside"] if k == 2 else 0.0)
-        made.append(Record(r.name, None, r.sample_time, {"displacement_m": x, "command": 0 * x, "force_N": force}))
-    search = Search(Problem(ToyRig(tuple(made))), 1e-6)
-    cause = Term("outside", "fluid", (Coordinate("outside", 0.0, -50.0, 50.0, 0.1),), ((0.2,),))
-    search.keep(search.fitted(Hypothesis((), (cause,)), np.zeros(1), most=6))
-    fits = search.ranked(False)
-    found = judgement.decided(search, fits, {}, None)
-    assert (found.verdict, found.chosen.causes) == ("effect", ("outside",))
-    (named,) = (f for f in fits if f.hypothesis.causes)
-    assert utility(named.cost / search.nominal_cost, 1, 1, free=False) < -1  # by the sum over records there is none
 
 
 def test_what_mends_the_baseline_too_is_no_change() -> None:
