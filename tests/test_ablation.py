@@ -58,25 +58,25 @@ def test_every_rule_is_left_out_and_back_again(tool: ModuleType) -> None:
             tool._judged(one)
     assert json.dumps(tool._judged(one)) == before
     assert one.search.inexact
-    with tool.RULES["another evidence beside a wrong law (`INEXACT`)"](one):
+    with tool.RULES["separate evidence for a wrong law (`INEXACT`)"](one):
         assert not one.search.inexact
         assert one.judge()[1].standing is None
-    price = verdict.LAW_PRICE, established.LOGIT_LAW
-    with tool.RULES["price of a free law (`LAW_PRICE`, `LOGIT_LAW`)"](one):
-        assert (verdict.LAW_PRICE, established.LOGIT_LAW) == (0.0, 0.0)
-    assert price == (verdict.LAW_PRICE, established.LOGIT_LAW)
-    with tool.RULES["penalty of a cause that is another one (`NOT_ITSELF`)"](one):
+    before = verdict.LAW_PENALTY, established.LOGIT_LAW
+    with tool.RULES["penalty of free nominal parameters (`LAW_PENALTY`, `LOGIT_LAW`)"](one):
+        assert (verdict.LAW_PENALTY, established.LOGIT_LAW) == (0.0, 0.0)
+    assert before == (verdict.LAW_PENALTY, established.LOGIT_LAW)
+    with tool.RULES["penalty of a cause that equals another one (`NOT_ITSELF`)"](one):
         assert penalties.NOT_ITSELF == 0.0
-    with tool.RULES["cause that harms a regime (`REGIME_WORSE`)"](one):
+    with tool.RULES["a cause that harms a regime (`REGIME_WORSE`)"](one):
         assert math.inf == judgement.REGIME_WORSE
-    with tool.RULES["other laws beside a cause of a law's form (`LAW_FORMS`)"](one):
+    with tool.RULES["another law beside a cause of a law's form (`LAW_FORMS`)"](one):
         assert not frame_run.LAW_FORMS
     fits = one.search.ranked(False)
     (f, *_) = (f for f in fits if f.hypothesis.coordinates)
     halves = judgement.left_out_costs(one.search, fits)[id(f)]
-    with tool.RULES["halves of records left out in place of whole ones"](one):
+    with tool.RULES["halves of records left out, not whole ones"](one):
         whole = judgement.left_out_costs(one.search, fits)[id(f)]
-    with tool.RULES["records left out, beside a wrong law"](one):
+    with tool.RULES["left-out records, with a wrong law"](one):
         own = judgement.left_out_costs(one.search, fits)[id(f)]
     assert own < min(halves, whole)
     assert halves != whole
@@ -90,7 +90,7 @@ def test_checks_after_the_final_fit_are_left_out_as_well(tool: ModuleType, monke
     worse = replace(run.concluded(one)[2], heldout=np.full(1, 1e3))
     monkeypatch.setattr(run, "final_fit", lambda *args, **kwargs: worse)
     assert tool._judged(one)["verdict"] == "unknown"
-    with tool.RULES["answer worse than nominal on left-out records"](one):
+    with tool.RULES["an answer that is worse than nominal on left-out records"](one):
         assert tool._judged(one)["verdict"] == "effect"
 
 
@@ -106,7 +106,7 @@ def test_a_final_fit_is_made_once_for_every_rule(tool: ModuleType, monkeypatch: 
         tool._judged(one)
         tool._judged(one)
         assert len(made) == 1
-        with tool.RULES["another evidence beside a wrong law (`INEXACT`)"](one):
+        with tool.RULES["separate evidence for a wrong law (`INEXACT`)"](one):
             tool._judged(one)
         assert len(made) == 2
     assert vars(run)["final_fit"] is final
@@ -122,7 +122,7 @@ def test_the_table_counts_right_named_and_invented(tool: ModuleType, tmp_path: P
     rows = {"a": (answer(lag), answer(wrong)), "b": (answer([]), answer(lag))}
     (tmp_path / "out" / "bench").mkdir(parents=True)
     for case, (every, without) in rows.items():
-        text = json.dumps({"all rules": every, "a rule": without})
+        text = json.dumps({"nothing": every, "a rule": without})
         (tmp_path / "out" / "bench" / f"{case}.json").write_text(text)
     labels = tmp_path / "labels.json"
     labels.write_text(
@@ -130,8 +130,8 @@ def test_the_table_counts_right_named_and_invented(tool: ModuleType, tmp_path: P
     )
     scored = tool.rows(tmp_path / "out", {"bench": (tmp_path, labels)})
     lines = tool.table(scored, ["bench"]).splitlines()
-    assert lines[2] == "| all rules | 2 of 2 | 1 of 1 | 0 of 2 |"
-    assert lines[3] == "| a rule | 0 of 2 | 0 of 1 | 2 of 2 |"
+    assert lines[0] == "| removed rule | bench (2) | causes named (1) | cases with an invented cause (2) |"
+    assert lines[2:] == ["| nothing | 2 | 1 | 0 |", "| a rule | 0 | 0 | 2 |"]
 
 
 def test_a_bench_without_labels_is_one_line(

@@ -1,4 +1,4 @@
-"""What each special rule of the diagnosis is worth: `python tools/ablation.py OUT --bench NAME=CASES,LABELS.json ...`.
+"""Contribution of each rule of the verdict: `python tools/ablation.py OUT --bench NAME=CASES,LABELS.json ...`.
 
 Every case is searched once. Its fits are then evaluated with all rules and once more with each rule left out,
 so that a row of the table differs from the first by that rule alone. The checks that need the final fit are
@@ -96,36 +96,36 @@ def _whole_records(problem: Problem, found: Fit) -> Any:
 Rule = Callable[[Searched], Any]
 #: What is left out, by name.
 RULES: Mapping[str, Rule] = {
-    "penalty of a cause that is another one (`NOT_ITSELF`)": lambda s: constant(penalties, "NOT_ITSELF", 0.0),
-    "price of a free law beside an idle cause": lambda s: constant(penalties, "REDUCIBLE", -math.inf),
-    "price of a law's numbers by how far they move (`MOVE_PRICE`)": lambda s: constant(
-        verdict, "MOVE_PRICE", 0.0
+    "penalty of a cause that equals another one (`NOT_ITSELF`)": lambda s: constant(penalties, "NOT_ITSELF", 0.0),
+    "full penalty of free parameters with an idle cause": lambda s: constant(penalties, "REDUCIBLE", -math.inf),
+    "penalty on the change of nominal parameters (`MOVE_PENALTY`)": lambda s: constant(
+        verdict, "MOVE_PENALTY", 0.0
     ),
-    "price of a free law (`LAW_PRICE`, `LOGIT_LAW`)": lambda s: _both(
-        constant(verdict, "LAW_PRICE", 0.0), constant(established, "LOGIT_LAW", 0.0)
+    "penalty of free nominal parameters (`LAW_PENALTY`, `LOGIT_LAW`)": lambda s: _both(
+        constant(verdict, "LAW_PENALTY", 0.0), constant(established, "LOGIT_LAW", 0.0)
     ),
-    "price of a number (`NUMBER_PRICE`, `LOGIT_NUMBER`)": lambda s: _both(
-        constant(verdict, "NUMBER_PRICE", 0.0), constant(established, "LOGIT_NUMBER", 0.0)
+    "penalty of a parameter (`NUMBER_PENALTY`, `LOGIT_NUMBER`)": lambda s: _both(
+        constant(verdict, "NUMBER_PENALTY", 0.0), constant(established, "LOGIT_NUMBER", 0.0)
     ),
-    "doubt of the noise floor (`FLOOR_DOUBT`)": lambda s: constant(verdict, "FLOOR_DOUBT", 0.0),
+    "uncertainty of the noise floor (`FLOOR_UNCERTAINTY`)": lambda s: constant(verdict, "FLOOR_UNCERTAINTY", 0.0),
     "tests that do not repeat (`UNSTEADY`)": lambda s: attribute(s.search, "steady", True),
     "rivals outside the catalogue": lambda s: attribute(s.search, "rivals", []),
-    "channels compared directly": lambda s: attribute(s.search, "direct", {}),
+    "direct comparison of channels": lambda s: attribute(s.search, "direct", {}),
     "ties by nature (`TIED_BY_NATURE`)": lambda s: constant(established, "TIED_BY_NATURE", ()),
     "baseline records": lambda s: constant(judgement, "of_baseline", lambda *a: {}),
-    "records left out, beside a wrong law": lambda s: constant(judgement, "left_out_costs", _own_costs),
-    "halves of records left out in place of whole ones": lambda s: constant(
+    "left-out records, with a wrong law": lambda s: constant(judgement, "left_out_costs", _own_costs),
+    "halves of records left out, not whole ones": lambda s: constant(
         judgement, "leave_out_halves", _whole_records
     ),
     "an error variance of each record (`RECORD_VARIANCE`)": lambda s: constant(
         judgement, "over_records", lambda search, costs: float(costs.sum())
     ),
-    "another evidence beside a wrong law (`INEXACT`)": lambda s: constant(Search, "inexact", False),
-    "cause that harms a regime (`REGIME_WORSE`)": lambda s: constant(judgement, "REGIME_WORSE", math.inf),
-    "other laws beside a cause of a law's form (`LAW_FORMS`)": lambda s: constant(
+    "separate evidence for a wrong law (`INEXACT`)": lambda s: constant(Search, "inexact", False),
+    "a cause that harms a regime (`REGIME_WORSE`)": lambda s: constant(judgement, "REGIME_WORSE", math.inf),
+    "another law beside a cause of a law's form (`LAW_FORMS`)": lambda s: constant(
         frame_run, "LAW_FORMS", frozenset()
     ),
-    "answer worse than nominal on left-out records": lambda s: constant(
+    "an answer that is worse than nominal on left-out records": lambda s: constant(
         run, "never_worse", lambda search, fits, final, decision: (final, decision)
     ),
 }
@@ -153,7 +153,7 @@ def answers(folder: Path, fits: Path) -> dict[str, Any]:
             stack.enter_context(_once(module, name))
         store = Store.of(fits, case)
         found = searched(case, 1, lambda what, share: None, None, store)
-        out = {"all rules": _judged(found)}
+        out = {"nothing": _judged(found)}
         for name, rule in RULES.items():
             with rule(found):
                 out[name] = _judged(found)
@@ -198,20 +198,20 @@ def rows(out: Path, benches: Mapping[str, tuple[Path, Path]]) -> dict[str, dict[
 
 
 def table(scored: Mapping[str, Mapping[str, Sequence[Row]]], benches: Sequence[str]) -> str:
-    """Markdown: a line a rule; right of all, causes named right of those there, invented ones of all."""
-    head = ["left out", *(f"{b}: right" for b in benches), "causes named", "cases with an invented cause"]
-    lines = ["| " + " | ".join(head) + " |", "|---|" + "--:|" * (len(head) - 1)]
+    """Markdown: for each removed rule the right answers of each bench, the causes named right and the cases with an
+    invented cause; the numbers of cases are in the head."""
+    lines: list[str] = []
     for rule, by_bench in scored.items():
         every = [r for b in benches for r in by_bench.get(b, ())]
         effects = [r for r in every if r.want == "effect"]
-        cells = [_of(by_bench.get(b, ())) for b in benches]
-        invented = sum(bool(r.invented) for r in every)
-        lines.append(f"| {rule} | {' | '.join(cells)} | {_of(effects)} | {invented} of {len(every)} |")
+        groups = {b: by_bench.get(b, ()) for b in benches} | {"causes named": effects}
+        cells = [sum(r.right for r in some) for some in groups.values()]
+        if not lines:
+            head = [f"{name} ({len(some)})" for name, some in groups.items()]
+            head.append(f"cases with an invented cause ({len(every)})")
+            lines = ["| removed rule | " + " | ".join(head) + " |", "|---|" + "--:|" * len(head)]
+        lines.append(f"| {rule} | {' | '.join(map(str, cells))} | {sum(bool(r.invented) for r in every)} |")
     return "\n".join(lines) + "\n"
-
-
-def _of(some: Sequence[Row]) -> str:
-    return f"{sum(r.right for r in some)} of {len(some)}"
 
 
 def main() -> int:

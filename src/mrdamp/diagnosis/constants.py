@@ -9,14 +9,14 @@ from collections.abc import Mapping
 
 #: Number of independent samples that a fit's model error counts for, and the penalties (nats) of one cause
 #: and of each of its parameters. Set on opened cases of the sealed test.
-INDEPENDENT, CAUSE_PRICE, NUMBER_PRICE = 14.0, 4.3, 0.6
-#: Penalties (nats) of free nominal parameters: alone (LAW_PRICE); with a cause FREE_PRICE, plus up to MOVE_PRICE in
-#: proportion to the RMS of their relative changes up to MOVE. Small errors of nominal parameters are common, large
-#: ones are rare.
-LAW_PRICE, FREE_PRICE, MOVE_PRICE, MOVE = 9.0, 1.5, 5.0, 0.08
-#: Fits whose costs differ by less than RESOLUTION (share of the excess) or FLOOR_DOUBT (share of the noise
+INDEPENDENT, CAUSE_PENALTY, NUMBER_PENALTY = 14.0, 4.3, 0.6
+#: Penalties (nats) of free nominal parameters: alone (LAW_PENALTY); with a cause FREE_PENALTY, plus up to
+#: MOVE_PENALTY in proportion to the RMS of their relative changes up to MOVE. Small errors of nominal parameters are
+#: common, large ones are rare.
+LAW_PENALTY, FREE_PENALTY, MOVE_PENALTY, MOVE = 9.0, 1.5, 5.0, 0.08
+#: Fits whose costs differ by less than RESOLUTION (share of the excess) or FLOOR_UNCERTAINTY (share of the noise
 #: floor) count as equal.
-RESOLUTION, FLOOR_DOUBT = 0.002, 0.12
+RESOLUTION, FLOOR_UNCERTAINTY = 0.002, 0.12
 #: The verdict is "no gap" up to this multiple of the noise floor, if no fit reduces the gap by more than
 #: REDUCIBLE or no reduction outweighs its penalty.
 NONE_ABOVE, REDUCIBLE = 1.75, 0.06
@@ -27,7 +27,7 @@ WRONG_FORM = 0.5
 
 
 #: Additional penalty (nats) of a cause outside the catalogue: such causes are rarer than the catalogue's.
-OUTSIDE_PRICE = 1.5
+OUTSIDE_PENALTY = 1.5
 #: Penalty (nats) of a cause whose fitted parameters make it equal to another cause.
 NOT_ITSELF = 6.0
 #: Slope of the probability of an unknown cause at UNKNOWN_ABOVE and WRONG_FORM (exponent of the ratio).
@@ -134,7 +134,7 @@ WAVERING, UNTOUCHED, TOUCHED = 4.0, 200.0, 0.3
 #: parameters.
 STAGE_TELLS = 0.8
 #: Stages whose errors are commonly random in time, and the penalty (nats) of a random error in another stage.
-RANDOM_STAGES, RANDOM_PRICE = ("driver", "fluid", "sensor"), 1.0
+RANDOM_STAGES, RANDOM_PENALTY = ("driver", "fluid", "sensor"), 1.0
 #: Least scatter (relative) of nominal masses and stiffnesses; factor of it for damping; number of independent
 #: samples for their standard errors.
 STRUCTURE_SCATTER, DAMPING_SCATTER, STRUCTURE_SAMPLES = 0.015, 5.0, 300.0

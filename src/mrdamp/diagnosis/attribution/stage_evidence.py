@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from mrdamp.diagnosis.attribution.stage_columns import Columns, columns_of
 from mrdamp.diagnosis.constants import (
     INDEPENDENT,
-    NUMBER_PRICE,
-    RANDOM_PRICE,
+    NUMBER_PENALTY,
+    RANDOM_PENALTY,
     RANDOM_STAGES,
     STAGE_TELLS,
     TOUCHED,
@@ -84,16 +84,16 @@ class StageEvidence:
             models = [(errors.left(own.columns), 0.0)]
             f = (found or {}).get(stage)
             if f is not None and _cost(errors.parts(f.residual)) < most:
-                price = NUMBER_PRICE * (len(f.point) - len(f.hypothesis.nominal))
-                models.append((errors.parts(f.residual), price))
-            rare = 0.0 if name in RANDOM_STAGES else RANDOM_PRICE
-            models.append((errors.by_record(own), NUMBER_PRICE * len(own.gains) + rare))
+                penalty = NUMBER_PENALTY * (len(f.point) - len(f.hypothesis.nominal))
+                models.append((errors.parts(f.residual), penalty))
+            rare = 0.0 if name in RANDOM_STAGES else RANDOM_PENALTY
+            models.append((errors.by_record(own), NUMBER_PENALTY * len(own.gains) + rare))
             costs += [_cost(left) for left, _ in models]
             models += [(left, rare) for left in laws]
             means = [errors.likelihoods(left, own, level) for left, _ in models]
             values = [
-                (INDEPENDENT - WAVERING) * white + WAVERING * mean - price
-                for (_, price), (white, mean) in zip(models, means, strict=True)
+                (INDEPENDENT - WAVERING) * white + WAVERING * mean - penalty
+                for (_, penalty), (white, mean) in zip(models, means, strict=True)
             ]
             best = np.max(values, axis=0)
             evidence[stage] = np.maximum(best, evidence.get(stage, best))
@@ -101,8 +101,8 @@ class StageEvidence:
         explained = 1 - min(costs) / max(costs[0], 1e-30)
         untouched = max(1 - explained / TOUCHED, 0.0)
         for stage in evidence:
-            price = 0.0 if stage in RANDOM_STAGES else RANDOM_PRICE
-            evidence[stage] = evidence[stage] + untouched * (UNTOUCHED * plain[stage] - price)
+            rare = 0.0 if stage in RANDOM_STAGES else RANDOM_PENALTY
+            evidence[stage] = evidence[stage] + untouched * (UNTOUCHED * plain[stage] - rare)
         return cls(tuple(evidence), np.column_stack(list(evidence.values())))
 
     def at(self, draw: int | None = None) -> dict[str, float]:

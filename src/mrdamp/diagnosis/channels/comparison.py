@@ -20,7 +20,7 @@ from mrdamp.diagnosis.constants import (
     DIRECT_LEFT,
     DIRECT_RESOLUTION,
     INDEPENDENT,
-    NUMBER_PRICE,
+    NUMBER_PENALTY,
     PARTS_LEFT,
     SAME_UNIT,
 )
@@ -171,7 +171,7 @@ def _pair(
         )  # fmt: skip
         settings, after = _fitted(together, together.starts[0], residual)
         nats = 0.5 * INDEPENDENT * float(np.log((best.before**2 + floor) / (after + floor)))
-        nats -= NUMBER_PRICE * len(together.coordinates)
+        nats -= NUMBER_PENALTY * len(together.coordinates)
         left = max(after - best.noise**2, 0.0)
         if left < found[0] and nats > 0:
             rows = []
@@ -213,7 +213,7 @@ def best_cause(
             settings, mean_square = _fitted(term, start, residual)
             after = mean_square * unit**2
             nats = 0.5 * INDEPENDENT * float(np.log((before + floor) / (after + floor)))
-            nats -= NUMBER_PRICE * len(term.coordinates)
+            nats -= NUMBER_PENALTY * len(term.coordinates)
             if max(after - noise**2, 0.0) < left * (before - noise**2) and nats > best.nats:
                 best = Compared(
                     channels, best.before, float(np.sqrt(after)), noise, term.cause, term, settings, nats

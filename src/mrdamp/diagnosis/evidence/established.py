@@ -52,8 +52,8 @@ def utility(left: float, causes: int, numbers: int, *, free: bool, penalty: floa
     their parameters. free: the nominal parameters are free. penalty: nats against the fit.
     """
     gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
-    price = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * free
-    return gain - price - penalty
+    size = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * free
+    return gain - size - penalty
 
 
 def softmax(utilities: Sequence[float] | Array) -> Array:

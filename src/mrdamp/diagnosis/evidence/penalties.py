@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mrdamp.diagnosis.constants import LOGIT_LAW, LOOPS, NOT_ITSELF, REDUCIBLE
-from mrdamp.diagnosis.evidence.verdict import idle_price
+from mrdamp.diagnosis.evidence.verdict import idle_penalty
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
 
@@ -29,7 +29,7 @@ def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False) -> floa
     if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
         penalty += LOGIT_LAW
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * free.cost:
-        penalty += idle_price(found.move)
+        penalty += idle_penalty(found.move)
     return penalty
 
 

@@ -76,10 +76,10 @@ def deviations(found: Fit) -> Deviations:
     return Deviations(tuple(names), tuple(columns), values, scale, error)
 
 
-def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]:
+def promoted(rig: FrameRig, found: Fit, each: float) -> list[tuple[Fit, float]]:
     """The fit with one or two structural parameters interpreted as effects, and the remaining penalty.
 
-    Only effects that each reduce the penalty by more than `price` nats. The simulator is the same.
+    Only effects that each reduce the penalty by more than `each` nats. The simulator is the same.
     """
     d = deviations(found)
     out: list[tuple[Fit, float]] = []
@@ -96,7 +96,7 @@ def promoted(rig: FrameRig, found: Fit, price: float) -> list[tuple[Fit, float]]
     for count in range(1, STRUCTURE_CHANGES + 1):
         for chosen in combinations(far[:4], count):
             penalty = d.penalty(chosen)
-            if penalty < whole - count * price:
+            if penalty < whole - count * each:
                 out.append((_as_effects(rig, found, d, chosen), penalty))
     return out
 

@@ -9,21 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.diagnosis.constants import (
-    CAUSE_PRICE,
-    FLOOR_DOUBT,
-    FREE_PRICE,
+    CAUSE_PENALTY,
+    FLOOR_UNCERTAINTY,
+    FREE_PENALTY,
     INDEPENDENT,
     LAPSE,
     LAPSE_NONE,
     LAPSE_UNKNOWN,
     LAPSE_WORSE,
-    LAW_PRICE,
+    LAW_PENALTY,
     LOGIT_TEMPER,
     MOVE,
-    MOVE_PRICE,
+    MOVE_PENALTY,
     NONE_ABOVE,
-    NUMBER_PRICE,
-    OUTSIDE_PRICE,
+    NUMBER_PENALTY,
+    OUTSIDE_PENALTY,
     REDUCIBLE,
     RESOLUTION,
     STEEPNESS,
@@ -102,7 +102,7 @@ def decide(
     # states.
     floor = min(max(least, floor), NONE_ABOVE**2 / 2 * floor)
     excess = max(nominal.cost - floor, 1e-12)
-    resolution = RESOLUTION + FLOOR_DOUBT * floor / excess
+    resolution = RESOLUTION + FLOOR_UNCERTAINTY * floor / excess
 
     def evidence(some: Sequence[Scored]) -> Array:
         if inexact:
@@ -129,7 +129,7 @@ def decide(
         unknown = probabilities[fits.index(nominal)]
         if not chosen.causes:
             unknown = max(unknown, _without(chosen, left))
-    other = evidence(rivals) - OUTSIDE_PRICE
+    other = evidence(rivals) - OUTSIDE_PENALTY
     outside = None
     if len(other):
         mass = float(np.sum(np.exp(other - scores.max())))
@@ -211,22 +211,22 @@ def beyond(left: float, excess: float, floor: float, *, causes: bool) -> float:
 
 def _evidence(found: Scored, floor: float, excess: float, resolution: float) -> float:
     left = max(found.cost - floor, 0.0) / excess
-    freed = _free_price(found.move) if found.causes else LAW_PRICE
-    price = (
-        freed * found.free + CAUSE_PRICE * len(found.causes) + NUMBER_PRICE * found.numbers + found.penalty
+    freed = _free_penalty(found.move) if found.causes else LAW_PENALTY
+    penalty = (
+        freed * found.free + CAUSE_PENALTY * len(found.causes) + NUMBER_PENALTY * found.numbers + found.penalty
     )
-    return -0.5 * INDEPENDENT * math.log(left + resolution) - price + found.direct
+    return -0.5 * INDEPENDENT * math.log(left + resolution) - penalty + found.direct
 
 
-def _free_price(move: float) -> float:
+def _free_penalty(move: float) -> float:
     """Penalty of free nominal parameters with a cause, by the size of their change."""
-    return FREE_PRICE + MOVE_PRICE * min(move / MOVE, 1.0)
+    return FREE_PENALTY + MOVE_PENALTY * min(move / MOVE, 1.0)
 
 
-def idle_price(move: float) -> float:
+def idle_penalty(move: float) -> float:
     """Difference between the penalties of free nominal parameters alone and with a cause. If the cause
     explains nothing beyond the free parameters, these carry their full penalty."""
-    return max(LAW_PRICE - _free_price(move), 0.0)
+    return max(LAW_PENALTY - _free_penalty(move), 0.0)
 
 
 def by_causes(fits: Sequence[Scored], probabilities: Sequence[float]) -> dict[tuple[str, ...], float]:
