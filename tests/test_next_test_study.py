@@ -13,8 +13,8 @@ from modules import TOOLS, loaded
 study = loaded(TOOLS / "next_test_study.py")
 
 
-def outcome(settled: bool, margin: float, behind: float = 1.0) -> object:
-    return study.Outcome("driver_lag" if settled else "none", settled, margin, behind)
+def outcome(resolved: bool, margin: float, behind: float = 1.0) -> object:
+    return study.Outcome("driver_lag" if resolved else "none", resolved, margin, behind)
 
 
 def row(proposed: object, *others: object) -> object:
@@ -31,7 +31,7 @@ def test_the_chance_of_so_many_is_the_binomials() -> None:
     assert study.at_least(dice, 10) == pytest.approx(1 / 36)
 
 
-def test_the_table_counts_what_was_settled_and_how_often_by_chance() -> None:
+def test_the_table_counts_what_was_resolved_and_how_often_by_chance() -> None:
     good = row(
         outcome(True, 9.0, 4.0), outcome(False, 1.0, 1.0), outcome(True, 3.0, 2.0), outcome(False, -2.0, 1.0)
     )
@@ -42,10 +42,10 @@ def test_the_table_counts_what_was_settled_and_how_often_by_chance() -> None:
         outcome(False, -3.0, 1.0),
     )
     text = study.table([good, poor])
-    assert "| driver_lag | none | settled | 1 of 3 | 9.0, 1.0 | 4.00, 1.00 |" in text
+    assert "| driver_lag | none | resolved | 1 of 3 | 9.0, 1.0 | 4.00, 1.00 |" in text
     assert "| driver_lag | none | none | 1 of 3 | -1.0, -1.0 | 1.00, 2.00 |" in text
-    assert "proposed: 1 of 2 settled, 0.50" in text
-    assert "random: 2 of 6 settled, 0.33" in text
+    assert "proposed: 1 of 2 resolved, 0.50" in text
+    assert "random: 2 of 6 resolved, 0.33" in text
     # Of four tests of each case two and one settle it: 1 - (1/2) (3/4).
     assert f"p = {1 - 0.5 * 0.75:.2g}" in text
     assert "smaller margin: 4 of 6 (1 the same" in text

@@ -62,7 +62,7 @@ _MOST, _TINY, _LEAST = 30.0, 1e-15, 0.05
 
 @dataclass(frozen=True)
 class Outcome:
-    """After a test: the verdict in short; settled: the cause is named, alone, and nothing is tied; margin: nats
+    """After a test: the verdict in short; resolved: the cause is named, alone, and nothing is tied; margin: nats
     (log of odds) between the cause and the likeliest other answer; behind: what the best fit without the cause leaves
     more than the best one with it, RMS over the noise."""
 
@@ -241,13 +241,14 @@ def table(rows: Sequence[Row]) -> str:
     Were the proposed test like one at random, any of a case's tests could have been it: its place among them by the
     margin would be anywhere, and it would have resolved the case as often as all of them did on average.
     """
-    lines = ["| cause | before | with the proposed test | with random tests, settled | margin, nats | behind, noises |",
-             "|---|---|---|---|---|---|"]  # fmt: skip
+    after = ("with the proposed test", "with random tests, resolved")
+    head = ("cause", "before", *after, "margin, nats", "distance, noises")
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for r in rows:
         done = sum(o.resolved for o in r.random)
         margins, behind = (np.median([getattr(o, k) for o in r.random]) for k in ("margin", "behind"))
         lines.append(
-            f"| {r.cause} | {r.before} | {'settled' if r.proposed.resolved else r.proposed.answer} "
+            f"| {r.cause} | {r.before} | {'resolved' if r.proposed.resolved else r.proposed.answer} "
             f"| {done} of {len(r.random)} | {r.proposed.margin:.1f}, {margins:.1f} "
             f"| {r.proposed.behind:.2f}, {behind:.2f} |"
         )
@@ -257,14 +258,14 @@ def table(rows: Sequence[Row]) -> str:
     for kind, marks in (("proposed", ours), ("random", theirs)):
         low, high = binomtest(sum(marks), len(marks)).proportion_ci(method="wilson")
         share = f"{np.mean(marks):.2f} ({low:.2f} to {high:.2f}, Wilson)"
-        lines.append(f"{kind}: {sum(marks)} of {len(marks)} settled, {share}.")
+        lines.append(f"{kind}: {sum(marks)} of {len(marks)} resolved, {share}.")
     shares = [np.mean([r.proposed.resolved, *(o.resolved for o in r.random)]) for r in rows]
     p = at_least([np.array([1 - s, s]) for s in shares], sum(ours))
     below = [sum(o.margin < r.proposed.margin for o in r.random) for r in rows]
     level = [sum(o.margin == r.proposed.margin for o in r.random) for r in rows]
     uniform = [np.full(len(r.random) + 1, 1 / (len(r.random) + 1)) for r in rows]
     ranks = at_least(uniform, sum(below))
-    lines.append(f"So many settled by chance among a case's tests: p = {p:.2g}.")
+    lines.append(f"So many resolved by chance among a case's tests: p = {p:.2g}.")
     lines.append(
         f"Random tests with a smaller margin: {sum(below)} of {len(theirs)} ({sum(level)} the same; by chance "
         f"p = {ranks:.2g})."
@@ -329,9 +330,9 @@ def main() -> int:
         data = json.loads(kept.read_text(encoding="utf-8"))
         resolved_before += data is None
         rows += [Row.of(data)] if data is not None else []
-        outcome = "settled by the sines" if data is None else f"{rows[-1].before} -> {rows[-1].proposed}"
+        outcome = "resolved by the sines" if data is None else f"{rows[-1].before} -> {rows[-1].proposed}"
         print(f"{k}/{len(effects)} {cause}: {outcome}", file=sys.stderr, flush=True)
-    print(f"{len(rows)} cases left open by sines at constant command, {resolved_before} settled.\n")
+    print(f"{len(rows)} cases left open by sines at constant command, {resolved_before} resolved.\n")
     if rows:
         print(table(rows))
         save_picture(picture(rows), a.out / "next_test.png")

@@ -37,8 +37,8 @@ def first_forms(ranked: Sequence[ScoreTest]) -> list[ScoreTest]:
 
 
 def worth_a_look(ranked: Sequence[ScoreTest], cost: float, *, second: bool = False) -> list[ScoreTest]:
-    """Score tests, of those in order, with a large enough predicted gain over a fit of this cost. beside: for
-    a second cause."""
+    """Score tests, of those in order, with a large enough predicted gain over a fit of this cost. second: for a
+    second cause."""
     share = _BESIDE if second else _GAIN
     return [p for p in ranked if p.cost <= (1 - share) * cost]
 
