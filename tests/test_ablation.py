@@ -17,6 +17,7 @@ from mrdamp.diagnosis import frame_run, run
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence import established, judgement, penalties, verdict
+from mrdamp.diagnosis.fits import record_costs
 from mrdamp.diagnosis.fits.final import final_fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.noise import Noise
@@ -81,7 +82,8 @@ def test_every_rule_is_left_out_and_back_again(tool: ModuleType) -> None:
     assert own < min(halves, whole)
     assert halves != whole
     with tool.RULES["an error variance of each record (`RECORD_VARIANCE`)"](one):
-        assert judgement.over_records(one.search, np.array([1.0, 2.0, 3.0])) == 6.0
+        assert record_costs.own_cost(one.search, f) == pytest.approx(f.cost)
+    assert record_costs.own_cost(one.search, f) != pytest.approx(f.cost)
 
 
 def test_checks_after_the_final_fit_are_left_out_as_well(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

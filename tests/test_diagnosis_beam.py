@@ -9,6 +9,10 @@ import pytest
 
 from mrdamp.diagnosis.fits.beam import parents
 from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.residuals import Problem
+from toy_rig import toy
 
 
 def fit_of(cost: float, *causes: str) -> Fit:
@@ -30,3 +34,15 @@ def test_causes_are_added_to_fits_that_come_near_the_best(fits: list[Any], chose
     ranked = [fit_of(*f) for f in fits]
     found = parents(ranked, 3, 0.01, 1e-4)
     assert [ranked.index(f) for f in found] == chosen
+
+
+@pytest.mark.parametrize(("nats", "parent"), [(0.0, "cubic"), (100.0, "late")])
+def test_a_cause_that_channels_establish_is_extended_first_beside_a_wrong_law(nats: float, parent: str) -> None:
+    """The delay leaves twice what the cubic term leaves: by its cost it would be no parent."""
+    search = Search(Problem(toy({"cubic": 0.6, "late": 6.0, "outside": 0.3})), 1e-6)
+    search.direct = {"late": nats}
+    search.extend(False, 1)
+    assert search.inexact
+    search.extend(False, 2, Limits(beam=1, additions=1))
+    (pair,) = (f.hypothesis.causes for f in search.ranked(False) if len(f.hypothesis.causes) == 2)
+    assert pair[0] == parent

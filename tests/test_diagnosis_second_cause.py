@@ -1,4 +1,4 @@
-"""A lesser cause in what a greater one leaves, on a toy whose truth is known."""
+"""A small cause beside a large one, on a toy whose truth is known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from toy_rig import toy
 NOISE = 0.01
 
 
-def greater(truth: dict[str, float]) -> tuple[Search, Fit]:
+def large(truth: dict[str, float]) -> tuple[Search, Fit]:
     """A search that tried single causes alone, and the best of them."""
     problem = Problem(toy(truth, NOISE))
     search = Search(problem, sum((NOISE / b.size) ** 2 for b in problem.blocks))
@@ -23,8 +23,8 @@ def greater(truth: dict[str, float]) -> tuple[Search, Fit]:
     return search, found
 
 
-def test_a_lesser_cause_is_found_beside_the_greater_one() -> None:
-    search, found = greater({"cubic": 1.0, "sign": 0.06})
+def test_a_small_cause_is_found_beside_the_large_one() -> None:
+    search, found = large({"cubic": 1.0, "sign": 0.06})
     assert found.hypothesis.causes == ("cubic",)
     assert 1e-3 < search.unexplained(found) < 0.02
     try_second_cause(search, found)
@@ -36,18 +36,18 @@ def test_a_lesser_cause_is_found_beside_the_greater_one() -> None:
 
 
 def test_nothing_is_fitted_beside_a_cause_that_leaves_noise() -> None:
-    search, found = greater({"cubic": 1.0})
+    search, found = large({"cubic": 1.0})
     before = set(search.fits)
     try_second_cause(search, found)
     assert set(search.fits) == before
 
 
-def test_what_the_others_promise_is_worked_out_once_for_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    search, found = greater({"cubic": 1.0, "sign": 0.06})
+def test_score_tests_of_the_others_are_computed_once_for_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, found = large({"cubic": 1.0, "sign": 0.06})
     first = others(search, found)
     assert first[0].term.cause == "sign"
     assert "cubic" not in [p.term.cause for p in first]
-    monkeypatch.setattr(search.problem, "outputs", lambda settings: pytest.fail("it was simulated again"))
+    monkeypatch.setattr(search.problem, "outputs", lambda settings: pytest.fail("simulated again"))
     assert others(search, found) is first
     with pytest.raises(pytest.fail.Exception, match="simulated again"):
         others(search, search.base)

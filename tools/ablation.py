@@ -27,6 +27,7 @@ from mrdamp.blindtest.score import Row, row
 from mrdamp.diagnosis import frame_run, run
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.diagnosis.evidence import established, judgement, penalties, verdict
+from mrdamp.diagnosis.fits import record_costs
 from mrdamp.diagnosis.fits.final import heldout
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
@@ -84,13 +85,17 @@ def _own_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
     """Costs by id on the records that the fits were fitted to."""
     if not search.inexact:
         return {}
-    costs = search.problem.costs
-    return {id(f): judgement.over_records(search, costs(search.problem.gaps(f.residual))) for f in fits}
+    return {id(f): record_costs.own_cost(search, f) for f in fits}
 
 
 def _whole_records(problem: Problem, found: Fit) -> Any:
     """Costs (records,) with each record left out in turn."""
     return problem.costs(heldout(problem, found))
+
+
+def _summed(search: Search, costs: Any) -> float:
+    """The cost of all records together."""
+    return float(costs.sum())
 
 
 Rule = Callable[[Searched], Any]
@@ -117,8 +122,8 @@ RULES: Mapping[str, Rule] = {
     "halves of records left out, not whole ones": lambda s: constant(
         judgement, "leave_out_halves", _whole_records
     ),
-    "an error variance of each record (`RECORD_VARIANCE`)": lambda s: constant(
-        judgement, "over_records", lambda search, costs: float(costs.sum())
+    "an error variance of each record (`RECORD_VARIANCE`)": lambda s: _both(
+        constant(judgement, "over_records", _summed), constant(record_costs, "over_records", _summed)
     ),
     "separate evidence for a wrong law (`INEXACT`)": lambda s: constant(Search, "inexact", False),
     "a cause that harms a regime (`REGIME_WORSE`)": lambda s: constant(judgement, "REGIME_WORSE", math.inf),

@@ -11,7 +11,6 @@ from mrdamp.diagnosis.constants import (
     CARRIED,
     INDEPENDENT,
     LOGIT_GAIN,
-    RECORD_VARIANCE,
     REGIME_LEFT,
     REGIME_WORSE,
     UNNAMED_GAP,
@@ -24,11 +23,11 @@ from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out_halves
+from mrdamp.diagnosis.fits.record_costs import over_records, own_cost
 from mrdamp.diagnosis.fits.regimes import groupings, left_out, regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.model.core import Array
 
 #: Number of fits of an unknown cause that are evaluated on left-out records.
 _NEAREST = 6
@@ -80,7 +79,7 @@ def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
     if not search.inexact:
         return {}
     moving = [f for f in fits if f.hypothesis.coordinates]
-    out = {id(f): over_records(search, search.problem.costs(search.problem.gaps(f.residual))) for f in moving}
+    out = {id(f): own_cost(search, f) for f in moving}
     most = {id(f): _own_utility(search, f, out[id(f)]) for f in moving}
     best = 0.0  # utility of the nominal simulator
     for f in sorted(moving, key=lambda f: -most[id(f)]):
@@ -92,19 +91,6 @@ def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
             out[id(f)] = max(out[id(f)], *(over_records(search, search.problem.costs(gaps)) for gaps in regimes))
         best = max(best, _own_utility(search, f, out[id(f)]))
     return out
-
-
-def over_records(search: Search, costs: Array) -> float:
-    """Cost of the nominal simulator times the geometric mean, over the records, of the ratio to it.
-
-    costs: of each record. The variance of a wrong law's error differs between records and is unknown. The likelihood of
-    Gaussian errors, marginal over variances with an inverse-gamma prior of scale RECORD_VARIANCE times the mean, is a
-    power of this mean. In a sum, records that a cause cannot affect would hide what it does in the others.
-    Source: Gelman et al. (2013), Bayesian Data Analysis, section 3.2.
-    """
-    nominal = search.problem.costs(search.problem.gaps(search.residual))
-    scale = RECORD_VARIANCE * float(np.mean(nominal))
-    return search.nominal_cost * float(np.exp(np.mean(np.log((costs + scale) / (nominal + scale)))))
 
 
 def _own_utility(search: Search, f: Fit, left: float) -> float:

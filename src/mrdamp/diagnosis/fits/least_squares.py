@@ -35,6 +35,9 @@ _AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
 _SCANS = 4
 #: Largest number of halvings of the step to the optimum without some records.
 _HALVINGS = 6
+#: A step to the optimum of the other samples is checked if those that are left out cost more than this many times what
+#: they cost in the fit.
+_MUCH_WORSE = 2.0
 
 
 @dataclass(frozen=True)
@@ -333,7 +336,7 @@ def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Proble
     # Damping limits steps along directions that hardly matter (exchangeable poles).
     step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
     row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
-    if keep.any() and np.sum(row**2) > len(part.records):  # errors larger than the measurement
+    if keep.any() and np.sum(row**2) > _MUCH_WORSE * np.sum(found.residual[left] ** 2):
         step = _no_worse(problem, found, step, keep)
         row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
     return np.asarray(row)

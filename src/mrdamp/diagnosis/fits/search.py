@@ -8,16 +8,19 @@ would blur. If they are wrong, only the free fit is valid.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 
+from mrdamp.diagnosis.constants import LOGIT_GAIN
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import NARROW, Limits
+from mrdamp.diagnosis.fits.record_costs import own_cost
 from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
@@ -202,6 +205,8 @@ class Search(FitTable):
         own."""
         limits = limits or self.limits
         smaller = [f for f in self.ranked(free) if len(f.hypothesis.causes) == depth - 1]
+        if self.inexact:
+            smaller.sort(key=self._log_cost)
         least = np.inf  # least cost found with a better parent
         for parent in parents(smaller, limits.beam, self.floor, SOLVED * self.excess):
             taken = set(parent.hypothesis.causes)
@@ -223,6 +228,11 @@ class Search(FitTable):
             for found in self.map(self._polish, [(f,) for f in best]):
                 self.keep(found)
         try_sampled_delay(self, self.best(free, depth))
+
+    def _log_cost(self, found: Fit) -> float:
+        """Negative evidence of a fit beside a wrong law, over LOGIT_GAIN and without penalties."""
+        direct = sum(self.direct.get(cause, 0.0) for cause in found.hypothesis.causes)
+        return math.log(own_cost(self, found)) - direct / LOGIT_GAIN
 
     def _polish(self, found: Fit) -> Fit:
         """Repeats a fit with new signatures of the law while each repetition reduces the cost enough."""
