@@ -155,7 +155,7 @@ def check(name: str, out: Path) -> None:
 def test_a_slow_coil_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     check("open_03", tmp_path / "out")
     text = capsys.readouterr().out
-    assert text.startswith("The gap comes from driver_lag")
+    assert text.startswith("The gap is due to driver_lag")
     (effect,) = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["effects"]
     assert {r["over"] for r in effect["by_regime"]} == {"command", "speed"}
     for r in effect["by_regime"]:

@@ -79,7 +79,7 @@ def test_a_repeat_at_a_constant_command_belongs_to_the_test_with_that_command(tm
 
 def test_a_parameter_at_the_end_of_its_range_is_told(tmp_path: Path) -> None:
     found = diagnose(read_case(write(tmp_path / "case", fyb=620.0 * 12)), limits=NONE)
-    assert any(n.startswith("fyb stands at an end of its range") for n in found.notes), found.notes
+    assert any(n.startswith("fyb is at a limit of its range") for n in found.notes), found.notes
     low, high = found.intervals["fyb"]
     assert high == pytest.approx(8 * 620.0)
     assert low <= high

@@ -278,7 +278,7 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
     assert [e.effect for e in found.effects] == ["sensor_gain"]
     assert found.effects[0].parameters["g"] == pytest.approx(1.2, abs=0.03)
     assert found.remainder is not None
-    assert "What remains" in found.sentence
+    assert "The remaining" in found.sentence
     assert any(e.name == "gas_spring" for e in found.corrected.effects)
     # The reported gap is the file's: by the command's own path, from the file that was written.
     found.corrected.write(tmp_path / "corrected.json")
@@ -326,7 +326,7 @@ def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:
 def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
     found = answer(case(baseline=records(first_seed=10)))
     assert found.verdict == "none"
-    assert "as it was" in found.sentence
+    assert "has not changed" in found.sentence
 
 
 def test_a_gap_in_the_report_is_the_files() -> None:

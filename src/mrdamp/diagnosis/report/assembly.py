@@ -107,11 +107,11 @@ def assemble(
     named = _named(search, chosen, final, causes, intervals, regimes_of) if decision.verdict == "effect" else ()
     for cause, some in worse.items():
         if some:
-            notes.append(f"{cause} makes the gap larger in {', '.join(some)}: check it before you use it")
+            notes.append(f"{cause} makes the gap larger in {', '.join(some)}: verify it before use")
     for name in final.fit.at_bounds:
-        notes.append(f"{name} stands at an end of its range")
+        notes.append(f"{name} is at a limit of its range")
     if not final.fit.converged:
-        notes.append("the final fit was still moving when its iterations were used up")
+        notes.append("the final fit had not converged at its largest number of iterations")
     notes += search.failed
     if noise.source != "repeat":
         notes.append("no repeat of a test among the records: the noise floor is the one of the high band")

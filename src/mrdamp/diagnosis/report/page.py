@@ -117,7 +117,7 @@ def _answer(out: Page, found: Diagnosis, command_unit: str) -> None:
         out.text(
             "",
             [
-                f"These records cannot tell {', '.join(f'`{name}`' for name in tie)} apart."
+                f"Not distinguishable with these records: {', '.join(f'`{name}`' for name in tie)}."
                 for tie in found.indistinguishable
             ],
         )

@@ -5,37 +5,37 @@ from __future__ import annotations
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 
 _PLAIN = {
-    "driver_lag": "the coil current follows the command late",
+    "driver_lag": "the coil current lags the command",
     "command_delay": "the command arrives late",
     "saturation": "the magnetic circuit saturates",
-    "remanence": "the magnetic circuit remembers",
+    "remanence": "the magnetic circuit keeps a residual field",
     "heating": "the fluid warms up",
     "asymmetry": "extension and compression differ",
-    "shear_thinning": "the fluid thins with velocity",
-    "trapped_gas": "trapped gas swallows the start of a stroke",
+    "shear_thinning": "the fluid's viscosity falls with velocity",
+    "trapped_gas": "trapped gas takes up the start of a stroke",
     "gas_spring": "the accumulator acts as a spring",
-    "seal_friction": "the seal rubs",
-    "moving_mass": "a mass moves between damper and load cell",
-    "mount_compliance": "the mount gives way",
+    "seal_friction": "friction of the seal",
+    "moving_mass": "the inertia of a mass between damper and load cell",
+    "mount_compliance": "the mount is compliant",
     "backlash": "the mount has play",
-    "sensor_gain": "the force sensor's sensitivity is off",
+    "sensor_gain": "the force sensor's sensitivity is wrong",
     "sensor_offset": "the force sensor has a bias",
     "sensor_leakage": "the sensor's charge leaks away",
-    "sensor_lag": "the force channel is slow",
+    "sensor_lag": "the force channel has a low bandwidth",
     "channel_shift": "the displacement and force channels are shifted in time",
-    "storey_stiffness": "a storey's stiffness is off",
-    "storey_damping": "a storey's damping is off",
-    "joint_friction": "a storey rubs",
-    "floor_mass": "a floor carries another mass",
+    "storey_stiffness": "a storey's stiffness is wrong",
+    "storey_damping": "a storey's damping is wrong",
+    "joint_friction": "friction in a storey's joints",
+    "floor_mass": "a floor's mass is wrong",
 }
 
 
 #: The same for a floor's accelerometer in a frame.
 _PLAIN_FLOOR = {
-    "sensor_gain": "that floor's accelerometer has another sensitivity",
+    "sensor_gain": "the sensitivity of that floor's accelerometer is wrong",
     "sensor_offset": "that floor's accelerometer has a bias",
     "sensor_leakage": "the charge of that floor's accelerometer leaks away",
-    "sensor_lag": "that floor's accelerometer is slow",
+    "sensor_lag": "that floor's accelerometer has a low bandwidth",
 }
 
 
@@ -51,7 +51,7 @@ def percent(x: float) -> str:
 
 
 def sentence(d: Diagnosis) -> str:
-    """The answer in plain words; with a law that was identified again, if there is one."""
+    """The answer in a few sentences; with a law that was identified again, if there is one."""
     if d.other_law is not None:
         other = d.other_law
         then = "it is handed over" if other["handed_over"] else "identify the simulator again"
@@ -79,13 +79,13 @@ def _sentence(d: Diagnosis) -> str:
     if d.verdict == "none":
         if g.baseline is not None:
             return (
-                f"The rig is as it was: the simulator misses {percent(g.nominal)} of these records and"
-                f" {percent(g.baseline)} of the baseline's."
+                f"The rig has not changed: the simulator's gap is {percent(g.nominal)} on these records and"
+                f" {percent(g.baseline)} on the baseline's."
             )
-        return f"The simulator matches the rig: its gap of {percent(g.nominal)} is the noise of the records."
+        return f"The simulator agrees with the rig: its gap of {percent(g.nominal)} is the noise of the records."
     if d.verdict == "parameters":
         return (
-            f"The model's form is right and its numbers are not: recalibrated, {shrink} ({noise}).{_rest(d)}"
+            f"The parameters of the simulator are wrong, its form is right. Recalibrated, {shrink} ({noise}).{_rest(d)}"
         )
     if d.verdict == "unknown":
         return _unknown(d)
@@ -93,9 +93,8 @@ def _sentence(d: Diagnosis) -> str:
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
         parts.append(f"{e.effect}{place} ({_plain(e)})")
-    return (
-        f"The gap comes from {' and '.join(parts)}: with it in the simulator, {shrink} ({noise}).{_rest(d)}"
-    )
+    them = "it" if len(parts) == 1 else "them"
+    return f"The gap is due to {' and '.join(parts)}. With {them} in the simulator, {shrink} ({noise}).{_rest(d)}"
 
 
 def _rest(d: Diagnosis) -> str:
@@ -108,19 +107,19 @@ def _rest(d: Diagnosis) -> str:
         better = (
             "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)}"
         )
-        return f" What remains, {left}, is the law's own{better}."
+        return f" The remaining {left} are an error of the law{better}."
     if d.remainder.of == "outside" and d.outside is not None:
-        return f" What remains, {left}, looks like {d.outside['what']}."
-    return f" What remains, {left}, is not predictable from these records."
+        return f" The remaining {left} are most similar to {d.outside['what']}."
+    return f" The remaining {left} are not predictable from these records."
 
 
 def _unknown(d: Diagnosis) -> str:
     g = d.gap
     if d.outside is not None:
         return (
-            f"There is a gap of {percent(g.nominal)} that looks like {d.outside['what']}, which is none of the"
-            f" catalogue's effects: fitted to these records it leaves {percent(d.outside['gap'])}, the nearest of"
-            f" the catalogue {percent(d.outside['nearest_gap'])}."
+            f"The gap of {percent(g.nominal)} is most similar to {d.outside['what']}, which is outside the catalogue:"
+            f" fitted to these records it leaves {percent(d.outside['gap'])}, the best effect of the catalogue"
+            f" {percent(d.outside['nearest_gap'])}."
         )
     stage = max(d.where.stages, key=lambda s: d.where.stages[s])
     apart = next((row for row in d.compared if row["unexplained"]), None)
@@ -143,8 +142,8 @@ def _unknown(d: Diagnosis) -> str:
     else:
         handed = f"the best correction leaves {percent(g.corrected)}"
     return (
-        f"No cause in the catalogue is established for the gap of {percent(g.nominal)}; it looks most like the stage"
-        f" {stage}, and {handed}.{_rest(d)}"
+        f"No cause in the catalogue is established for the gap of {percent(g.nominal)}. The most probable stage is"
+        f" {stage}; {handed}.{_rest(d)}"
     )
 
 
@@ -197,9 +196,9 @@ def table(d: Diagnosis) -> str:
         noise = percent(row["noise"])
         lines.append(f"  {one} and {other} differ by {percent(row['difference'])}{cause} (noise {noise})")
     for tie in d.indistinguishable:
-        lines.append(f"  these records cannot tell apart: {', '.join(tie)}")
+        lines.append(f"  not distinguishable with these records: {', '.join(tie)}")
     if d.corrections:
-        lines.append(f"  in the corrected simulator besides, to mend a form: {', '.join(d.corrections)}")
+        lines.append(f"  also in the corrected simulator, as a correction of a form: {', '.join(d.corrections)}")
     if d.stepped:
         apart = max(abs(row["mujoco_gap"] - row["offline_gap"]) for row in d.stepped)
         where = ", ".join(str(row["record"]) for row in d.stepped)
