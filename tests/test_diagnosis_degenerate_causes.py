@@ -57,6 +57,21 @@ def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: boo
     assert decision.chosen.causes == (cause,)
 
 
+@pytest.mark.parametrize(("stiffer", "cause"), [(9.0, "backlash"), (3.0, "mount_compliance")])
+def test_a_soft_mount_with_a_hard_stop_is_a_clearance(terms: dict[str, Term], stiffer: float, cause: str) -> None:
+    """The mount fits a little better, as a law with an error lets it."""
+    backlash, mount = terms["backlash"], Hypothesis((), (terms["mount_compliance:with a stop"],))
+    point = mount.start()
+    (k,) = (k for k, c in enumerate(mount.coordinates) if c.name == "mount_compliance_stiffer")
+    point[k] = mount.coordinates[k].point(stiffer)
+    fits = [
+        Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))),
+        made(backlash, Hypothesis((), (backlash,)).start(), 0.0110),
+        made(mount.terms[0], point, 0.0101),
+    ]
+    assert decide(scored(fits), 0.01).chosen.causes == (cause,)
+
+
 @pytest.mark.parametrize(
     ("form", "least", "is_gone"),
     [
