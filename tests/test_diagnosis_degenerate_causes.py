@@ -57,17 +57,29 @@ def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: boo
     assert decision.chosen.causes == (cause,)
 
 
-@pytest.mark.parametrize(("stiffer", "cause"), [(9.0, "backlash"), (3.0, "mount_compliance")])
-def test_a_soft_mount_with_a_hard_stop_is_a_clearance(terms: dict[str, Term], stiffer: float, cause: str) -> None:
-    """The mount fits a little better, as a law with an error lets it."""
-    backlash, mount = terms["backlash"], Hypothesis((), (terms["mount_compliance:with a stop"],))
-    point = mount.start()
-    (k,) = (k for k, c in enumerate(mount.coordinates) if c.name == "mount_compliance_stiffer")
-    point[k] = mount.coordinates[k].point(stiffer)
+@pytest.mark.parametrize(
+    ("form", "ratio", "cause"),
+    [
+        ("with a stop", 9.0, "backlash"),
+        ("with a stop", 4.0, "mount_compliance"),
+        ("hardening", 9.0, "backlash"),
+        ("hardening", 4.0, "mount_compliance"),
+    ],
+)
+def test_a_soft_mount_with_a_hard_stop_is_a_clearance(
+    terms: dict[str, Term], form: str, ratio: float, cause: str
+) -> None:
+    """ratio: of the stiffness under the RMS force to that without a force. The mount fits a little better, as it may
+    beside an error of the law."""
+    term, force, k = terms[f"mount_compliance:{form}"], 500 / np.sqrt(2), 5e5
+    values = {"mount_compliance_k": k, "mount_compliance_stop": 1e-4, "mount_compliance_stiffer": ratio - 1}
+    # k d (1 + k3 d^2) = force with 3 k3 d^2 = ratio - 1
+    values["mount_compliance_k3"] = (ratio - 1) / 3 * (k * (1 + (ratio - 1) / 3) / force) ** 2
+    point = np.array([c.point(values[c.name]) for c in term.coordinates])
     fits = [
         Fit(Hypothesis(()), np.zeros(0), 1.0, np.zeros(10), np.zeros((10, 0))),
-        made(backlash, Hypothesis((), (backlash,)).start(), 0.0110),
-        made(mount.terms[0], point, 0.0101),
+        made(terms["backlash"], Hypothesis((), (terms["backlash"],)).start(), 0.0110),
+        made(term, point, 0.0101),
     ]
     assert decide(scored(fits), 0.01).chosen.causes == (cause,)
 

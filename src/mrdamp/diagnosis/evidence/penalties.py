@@ -10,9 +10,6 @@ from mrdamp.diagnosis.problem.rig import Rig
 #: Parameters that together define a cause; with all of them at their lower limits it is another cause. A
 #: mount without clearance is a spring, and a lag without its time constant is a form of another effect.
 _MAKING = (frozenset({"backlash_gap"}), frozenset({"driver_lag_tau", "driver_lag_tau2"}))
-#: Parameters at whose upper limit a cause is another one: a mount with a stop that is ten times stiffer is a clearance.
-#: On opened measured sets the four clearances named as a mount had this form there, the five right mounts had not.
-_UNMAKING = frozenset({"mount_compliance_stiffer"})
 
 
 def of_itself(found: Fit) -> float:
@@ -38,9 +35,9 @@ def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False) -> floa
 
 def gone(found: Fit) -> bool:
     """True if a cause of the fit has vanished, or is another one by its parameters."""
-    low = set(found.at_lower_bounds)
-    if _UNMAKING & set(found.at_upper_bounds):
+    if any(t.is_other is not None and t.is_other(found.settings) for t in found.hypothesis.terms):
         return True
+    low = set(found.at_lower_bounds)
     own = {c.name for c in found.hypothesis.coordinates}
     return any(making & own and making & own <= low for making in _MAKING)
 

@@ -87,11 +87,6 @@ class Fit:
         """Names of the settings within one unit of search of their lower limit."""
         return self._named(self.point <= self.hypothesis.bounds()[0] + 1)
 
-    @property
-    def at_upper_bounds(self) -> tuple[str, ...]:
-        """Names of the settings within one unit of search of their upper limit."""
-        return self._named(self.point >= self.hypothesis.bounds()[1] - 1)
-
     def _named(self, which: NDArray[np.bool_]) -> tuple[str, ...]:
         return tuple(c.name for c, is_it in zip(self.hypothesis.coordinates, which, strict=True) if is_it)
 

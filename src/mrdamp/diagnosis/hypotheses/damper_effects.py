@@ -8,11 +8,14 @@ equation.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from mrdamp.diagnosis.constants import CLEARANCE
 from mrdamp.diagnosis.hypotheses.current_effects import current_terms
 from mrdamp.diagnosis.hypotheses.fluid_effects import fluid_terms
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, linear, positive
@@ -23,6 +26,14 @@ def damper_terms(s: Sizes) -> tuple[Term, ...]:
     """All effects from driver to sensor, in the order of the chain, in the forms that the sampling of the
     records can show."""
     return tuple(term for term in _terms(s) if term.starts)
+
+
+def _is_clearance(force: float, settings: Settings) -> bool:
+    """True if a mount is CLEARANCE times as stiff under the RMS force (N), or at its stop, as without a force."""
+    slope = math.sqrt(3 * settings.get("mount_compliance_k3", 0.0)) * force / settings["mount_compliance_k"]
+    # d of k d (1 + k3 d^2) = force by the hyperbolic solution of the cubic equation.
+    hardening = 4 * math.sinh(math.asinh(1.5 * slope) / 3) ** 2
+    return 1 + max(hardening, settings.get("mount_compliance_stiffer", 0.0)) > CLEARANCE
 
 
 def _terms(s: Sizes) -> tuple[Term, ...]:
@@ -92,6 +103,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             ),
             ((20 * k, (20 / s.stroke) ** 2), (130 * k, (130 / s.stroke) ** 2)),
             form="hardening",
+            is_other=partial(_is_clearance, s.force),
         ),
         Term(
             "mount_compliance",
@@ -103,6 +115,7 @@ def _terms(s: Sizes) -> tuple[Term, ...]:
             ),
             ((20 * k, 0.03 * s.stroke, 2.0), (130 * k, 5e-3 * s.stroke, 2.0)),
             form="with a stop",
+            is_other=partial(_is_clearance, s.force),
         ),
         Term(
             "mount_compliance",

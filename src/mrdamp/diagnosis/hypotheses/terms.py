@@ -7,7 +7,7 @@ positive number over decades). A prior is a standard deviation in that unit and 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -85,7 +85,8 @@ class Term:
     starts: values of the coordinates (starts, coordinates), SI units, from which fits and screenings begin;
     the coordinates' own start is their middle. fixed: settings that select the form. neutral: settings that
     switch the effect off without a jump (for signatures), if they differ from an absent term; empty for plain
-    absence. later: tried only in place of another form of its cause.
+    absence. later: tried only in place of another form of its cause. is_other: True for settings that make the effect
+    another one of the catalogue.
     """
 
     effect: str
@@ -96,6 +97,7 @@ class Term:
     form: str = ""
     fixed: Mapping[str, float] = field(default_factory=dict)
     later: bool = False
+    is_other: Callable[[Settings], bool] | None = field(default=None, compare=False)
 
     @property
     def two_sided(self) -> bool:
