@@ -339,7 +339,7 @@ def test_a_gap_in_the_report_is_the_files() -> None:
 def test_a_slew_limited_driver_is_told_by_its_rate() -> None:
     named = Named("driver_lag", "driver", None, 0.9, {"tau": 0.001, "rate": 12.0}, 0.8)
     assert "12 a second" in _plain(named)
-    assert "late" in _plain(Named("driver_lag", "driver", None, 0.9, {"tau": 0.001}, 0.8))
+    assert "lags" in _plain(Named("driver_lag", "driver", None, 0.9, {"tau": 0.001}, 0.8))
 
 
 @pytest.mark.parametrize(
