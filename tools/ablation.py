@@ -112,7 +112,7 @@ RULES: Mapping[str, Rule] = {
     "penalty of a parameter (`NUMBER_PENALTY`, `LOGIT_NUMBER`)": lambda s: _both(
         constant(verdict, "NUMBER_PENALTY", 0.0), constant(established, "LOGIT_NUMBER", 0.0)
     ),
-    "uncertainty of the noise floor (`FLOOR_UNCERTAINTY`)": lambda s: constant(verdict, "FLOOR_UNCERTAINTY", 0.0),
+    "resolution by the noise floor (`FLOOR_RESOLUTION`)": lambda s: constant(verdict, "FLOOR_RESOLUTION", 0.0),
     "tests that do not repeat (`UNSTEADY`)": lambda s: attribute(s.search, "steady", True),
     "rivals outside the catalogue": lambda s: attribute(s.search, "rivals", []),
     "direct comparison of channels": lambda s: attribute(s.search, "direct", {}),

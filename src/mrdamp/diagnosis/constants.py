@@ -14,9 +14,9 @@ INDEPENDENT, CAUSE_PENALTY, NUMBER_PENALTY = 14.0, 4.3, 0.6
 #: MOVE_PENALTY in proportion to the RMS of their relative changes up to MOVE. Small errors of nominal parameters are
 #: common, large ones are rare.
 LAW_PENALTY, FREE_PENALTY, MOVE_PENALTY, MOVE = 9.0, 1.5, 5.0, 0.08
-#: Fits whose costs differ by less than RESOLUTION (share of the excess) or FLOOR_UNCERTAINTY (share of the noise
+#: Fits whose costs differ by less than RESOLUTION (share of the excess) or FLOOR_RESOLUTION (share of the noise
 #: floor) count as equal.
-RESOLUTION, FLOOR_UNCERTAINTY = 0.002, 0.12
+RESOLUTION, FLOOR_RESOLUTION = 0.002, 0.12
 #: The verdict is "no gap" up to this multiple of the noise floor, if no fit reduces the gap by more than
 #: REDUCIBLE or no reduction outweighs its penalty.
 NONE_ABOVE, REDUCIBLE = 1.75, 0.06

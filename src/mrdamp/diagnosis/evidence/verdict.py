@@ -10,7 +10,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import (
     CAUSE_PENALTY,
-    FLOOR_UNCERTAINTY,
+    FLOOR_RESOLUTION,
     FREE_PENALTY,
     INDEPENDENT,
     LAPSE,
@@ -102,7 +102,7 @@ def decide(
     # states.
     floor = min(max(least, floor), NONE_ABOVE**2 / 2 * floor)
     excess = max(nominal.cost - floor, 1e-12)
-    resolution = RESOLUTION + FLOOR_UNCERTAINTY * floor / excess
+    resolution = RESOLUTION + FLOOR_RESOLUTION * floor / excess
 
     def evidence(some: Sequence[Scored]) -> Array:
         if inexact:

@@ -107,10 +107,10 @@ def _rest(d: Diagnosis) -> str:
         better = (
             "" if ceiling is None else f": a better law of the same inputs would leave {percent(ceiling)}"
         )
-        return f" The remaining {left} are an error of the law{better}."
+        return f" The remaining gap of {left} is an error of the law{better}."
     if d.remainder.of == "outside" and d.outside is not None:
-        return f" The remaining {left} are most similar to {d.outside['what']}."
-    return f" The remaining {left} are not predictable from these records."
+        return f" The remaining gap of {left} is most similar to {d.outside['what']}."
+    return f" The remaining gap of {left} is not predictable from these records."
 
 
 def _unknown(d: Diagnosis) -> str:
