@@ -17,7 +17,7 @@ import numpy as np
 
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.constants import REDUCIBLE
-from mrdamp.diagnosis.evidence.verdict import Scored, decide
+from mrdamp.diagnosis.evidence.verdict import Scored, decide, idle_penalty
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -109,6 +109,7 @@ def bound(case: Case, draws: int, seed: int) -> tuple[Array, list[str], str]:
     found = signatures(search, base)
     rng = np.random.default_rng(seed)
     bias = held.residual - base.residual  # of the nominal numbers: none where they are right
+    idle = idle_penalty(base.move)  # of a cause that explains nothing beyond the free parameters, as in a search
     falls, answers, best = [], [], []
     for _ in range(draws):
         e = noise_draw(problem, case, noise.levels, rng)
@@ -118,7 +119,7 @@ def bound(case: Case, draws: int, seed: int) -> tuple[Array, list[str], str]:
         nominal = float(np.sum((e + bias) ** 2))
         scored = [Scored((), False, nominal, 0, 0), Scored((), True, cost, 0, 1, move=base.move)]
         scored += [
-            Scored((s.cause,), True, cost - g, s.numbers, k, move=base.move)
+            Scored((s.cause,), True, cost - g, s.numbers, k, idle if g < REDUCIBLE * cost else 0.0, base.move)
             for k, (s, g) in enumerate(zip(found, gained, strict=True), 2)
         ]
         answers.append(decide(scored, search.floor).verdict)
