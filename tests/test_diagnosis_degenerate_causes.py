@@ -60,10 +60,10 @@ def test_a_clearance_that_is_none_is_a_spring(terms: dict[str, Term], least: boo
 @pytest.mark.parametrize(
     ("form", "ratio", "cause"),
     [
-        ("with a stop", 9.0, "backlash"),
-        ("with a stop", 4.0, "mount_compliance"),
-        ("hardening", 9.0, "backlash"),
-        ("hardening", 4.0, "mount_compliance"),
+        ("with a stop", 7.5, "backlash"),
+        ("with a stop", 6.5, "mount_compliance"),
+        ("hardening", 7.5, "backlash"),
+        ("hardening", 6.5, "mount_compliance"),
     ],
 )
 def test_a_soft_mount_with_a_hard_stop_is_a_clearance(
