@@ -280,6 +280,7 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
     assert found.remainder is not None
     assert "The remaining" in found.sentence
     assert any(e.name == "gas_spring" for e in found.corrected.effects)
+    assert any("there are no baseline records" in note for note in found.notes)
     # The reported gap is the file's: by the command's own path, from the file that was written.
     found.corrected.write(tmp_path / "corrected.json")
     squares = []
@@ -327,6 +328,7 @@ def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
     found = answer(case(baseline=records(first_seed=10)))
     assert found.verdict == "none"
     assert "has not changed" in found.sentence
+    assert not any("baseline" in note for note in found.notes)
 
 
 def test_a_gap_in_the_report_is_the_files() -> None:

@@ -115,6 +115,11 @@ def assemble(
     notes += search.failed
     if noise.source != "repeat":
         notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
+    if search.inexact and not case.baseline:
+        notes.append(
+            "no fit reaches the noise and there are no baseline records: records of the rig in the state in which the"
+            " simulator was identified (mrdamp case --baseline) separate its own error from a change"
+        )
     left, ceiling = remaining(search, final, pooled(nominal_gaps), rms["floor"])
     gap = Gap(
         nominal=pooled(nominal_gaps),
