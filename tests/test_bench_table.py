@@ -49,7 +49,7 @@ PLACED = replace(
 )
 OWN = replace(RIGHT, case="case_003", label="~own", verdict="unknown", named=frozenset(), misfit=0.1)
 FAILED = replace(OWN, case="case_004", verdict="failed", probability=math.nan, after=math.nan, stage=None)
-ROWS = [RIGHT, PLACED, OWN, FAILED]
+ROWS = [replace(RIGHT, baseline=True), PLACED, OWN, FAILED]
 
 
 def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
@@ -69,8 +69,10 @@ def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
 def test_table_counts_by_group() -> None:
     lines = dict(line.strip("| ").split(" | ", 1) for line in tool.table(ROWS).splitlines()[2:])
     assert lines["single effects named"].split(" | ") == [
-        "1 of 2 (.50; .09 to .91)", "1 of 1 (1.00)", "0 of 1 (.00)", "1 of 1 (1.00)", "0 of 1 (.00)"
+        "1 of 2 (.50; .09 to .91)", "1 of 1 (1.00)", "0 of 1 (.00)", "1 of 1 (1.00)", "0 of 1 (.00)", "1 of 1 (1.00)",
+        "0 of 1 (.00)"
     ]  # fmt: skip
+    assert lines["of these, base of 6 % and more"].startswith("0 of 1 (.00")
     assert lines["controls without an invented cause"].startswith("1 of 2 (.50; .09 to .91)")
     assert lines["gap on held-out tests over the base, median and worst"].startswith("1.00, 2.50")
     assert lines["corrected simulator worse than the nominal one on held-out tests"].startswith("2 of 4")

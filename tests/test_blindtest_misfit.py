@@ -233,13 +233,14 @@ def test_label_is_scored(row: Row, right: bool) -> None:
 
 def test_figures_by_base_misfit(tmp_path: Path) -> None:
     rows = [
-        judged("driver_lag", "effect", "driver_lag"),
+        replace(judged("driver_lag", "effect", "driver_lag"), baseline=True),
         replace(judged("driver_lag", "unknown"), misfit=0.1, after=0.3, weak=True),
         replace(judged(OWN, "effect", "backlash"), misfit=0.1),
         replace(judged(OWN, "none"), rig="frame"),
     ]
     table = {line[0]: line[1:] for line in misfit_score.table(rows)}
     assert table["single effects named"][:3] == ["1/2 = 0.500", "1/1 = 1.000", "0/1 = 0.000"]
+    assert table["single effects named"][5:7] == ["1/1 = 1.000", "0/1 = 0.000"]
     assert table["of these, near visibility"][:3] == ["0/1 = 0.000", "–", "0/1 = 0.000"]
     assert table["controls without an invented cause"][:5] == [
         "1/2 = 0.500", "1/1 = 1.000", "0/1 = 0.000", "0/1 = 0.000", "1/1 = 1.000"
@@ -251,7 +252,7 @@ def test_figures_by_base_misfit(tmp_path: Path) -> None:
     for name in ("index.html", "results.md"):
         text = (tmp_path / name).read_text()
         assert "controls without an invented cause" in text
-        assert "base misfit 3 to 6 %" in text
+        assert "base below 6 %" in text
     assert "no false cause 0.50" in (tmp_path / "results.md").read_text()
     plain = [replace(row, misfit=math.nan) for row in rows]
     assert misfit_score.is_misfit(rows)

@@ -47,11 +47,11 @@ def of_folder(folder: Path) -> list[Row]:
 
 
 def table(rows: Group) -> str:
-    """Markdown: a line a figure; columns by the law's error and by the rig if the rows tell them."""
+    """Markdown: a line a figure; columns by the law's error, the rig and its baseline if the rows tell them."""
     names = ["all"]
     groups: Sequence[Group] = [rows]
     if misfit_score.is_misfit(rows):
-        names, groups = ["all", "base below 6 %", "6 % and more", "damper", "frame"], misfit_score.groups(rows)
+        names, groups = list(misfit_score.GROUPS), misfit_score.groups(rows)
     lines = ["| figure | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
     for what, figure in _FIGURES.items():
         cells = [figure(g, k == 0) for k, g in enumerate(groups)]
@@ -112,6 +112,8 @@ def _seconds(rows: Group, first: bool) -> str:
 
 _FIGURES: dict[str, Callable[[Group, bool], str]] = {
     "single effects named": _share(_single),
+    "of these, base below 6 %": _share(lambda r: _single(r) and r.misfit < misfit_score.PARTED),
+    "of these, base of 6 % and more": _share(lambda r: _single(r) and r.misfit >= misfit_score.PARTED),
     "of these, gap due to the cause at least the base": _share(
         lambda r: _single(r) and not r.weak and math.isfinite(r.misfit)
     ),
@@ -119,7 +121,6 @@ _FIGURES: dict[str, Callable[[Group, bool], str]] = {
         lambda r: _single(r) and r.weak and math.isfinite(r.misfit)
     ),
     "named, or in a declared tie of two or three": _share(_single, lambda r: r.right_or_tied),
-    "single effects named, cases with baseline records": _share(lambda r: _single(r) and r.baseline),
     "pairs named": _share(_pair),
     "one of a pair named, nothing else": _share(_pair, _one_of),
     "controls without an invented cause": _share(lambda r: r.want == "own"),
