@@ -99,7 +99,7 @@ def waterfall(
     if ceiling is not None:
         ax.axvline(100 * ceiling, color=COLOURS[2], linestyle=":", linewidth=1.4)
         handles.append(Line2D([], [], color=COLOURS[2], linestyle=":"))
-        labels.append("any model")
+        labels.append("regression")
     gaps = np.minimum(gaps, most)
     top = max(float(ends.max()), float(gaps.max())) or 1.0
     for k, gap in enumerate(gaps):

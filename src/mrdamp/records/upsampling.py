@@ -34,9 +34,10 @@ class FineInputs:
 
 
 #: An end is an artefact if its last sample breaks off _BREAK times as sharply as the motion does before and _LAST
-#: times as sharply as in the samples just before: a filter bends the last sample, by 2 to 8 times as much; a motion
-#: that turns is bent in several, by at most 1.4. Of 43 tails of the blind test's rig two turned, and the force was
-#: wrong by .7 and 1.5 of its RMS there without the second condition.
+#: times as sharply as in the samples just before: a filter bends the last sample, a motion that turns several. Set on
+#: the tests of 40 exact and 10 open cases. Where continuing an end changes the force by more than .02 of its RMS, it is
+#: right at ratios from 6.4 on and wrong below 1.5, by up to 1.5 RMS; smaller bends of the filter have 2 and more. Three
+#: random motions, wrong at 3.2 to 5.7, are left to the comparison with their past.
 _BREAK, _LAST, _BEFORE = 4.0, 1.7, 60
 #: Samples that are continued, those that determine the continuation, a polynomial of this order, and the continuations
 #: before the end that show whether the motion can be continued.

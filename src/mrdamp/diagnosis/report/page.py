@@ -203,7 +203,7 @@ def _shrink(out: Page, found: Diagnosis) -> None:
 
 _REMAINDER = {
     "law": "follows from the same inputs: another law, or a network, would predict more of it",
-    "unpredictable": "does not follow from the recorded inputs: no model of them would predict it",
+    "unpredictable": "is not predicted by a regression on the recorded inputs, fitted to the other records",
     "outside": "comes from a cause outside the catalogue",
 }
 

@@ -110,7 +110,7 @@ def _rest(d: Diagnosis) -> str:
         return f" The remaining gap of {left} is an error of the law{better}."
     if d.remainder.of == "outside" and d.outside is not None:
         return f" The remaining gap of {left} is most similar to {d.outside['what']}."
-    return f" The remaining gap of {left} is not predictable from these records."
+    return f" The remaining gap of {left} is not predicted by a regression on the other records."
 
 
 def _unknown(d: Diagnosis) -> str:
