@@ -343,17 +343,6 @@ def test_steady_speed_under_another_plugin(first: bool) -> None:
     assert v[-1] == pytest.approx(30.0 / 600.0, rel=1e-3)
 
 
-def test_stop_of_the_joint_holds_against_the_damper() -> None:
-    """Pushed into the joint's limit with a stiff damper on a light body: it comes to rest there."""
-    body = slider(0.03).replace('type="slide"', 'type="slide" limited="true" range="-1 0.01"')
-    model, data = compiled(document(body, [Damper("modified_bouc_wen", DYKE)], ()))
-    data.qfrc_applied[0] = 600.0
-    track = step_through(model, data, 4000)
-    assert np.all(np.isfinite(track.x))
-    assert 0.01 < track.x[-1, 0] < 0.05
-    assert np.max(np.abs(track.v[3000:])) < 1e-3
-
-
 @pytest.mark.parametrize("order", list(itertools.permutations("abc"))[1:])
 def test_order_of_the_dampers_does_not_matter(order: tuple[str, ...]) -> None:
     """Three coupled dampers, in any order in the file: the same motion within the solver's tolerance."""

@@ -231,29 +231,38 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
   const std::size_t n = acting_.size();
   const bool explicit_step = m->opt.integrator == mjINT_RK4;
   if (n > 0 && (!explicit_step || mass)) {
-    mobility_.Update(m, d, others_);
+    outputs_.clear();
+    responses_.clear();
+    for (DamperInstance* p : acting_) {
+      outputs_.push_back(p->output_);
+      responses_.push_back(&p->response_);
+    }
     step_.resize(n);
     weight_.resize(n * n);
     forces_.resize(n);
-    for (std::size_t k = 0; k < n; k++) {
-      DamperInstance* p = acting_[k];
-      const double free = p->v_ + h * mobility_.Row(m, d, p->output_, h, &p->inverse_);
-      const double moving = RodMass(p->damper_.p, p->mount_);
-      step_[k] = {p->v_, free, p->seen_.force, p->seen_.slope, moving,
-                  [p](double v, double part) { return p->Trial(v, part); }};
-    }
-    for (std::size_t k = 0; k < n; k++) {
-      for (std::size_t j = 0; j < n; j++) weight_[k * n + j] = Dot(d, acting_[j]->output_, acting_[k]->inverse_.data());
-    }
-    if (!explicit_step) {
-      SolveStep(h, step_, weight_, &forces_);
-    } else {
+    mobility_.Update(m, d, others_, outputs_);
+    do {
+      for (std::size_t k = 0; k < n; k++) {
+        DamperInstance* p = acting_[k];
+        mobility_.Respond(m, d, p->output_, &p->response_);
+        step_[k] = {p->v_, p->v_ + h * p->response_.free, p->seen_.force, p->seen_.slope, RodMass(p->damper_.p, p->mount_), p->response_.bare,
+                    [p](double v, double part) { return p->Trial(v, part); }};
+      }
+      for (std::size_t k = 0; k < n; k++) {
+        for (std::size_t j = 0; j < n; j++) {
+          weight_[k * n + j] = j == k ? responses_[k]->own : mobility_.Weight(*responses_[k], *responses_[j]);
+        }
+      }
+      if (!explicit_step) {
+        SolveStep(h, step_, weight_, &forces_);
+        continue;
+      }
       // Runge-Kutta's stages take the present force; of it the moving mass alone needs the acceleration.
       for (std::size_t k = 0; k < n; k++) {
         const double a = (step_[k].free - step_[k].velocity) / h - weight_[k * n + k] * step_[k].force;
         forces_[k] = step_[k].force + step_[k].mass * a / (1 + weight_[k * n + k] * step_[k].mass);
       }
-    }
+    } while (!mobility_.Arrived(m, d, responses_, forces_));
     for (std::size_t k = 0; k < n; k++) acting_[k]->force_ = forces_[k];
   }
   for (int i : peers_) {

@@ -65,12 +65,14 @@ class DamperInstance {
   DelayLine line_;
   Observation seen_{};
   double force_ = 0;
-  std::vector<double> inverse_;  // M^-1 J', nv
+  OutputResponse response_;
 
   // Of the first damper, which solves for all.
   Mobility mobility_;
   std::vector<DamperInstance*> acting_;
   std::vector<StepDamper> step_;
+  std::vector<int> outputs_;
+  std::vector<const OutputResponse*> responses_;
   std::vector<double> weight_, forces_;
 };
 

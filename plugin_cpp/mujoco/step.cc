@@ -17,19 +17,20 @@ namespace {
 // Where it is stiff or has a kink (dry friction, a gap that closes, hysteresis that turns) only
 //     firm:    F = F(state at the end of the step, v1)
 // neither rings nor gains energy. Between the two the answer is blended; a stiff but straight dashpot needs no
-// firm step, since EndWeight makes its smooth one exact.
+// firm step, since EndWeight makes its smooth one exact. Beside damping of the structure's own, which the engine takes
+// at the end of the step, q is that of the mass alone: a smaller weight would overshoot the steady speed under a load.
 struct Blend {
   double weight;  // of the force at the end, in the smooth answer
   double firm;    // share of the firm answer
 };
 
-Blend BlendOf(double q, double slope, double chord, double present) {
+Blend BlendOf(double q, double bare, double slope, double chord, double present) {
   const double most = std::max({slope, chord, 1e-300});
   const double bent = std::fabs(slope - chord) / most;
   const double inner = std::max(0.0, most - present) / most;  // share of the slope that is no dashpot
   const double t = std::clamp((q - 0.5) / 1.0, 0.0, 1.0);
   const double soft = std::max(0.0, std::max(bent, inner) - 1e-3);  // less is the differences' own error
-  return {EndWeight(q), t * t * (3 - 2 * t) * std::min(1.0, 5 * soft)};
+  return {EndWeight(q * bare), t * t * (3 - 2 * t) * std::min(1.0, 5 * soft)};
 }
 
 // Local slope of a trial around v, over a small part of what the step may change.
@@ -52,7 +53,7 @@ double SolveOne(double h, const StepDamper& d, double w) {
   double firm = free;
   const double change = std::fabs(fb - fa);
   if (change < 0.1 * std::fabs(fa)) {
-    blend.weight = EndWeight(change / std::fabs(fa));
+    blend.weight = EndWeight(change / std::fabs(fa) * d.bare);
   } else if (change > 0) {
     double end = fb;
     const auto residual = [&](double v) { return (v - free) / qm + (end = d.trial(v, h)); };
@@ -61,7 +62,7 @@ double SolveOne(double h, const StepDamper& d, double w) {
     const double slope = LocalSlope(d, firm, end, h, std::fabs(free - firm));
     // Networks know no slope of their own: the present state's is measured too.
     const double dashpot = LocalSlope(d, firm, d.trial(firm, 0), 0, std::fabs(free - firm));
-    blend = BlendOf(qm * std::max(slope, chord), slope, chord, dashpot);
+    blend = BlendOf(qm * std::max(slope, chord), d.bare, slope, chord, dashpot);
   }
   double v1 = firm;
   if (blend.firm < 1) {
@@ -211,7 +212,7 @@ void SolveStep(double h, const std::vector<StepDamper>& d, const std::vector<dou
   std::vector<Blend> blend(n);
   double most = 0;
   for (int k = 0; k < n; k++) {
-    blend[k] = BlendOf(q[k], slopes[k], chord[k], present[k]);
+    blend[k] = BlendOf(q[k], d[k].bare, slopes[k], chord[k], present[k]);
     most = std::max(most, blend[k].firm);
   }
   std::vector<double> smooth = firm;

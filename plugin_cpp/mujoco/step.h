@@ -15,6 +15,7 @@ struct StepDamper {
   double force;      // N, at the present
   double slope;      // N s/m, derivative of the present state's force with the velocity
   double mass;       // kg, moving mass along the damper
+  double bare;       // its mobility without the structure's implicit damping and closed contacts over that with them; at least 1
   std::function<double(double v, double part)> trial;
 };
 
