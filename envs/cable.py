@@ -64,7 +64,7 @@ class CableEnv(PlantEnv[CableTask]):
 
     ## Starting State
 
-    At rest, the coil's driver at the first command, at the start of a load drawn from `loads`, or given:
+    At rest, no current in the coil, at the start of a load drawn from `loads`, or given:
     `reset(options={"load": CableLoad, "amplitude": factor})`.
 
     ## Episode End

@@ -68,7 +68,7 @@ class CarEnv(PlantEnv[CarTask]):
 
     ## Starting State
 
-    At rest, the coil's driver at the first command, at the start of a road drawn from `roads`, or given:
+    At rest, no current in the coil, at the start of a road drawn from `roads`, or given:
     `reset(options={"road": Road or file, "speed": m/s, "amplitude": factor})`.
 
     ## Episode End

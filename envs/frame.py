@@ -67,7 +67,7 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     ## Starting State
 
-    At rest, the coil's driver at the first command, at the start of a ground motion drawn from `motions`, or given:
+    At rest, no current in the coil, at the start of a ground motion drawn from `motions`, or given:
     `reset(options={"motion": GroundMotion or file, "amplitude": factor})`. A given motion is used unchanged. For the
     model frame of Dyke et al. a measured one is compressed in time by a factor of five:
     `read_motion(file).compressed(5)`.

@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 8 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 9 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -190,14 +190,14 @@ MRDAMP_API mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdam
 MRDAMP_API mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* dampers, double period, int steps,
                                         int instants, char* err, int err_size);
 MRDAMP_API void mrdamp_rows_free(mrdamp_rows* rows);
-MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates begin at 4, then
+MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates begin at 3, then
                                                                    * their velocities */
 MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
 MRDAMP_API int mrdamp_rows_criteria(const mrdamp_rows* rows); /* MRDAMP_CRITERIA or MRDAMP_CAR_CRITERIA */
 /* Sets white noise on every measurement: standard deviations, mrdamp_rows_measurements() of them. */
 MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
-/* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. The dampers start at
- * the first command that a step gives. */
+/* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. Before the first
+ * command the dampers have none, or their command_start. */
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,
                                   double* measurements);
 /* One control period of n rows with constant commands (n x count): state n x size, loads n, criteria n x mrdamp_rows_criteria(),

@@ -14,4 +14,5 @@ STEP = np.where((T > 0.2) & (T < 0.6), 1.0, 0.0)  # A, up and down again
 
 
 def run(column: str, u: np.ndarray | float = 0.5, **effect: float) -> np.ndarray:
-    return core.run("bingham", {**BINGHAM, **effect}, DT, X, u=u, columns=(column,))[column]
+    signed = {"command_min": -10.0}  # a negative field stays negative
+    return core.run("bingham", {**BINGHAM, **signed, **effect}, DT, X, u=u, columns=(column,))[column]

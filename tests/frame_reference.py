@@ -49,7 +49,6 @@ def solve(
         return np.concatenate([s[3:6], absolute - ground(t), [z_rate, rate, (u - s[8]) / LAG, force * v]])
 
     state = np.zeros(10)
-    state[8] = commands[0]  # the driver rests at the first command
     steps = round(period / every)
     rows = []
     for k, u in enumerate(commands):

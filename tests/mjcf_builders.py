@@ -17,7 +17,10 @@ from mrdamp.model import core
 Values = Mapping[str, float | str]
 Numbers = Sequence[float] | Array
 HEAVY = 1e9  # kg: a body that no damper here moves
-ALL_SIGNALS = tuple("force charge true_force stroke stroke_velocity current field temperature".split())
+ALL_SIGNALS = (
+    "force", "charge", "true_force", "applied_force", "unlimited_force", "stroke", "stroke_velocity", "power", "energy",
+    "current", "field", "temperature",
+)  # fmt: skip
 
 
 def grid(end: float, dt: float) -> Array:

@@ -159,7 +159,7 @@ def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
     assert other is not None
     final = final_fit(found.search, found.judge()[0][0], rig=found.rig)
     answer = replace(answered(found, 0.0, lambda *_: None), verdict="unknown", effects=())
-    more, less = (replace(other, left_out=factor * final.heldout) for factor in (1.01, 0.69))
+    more, less = (replace(other, left_out=factor * final.heldout) for factor in (1.01, 0.6))
     assert with_other_law(answer, more, found.search, final) is answer
     assert with_other_law(answer, less, found.search, final).corrected is other.model
     assert with_other_law(replace(answer, verdict="effect"), less, found.search, final).corrected is answer.corrected

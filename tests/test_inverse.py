@@ -58,12 +58,12 @@ def test_a_lagging_driver_is_led() -> None:
     inverse = LawInverse(model, PERIOD, horizon, feedback=False, preview=False)
     # Within reach, then a step that asks for more than the range: the range is what it gets.
     levels = (0.2, 0.3, 0.35, 0.3, 1.9, 1.9)
-    current, expected = 0.2, []  # the chain starts with the current that is first commanded
+    current, expected = 0.0, []  # no current before the first command
     for level in levels:
         led = current + (level - current) / -math.expm1(-horizon / tau)
         expected.append(min(max(led, 0.0), 2.0))
         current += (expected[-1] - current) * -math.expm1(-PERIOD / tau)
-    assert expected[1] > 0.44
+    assert expected[0] == pytest.approx(0.2 / -math.expm1(-0.5))
     assert expected[-1] == 2.0
     assert steadily(inverse, v, [bingham(v, level) for level in levels]) == pytest.approx(expected, abs=0.01)
 
@@ -76,7 +76,7 @@ def test_what_is_on_its_way_through_a_delay_is_counted() -> None:
     inverse = LawInverse(model, PERIOD, horizon, feedback=False, preview=False)
     got = steadily(inverse, v, [bingham(v, u) for u in levels])
     # The coil, a millisecond at a time: what was commanded three before now, then what the horizon leaves.
-    late, current = deque([got[0]] * round(delay / PERIOD)), got[0]
+    late, current = deque([0.0] * round(delay / PERIOD)), 0.0
     share = -math.expm1(-PERIOD / tau)
     reached = []
     for command in got:

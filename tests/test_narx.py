@@ -73,7 +73,8 @@ def test_mujoco_at_the_sample_time_is_numpy(name: str, kind: str) -> None:
     net = NETWORKS[name]
     x, v, u = inputs(net.sample_time, kind)
     expected = net.free_run(x, v, u)
-    found = drive(rig(net.sample_time, extra=custom(net)), x, v, u)["force"]
+    start = {"command_start": float(u[0])}  # the network's past holds the first command
+    found = drive(rig(net.sample_time, extra=custom(net), more=start), x, v, u)["force"]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * rms(expected))
 
 
@@ -102,7 +103,7 @@ def test_effects_act_on_a_network_too() -> None:
     for k in range(1, len(x)):
         current[k] = u[k - 1] + (current[k - 1] - u[k - 1]) * np.exp(-dt / tau)
     expected = net.free_run(x, v, current) + 2e4 * x
-    more = {"driver_lag_tau": tau, "gas_spring_k": 2e4}
+    more = {"driver_lag_tau": tau, "gas_spring_k": 2e4, "command_start": 0.2}
     found = drive(rig(dt, extra=custom(net), more=more), x, v, u)["force"]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * rms(expected))
 

@@ -79,7 +79,9 @@ def same_as_the_chain(law: str, parameters: Mapping[str, float], id: str, kind: 
     """Every signal of the sensor, step by step, to 1e-8 of its size."""
     motion, command = excitation(id, kind)
     record = sample(motion, command, timestep, min(0.8, 4000 * timestep))
-    rig = document(slider(HEAVY), [Damper(law, parameters)], signals(), timestep=timestep)
+    # a record begins with its first command, a model with none
+    damper = Damper(law, {**parameters, "command_start": float(record.u[0])})
+    rig = document(slider(HEAVY), [damper], signals(), timestep=timestep)
     found = drive(rig, record.x, record.v, record.u)
     # MuJoCo holds the command over a step; the heavy body has no acceleration of its own
     expected = core.run(
@@ -277,9 +279,13 @@ def test_moving_mass_is_inertia(integrator: str) -> None:
 
 
 def commanded(
-    setting: Mapping[str, float], more: str, command: Callable[[float], float], seconds: float
+    setting: Mapping[str, float],
+    more: str,
+    command: Callable[[float], float],
+    seconds: float,
+    signal: str = "current",
 ) -> Array:
-    """Coil current before each 1 ms step under a command."""
+    """Coil current, or another signal, before each 1 ms step under a command."""
     model, data = compiled(
         document(slider(HEAVY), [Damper("bingham", {**BINGHAM, **setting}, more=more)], signals())
     )
@@ -287,7 +293,7 @@ def commanded(
     for k in range(len(out)):
         data.ctrl[0] = command(k * 1e-3)
         mujoco.mj_step(model, data)
-        out[k] = data.sensor("current").data[0]
+        out[k] = data.sensor(signal).data[0]
     return out
 
 
@@ -298,19 +304,21 @@ def step_at(time: float, low: float, high: float) -> Callable[[float], float]:
 @pytest.mark.parametrize("delay", [0.0105, 0.05, 0.2])
 @pytest.mark.parametrize("tau", [0.0, 0.008])
 def test_step_of_the_command_arrives_late_and_lagged(delay: float, tau: float) -> None:
-    """i(t) = u(t - d) through 1 / (1 + tau s), in closed form."""
+    """i(t) = u(t - d) through 1 / (1 + tau s), in closed form; there is no current before the first command."""
     setting = {"command_delay_d": delay} | ({"driver_lag_tau": tau} if tau else {})
     found = commanded(setting, "", step_at(0.1, 0.3, 1.1), 0.4)
-    since = np.arange(len(found)) * 1e-3 - 0.1 - delay
-    rise = (
-        np.where(since > 0.0, 1.0 - np.exp(-np.maximum(since, 0.0) / tau), 0.0)
-        if tau
-        else (since >= -1e-9) * 1.0
-    )
-    expected = 0.3 + 0.8 * rise
+    time = np.arange(len(found)) * 1e-3
+
+    def arrived(sent: float) -> Array:
+        since = time - sent - delay
+        if not tau:
+            return np.where(since >= -1e-9, 1.0, 0.0)
+        return np.asarray(1.0 - np.exp(-np.maximum(since, 0.0) / tau))
+
+    expected = 0.3 * arrived(0.0) + 0.8 * arrived(0.1)
     off = np.abs(found - expected)
     # the instants at which a delayed step arrives are known to a step, or 1 % of the delay
-    edge = np.abs(since) < 1e-3 + 0.01 * delay
+    edge = np.minimum(np.abs(time - delay), np.abs(time - 0.1 - delay)) < 1e-3 + 0.01 * delay
     assert np.all(off[~edge] < (0.8 * 0.01 * delay / tau + 0.06 if tau else 1e-12))
     assert rms(off) < 0.02
 
@@ -330,7 +338,7 @@ def test_commands_are_clamped() -> None:
         ({}, 'ctrllimited="true" ctrlrange="0 2"', 0.0, 2.0),
         (both, "", 0.6, 1.5),
         (both, 'ctrllimited="true" ctrlrange="0 1"', 0.6, 1.0),
-        ({"command_max": 1.5}, "", -3.0, 1.5),
+        ({"command_max": 1.5}, "", -1.5, 1.5),
         ({"command_min": 0.6}, "", 0.6, 5.0),
     )
     for setting, more, low, high in cases:
@@ -345,6 +353,37 @@ def test_commands_are_clamped() -> None:
     data.ctrl[0] = 5.0
     mujoco.mj_forward(model, data)
     assert data.sensor("current").data[0] == 5.0
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [{}, {"driver_lag_tau": 0.01}, {"saturation_i_s": 0.8}, {"remanence_b": 0.1, "remanence_d": 0.3}],
+)
+def test_the_sign_of_a_current_does_not_matter_to_the_fluid(effect: Mapping[str, float]) -> None:
+    """(c0a + c0b |i|) v + (fya + fyb |i|) tanh(v / v_ref); with a least command the sign counts."""
+
+    def force(u: float, more: Mapping[str, float]) -> float:
+        model, data = compiled(
+            document(slider(HEAVY), [Damper("bingham", {**BINGHAM, **effect, **more})], signals())
+        )
+        data.qvel[0], data.ctrl[0] = 0.1, u
+        mujoco.mj_step(model, data, 200)
+        return float(data.sensor("true_force").data[0])
+
+    assert force(-0.5, {}) == pytest.approx(force(0.5, {}), rel=1e-9)
+    if not effect:
+        assert force(-0.5, {}) == pytest.approx((150 + 40) * 0.1 + (40 + 30), rel=1e-6)
+        assert force(-0.5, {"command_min": -1.0}) == pytest.approx((150 - 40) * 0.1 + (40 - 30), rel=1e-6)
+        assert force(-0.5, {"command_min": 0.0}) == pytest.approx(150 * 0.1 + 40, rel=1e-6)
+
+
+def test_a_current_that_changes_its_sign_passes_zero() -> None:
+    """From 1 to -1 A behind a lag: |2 exp(-t / tau) - 1|."""
+    found = commanded(
+        {"driver_lag_tau": 0.02, "command_start": 1.0}, "", step_at(0.05, 1.0, -1.0), 0.2, "field"
+    )
+    since = np.maximum(np.arange(len(found)) * 1e-3 - 0.05, 0.0)
+    np.testing.assert_allclose(found, np.abs(2.0 * np.exp(-since / 0.02) - 1.0), atol=1e-9)
 
 
 def test_sensor_does_not_keep_an_old_force_without_actuation() -> None:

@@ -131,6 +131,106 @@ def test_range_and_resolution() -> None:
     close(shifted, step * np.round((0.9 * force + 3.0) / step), 100.0)
 
 
+# z' = 100 v (1 - z^2): z = tanh(100 x) from zero
+HYSTERESIS = dict.fromkeys(("c0a", "c0b", "alpha_a", "alpha_b", "k0", "x0"), 0.0)
+HYSTERESIS |= {"gamma": 50.0, "beta": 50.0, "A": 100.0, "n": 2.0}
+
+
+# --- what acts on the model --------------------------------------------------------------------------
+
+
+def limited(force: float, more: str, joint: str) -> dict[str, float]:
+    """Every signal of a dashpot at a held velocity, behind a limit of the engine's."""
+    body = mjcf.slider(mjcf.HEAVY).replace('type="slide"', f'type="slide" {joint}')
+    text = mjcf.document(body, [mjcf.Damper("bingham", DASHPOT, more=more)], mjcf.signals())
+    model, data = mjcf.compiled(text)
+    data.qvel[0] = force / C
+    mujoco.mj_step(model, data)
+    return {name: float(data.sensor(name).data[0]) for name in mjcf.ALL_SIGNALS}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("more", "joint"),
+    [
+        ('forcelimited="true" forcerange="-100 100"', ""),
+        ("", 'actuatorfrclimited="true" actuatorfrcrange="-100 100"'),
+        ('gear="2"', 'actuatorfrclimited="true" actuatorfrcrange="-200 200"'),
+    ],
+)
+def test_a_limit_of_the_engine_is_what_acts(more: str, joint: str, sign: float) -> None:
+    gear = 2.0 if "gear" in more else 1.0
+    found = limited(sign * 630.0 / gear, more, joint)
+    for name in ("force", "true_force", "applied_force"):
+        assert found[name] == pytest.approx(sign * 100.0, rel=1e-12), name
+    assert found["unlimited_force"] == pytest.approx(sign * 630.0, rel=1e-9)
+    assert found["charge"] == pytest.approx(-158.248 * sign * 100.0, rel=1e-12)
+    assert found["power"] == pytest.approx(100.0 * 6.3, rel=1e-9)
+    within = limited(sign * 60.0 / gear, more, joint)
+    for name in ("force", "true_force", "applied_force", "unlimited_force"):
+        assert within[name] == pytest.approx(sign * 60.0, rel=1e-6), name
+
+
+@pytest.mark.parametrize(("integrator", "within"), [("Euler", 1e-9), ("implicitfast", 1e-9), ("RK4", 1e-4)])
+def test_energy_is_what_the_body_lost(integrator: str, within: float) -> None:
+    """A body of 3 kg braked by dashpot and yield force: kinetic energy by hand; the limit of the force counts."""
+    values = {**DASHPOT, "fya": 20.0, "v_ref": 0.05}
+    limit = 'forcelimited="true" forcerange="-150 150"'
+    text = mjcf.document(
+        mjcf.slider(3.0), [mjcf.Damper("bingham", values, more=limit)], mjcf.signals(), integrator=integrator
+    )
+    model, data = mjcf.compiled(text)
+    data.qvel[0] = 2.0
+    mujoco.mj_step(model, data, 61)
+    v = float(data.qvel[0])
+    mujoco.mj_forward(model, data)
+    assert v < 1.0
+    assert data.sensor("energy").data[0] == pytest.approx(1.5 * (4.0 - v**2), rel=within)
+    assert data.sensor("power").data[0] == pytest.approx(v * data.sensor("true_force").data[0], rel=1e-12)
+
+
+def test_a_group_that_is_off_leaves_the_state_in_motion() -> None:
+    """The engine asks on: the hysteresis follows the motion and the force is there when the group is on again."""
+    law = {**HYSTERESIS, "alpha_a": 100.0}
+    text = mjcf.document(
+        mjcf.slider(mjcf.HEAVY), [mjcf.Damper("bouc_wen", law, more='group="3"')], mjcf.signals()
+    )
+
+    def force(off: bool) -> tuple[float, float]:
+        model, data = mjcf.compiled(text)
+        data.qvel[0] = 0.1
+        model.opt.disableactuator = 8 if off else 0
+        mujoco.mj_step(model, data, 200)
+        meanwhile = float(data.sensor("force").data[0])
+        model.opt.disableactuator = 0
+        mujoco.mj_step(model, data)
+        return meanwhile, float(data.sensor("force").data[0])
+
+    asleep, awake = force(True)
+    assert asleep == 0.0
+    assert awake == pytest.approx(force(False)[1], rel=1e-6)
+    assert awake == pytest.approx(100.0 * math.tanh(100.0 * 0.0200), rel=1e-3)
+
+
+def test_without_actuation_a_damper_starts_anew() -> None:
+    """The engine does not ask then: at rest where it stands, without current; stroke and velocity are read on."""
+    damper = mjcf.Damper("bouc_wen", {**HYSTERESIS, "alpha_b": 100.0, "driver_lag_tau": 0.05})
+    model, data = mjcf.compiled(mjcf.document(mjcf.slider(mjcf.HEAVY), [damper], mjcf.signals()))
+    data.qvel[0], data.ctrl[0] = 0.1, 1.0
+    mujoco.mj_step(model, data, 100)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    mujoco.mj_step(model, data, 100)
+    assert data.sensor("stroke").data[0] == pytest.approx(0.1 * 0.199, rel=1e-6)
+    assert data.sensor("power").data[0] == 0.0
+    model.opt.disableflags = 0
+    mujoco.mj_step(model, data, 31)
+    rise = 1.0 - math.exp(-0.03 / 0.05)
+    assert data.sensor("current").data[0] == pytest.approx(rise, rel=1e-6)
+    assert data.sensor("true_force").data[0] == pytest.approx(
+        100.0 * rise * math.tanh(100.0 * 0.003), rel=1e-3
+    )
+
+
 # --- noise --------------------------------------------------------------------------------------------
 
 
@@ -169,7 +269,11 @@ def noisy() -> tuple[mujoco.MjModel, mujoco.MjData]:
     text = mjcf.document(
         mjcf.slider(2.0, stiffness=800.0),
         [mjcf.Damper("bingham", {**DASHPOT, "c0a": 1.0})],
-        [mjcf.Sensor("f", "mr", {"noise": 2.5, "seed": 5.0, "sensor_lag_tau": 0.01, "sensor_leakage_tau": 0.5})],
+        [
+            mjcf.Sensor(
+                "f", "mr", {"noise": 2.5, "seed": 5.0, "sensor_lag_tau": 0.01, "sensor_leakage_tau": 0.5}
+            )
+        ],
     )
     model, data = mjcf.compiled(text)
     data.qpos[0] = 0.02
@@ -222,7 +326,9 @@ def test_signals_of_the_inside() -> None:
         "heating_kappa_yield": 1e-9,
         "heating_capacity": 5.0,
     }
-    text = mjcf.document(mjcf.slider(mjcf.HEAVY), [mjcf.Damper("bingham", {**DASHPOT, **more})], mjcf.signals())
+    text = mjcf.document(
+        mjcf.slider(mjcf.HEAVY), [mjcf.Damper("bingham", {**DASHPOT, **more})], mjcf.signals()
+    )
     n = 300
     v, u = np.full(n, 0.3), np.where(np.arange(n) > 0, 1.2, 0.0)
     k = np.arange(n, dtype=np.float64)
@@ -241,7 +347,10 @@ def test_moving_mass_is_in_the_reading_and_not_in_the_damper() -> None:
     """Under a known push: reading = force of the dashpot + m a, and the body obeys m_b a = push - reading."""
     model, data = mjcf.compiled(
         mjcf.document(
-            mjcf.slider(3.0), [mjcf.Damper("bingham", {**DASHPOT, "moving_mass_m": 1.5})], mjcf.signals(), timestep=1e-4
+            mjcf.slider(3.0),
+            [mjcf.Damper("bingham", {**DASHPOT, "moving_mass_m": 1.5})],
+            mjcf.signals(),
+            timestep=1e-4,
         )
     )
     data.qfrc_applied[0] = 45.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,9 @@ def test_nominal_damper_force(name: str) -> None:
 
 @pytest.mark.parametrize("name", names("frame"))
 def test_nominal_frame(name: str) -> None:
-    model = Model.read(CASES / "open" / name)
+    read = Model.read(CASES / "open" / name)
+    # the logged commands ring below zero by up to 2 %: there the case's own simulator follows the straight line
+    model = replace(read, parameters={"command_min": -1.0, **read.parameters})
     for test, c in held_back(name).items():
         dt = float(c["time_s"][1] - c["time_s"][0])
         out = model.simulate(dt, c)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mrdamp.compare.rollouts import Slopes, matter
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
+from mrdamp.simulation.rows import HEADER
 from mrdamp.train.worlds import FrameWorld
 
 Array = NDArray[np.float64]
@@ -25,7 +26,6 @@ Act = Callable[[NDArray[np.float32]], Array]
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
 _NUDGE = 1e-6  # of a state or command over its size, as in mrdamp.compare.rollouts
-_HEADER = 4  # doubles of a row's state before its coordinates
 _PROBED = 64  # periods at which it is looked up which states matter
 _ROWS = 1008  # rows that slopes are taken with at once
 #: Periods before a near-peak that slopes are taken in, .3 s of a frame whose first period is .18 s; and what counts as
@@ -122,7 +122,7 @@ class ClosedLoop:
         largest = np.abs(run.states).max(axis=(0, 1))
         changing = (run.states != run.states[0]).any(axis=(0, 1))
         moving = np.flatnonzero(changing & np.isfinite(largest))
-        moving = moving[moving >= _HEADER]
+        moving = moving[moving >= HEADER]
         self._moving, self._scale = moving, np.maximum(largest[moving], np.finfo(np.float64).tiny)
         k = np.linspace(0, len(run.commands) - 1, _PROBED).astype(np.intp)
         at = np.repeat(k, self.n), np.tile(np.arange(self.n), len(k))

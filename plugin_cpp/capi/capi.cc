@@ -41,7 +41,7 @@ bool Finite(const char* name, const double* a, int n, char* err, int size) {
 
 extern "C" {
 
-int mrdamp_abi(void) { return 8; }
+int mrdamp_abi(void) { return 9; }
 int mrdamp_attribute_count(void) { return kParamCount; }
 const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
 const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }

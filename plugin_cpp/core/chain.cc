@@ -14,7 +14,8 @@
 namespace mrdamp {
 
 double Damper::Clamp(double u) const {
-  if (u < p.command_min) u = p.command_min;  // false where unset (NaN)
+  const double least = AnySign() ? -p.command_max : p.command_min;
+  if (u < least) u = least;  // false where unset (NaN)
   if (u > p.command_max) u = p.command_max;
   return u;
 }
@@ -209,8 +210,9 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
 void Start(const Damper& d, State* s, double x, double v, double u) {
   ChainState& c = s->c;
   c = ChainState();
+  if (!std::isnan(d.p.command_start)) u = d.p.command_start;
   c.coil.Start(d.p, d.Clamp(u));
-  c.magnet.Start(d.p, d.Clamp(u));
+  c.magnet.Start(d.p, d.Acting(d.Clamp(u)));
   c.heat = c.body = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
   c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
@@ -219,6 +221,7 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.gas.flow = c.piston_velocity;
   if (s->line) {
     *s->line = DelayLine();
+    s->line->Push(-DelayLine::Spacing(Reach(d.p)), d.Clamp(u), Reach(d.p));  // before the command at 0, which may be another
     s->line->Push(0, d.Clamp(u), Reach(d.p));
   }
   if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, x, c.piston_velocity, FieldNow(d, c));
@@ -247,9 +250,9 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     }
     ChainState& c = s->c;
     const double field0 = FieldNow(d, c);
-    const double before = c.coil.current;
+    const double before = d.Acting(c.coil.current);
     c.coil.Step(p, from, to, dt);
-    if (p.remanence_b > 0) c.magnet.Follow(p, before, c.coil.current);
+    if (p.remanence_b > 0) c.magnet.Follow(p, before, d.Acting(c.coil.current));
     const double field1 = FieldNow(d, c);
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
     const bool jump = ((d.hold && !(Spread(p) > 0)) || p.command_delay_period > 0) && !HasLag(p);
@@ -282,10 +285,11 @@ Magnetised Commanded(const Damper& d, const State& s, double u) {
   } else if (p.command_delay_d > 0 && s.line) {
     now = Arrived(*s.line, p, c.time, d.hold);
   }
-  if (!(p.remanence_b > 0)) return {now, FieldOf(p, now, c.magnet.branch)};
+  const double acting = d.Acting(now);
+  if (!(p.remanence_b > 0)) return {now, FieldOf(p, acting, c.magnet.branch)};
   Magnet magnet = c.magnet;
-  magnet.Follow(p, c.coil.current, now);
-  return {now, FieldOf(p, now, magnet.branch)};
+  magnet.Follow(p, d.Acting(c.coil.current), acting);
+  return {now, FieldOf(p, acting, magnet.branch)};
 }
 
 // The force on the rod, by what the damper or its mount carries.

@@ -5,6 +5,8 @@
 #ifndef MRDAMP_CORE_CHAIN_H_
 #define MRDAMP_CORE_CHAIN_H_
 
+#include <cmath>
+
 #include "core/params.h"
 #include "effects/driver.h"
 #include "effects/fluid.h"
@@ -24,6 +26,10 @@ struct Damper {
   bool hold = true;              // the command is constant between samples; false: linear
 
   double Clamp(double u) const;
+  // The fluid feels the size of the field: without a least command a negative current acts as a positive one. A
+  // network takes what it was trained with.
+  bool AnySign() const { return std::isnan(p.command_min) && law != Law::kNarx; }
+  double Acting(double current) const { return AnySign() ? std::fabs(current) : current; }
 };
 
 // Inner state of the chain; plain doubles.
@@ -66,7 +72,7 @@ struct Observation {
   double current, field, temperature, piston, inner;
 };
 
-// Starts the chain at rest at displacement x with command u, including the narx history.
+// Starts the chain at rest at displacement x, where the command was u before, including the narx history.
 void Start(const Damper& d, State* s, double x, double v, double u);
 
 // Steps the chain over the motion while the command runs linearly from u0 to u1 (u1 == u0: constant).

@@ -22,7 +22,7 @@ inline Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
   return f;
 }
 
-inline double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, c.coil.current, c.magnet.branch); }
+inline double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, d.Acting(c.coil.current), c.magnet.branch); }
 
 inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v) {
   const ChainState& c = s.c;

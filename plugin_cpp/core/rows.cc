@@ -221,24 +221,15 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
   const int n = linear_.n(), many = dampers(), places = plan_.place.n;
   const double h = linear_.h(), begin = state[kStep];
   Load(state, w);
-  if (state[kStarted] == 0) {
-    a.Start(command);
-    for (int k = 0; k < many; k++) {
-      w->sensors[k].Start(readings_[k], a.elements[k].force);
-      if (a.sites[k].state.s.line) a.sites[k].trial.line = *a.sites[k].state.s.line;
+  for (int k = 0; k < many; k++) {
+    Assembly::Site& site = a.sites[k];
+    State& s = site.state.s;
+    if (s.line) {
+      s.line->Push(s.c.time, site.d->Clamp(command[k]), Reach(site.d->p));
+      site.trial.line = *s.line;
     }
-    state[kStarted] = 1;
-  } else {
-    for (int k = 0; k < many; k++) {
-      Assembly::Site& site = a.sites[k];
-      State& s = site.state.s;
-      if (s.line) {
-        s.line->Push(s.c.time, site.d->Clamp(command[k]), Reach(site.d->p));
-        site.trial.line = *s.line;
-      }
-      Settle(*site.d, &s, a.Stroke(k), a.Velocity(k), command[k]);
-      a.Command(k, command[k]);
-    }
+    Settle(*site.d, &s, a.Stroke(k), a.Velocity(k), command[k]);
+    a.Command(k, command[k]);
   }
   double first = 0, second = 0, share = 0, power = 0, current = 0, energy = 0, ride[5] = {};
   const bool rides = !plan_.sections.empty();

@@ -63,7 +63,7 @@ class Rows {
     std::vector<double> rate, before, from, current;  // present rates; three of the step's start
     std::vector<double> filter;  // of a ride: two for each section
   };
-  enum Header { kStep, kStarted, kSeed, kDrawn, kHeader };
+  enum Header { kStep, kSeed, kDrawn, kHeader };
 
   Desk MakeDesk() const;
   void Load(const double* state, Desk* w) const;

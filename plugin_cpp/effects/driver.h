@@ -86,9 +86,11 @@ struct DelayLine {
   double time[kCapacity] = {};
   double value[kCapacity] = {};
 
+  static double Spacing(double delay) { return delay / (kCapacity - 4); }
+
   void Push(double t, double u, double delay) {
     int h = static_cast<int>(head), n = static_cast<int>(count);
-    const double spacing = delay / (kCapacity - 4);
+    const double spacing = Spacing(delay);
     const int before = (h + kCapacity - 1) % kCapacity;
     if (n >= 1 && t <= time[h]) {
       value[h] = u;

@@ -59,7 +59,7 @@ std::string Describe(const mjModel* m, int object_type, const char* kind, int id
   return std::string(kind) + " " + std::to_string(id);
 }
 
-const DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator) {
+DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator) {
   const int instance = m->actuator_plugin[actuator];
   return instance >= 0 && IsDamper(m, instance) ? Data<DamperInstance>(d, instance) : nullptr;
 }
@@ -151,13 +151,17 @@ void DamperInstance::Refresh(const mjModel* m) {
   mju_error("%s", line);
 }
 
+void DamperInstance::Watch(const mjData* d) {
+  if (!integrate_) x_ = d->actuator_length[output_];
+  v_ = Along(d, output_, d->qvel);
+}
+
 void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   const double* s = d->plugin_state + m->plugin_stateadr[instance_];
   const int control = m->actuator_ctrladr[actuator_];
   const double delay = m->actuator_delay[actuator_];
   double buffer = 0;
-  x_ = d->actuator_length[output_];
-  v_ = d->actuator_velocity[output_];
+  Watch(d);
   u_ = d->ctrl[control];
   if (delay > 0) {
     const mjtNum* late = mj_readCtrl(m, d, actuator_, d->time, &buffer, m->actuator_history[2 * actuator_ + 1]);
@@ -170,7 +174,9 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   time_ = d->time;
   if (integrate_) x_ = s[0] == 0 ? 0 : s[2] + std::max(0.0, d->time - s[1]) * v_;
   if (s[0] == 0) {
-    Start(damper_, &now_, x_, v_, u_);
+    Start(damper_, &now_, x_, v_, 0);  // no current before the first command
+    if (now_.line) now_.line->Push(0, damper_.Clamp(u_), Reach(damper_.p));
+    Settle(damper_, &now_, x_, v_, u_);
   } else {
     Load(&now_.c, s + kSnapshot);
     int at = kSnapshot + kChainSize;
@@ -212,6 +218,21 @@ bool DamperInstance::Acts(const mjModel* m) const {
   const int group = m->actuator_group[actuator_];
   const bool off = group >= 0 && group < 31 && (m->opt.disableactuator & (1 << group));
   return !off && !(m->opt.disableflags & mjDSBL_ACTUATION);
+}
+
+double DamperInstance::Applied(const mjModel* m, const mjData* d) const {
+  const double force = -d->actuator_force[output_];
+  const int type = m->actuator_trntype[actuator_], joint = m->actuator_trnid[2 * actuator_];
+  if ((type != mjTRN_JOINT && type != mjTRN_JOINTINPARENT) || !m->jnt_actfrclimited[joint]) return force;
+  const int dof = m->jnt_dofadr[joint];
+  for (int o = 0; o < m->nout; o++) {
+    if (o == output_ || d->actuator_force[o] == 0) continue;
+    for (int k = d->moment_rowadr[o]; k < d->moment_rowadr[o] + d->moment_rownnz[o]; k++) {
+      if (d->moment_colind[k] == dof) return force;
+    }
+  }
+  const double gear = d->actuator_moment[d->moment_rowadr[output_]];
+  return d->qfrc_actuator[dof] == -gear * force ? force : -d->qfrc_actuator[dof] / gear;
 }
 
 void DamperInstance::Compute(const mjModel* m, mjData* d) {
@@ -273,7 +294,8 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
 
 void DamperInstance::Advance(const mjModel* m, mjData* d) {
   double* s = d->plugin_state + m->plugin_stateadr[instance_];
-  s[0] = 1;
+  // Without actuation the engine does not ask for the force: the damper starts anew when it does.
+  s[0] = !(m->opt.disableflags & mjDSBL_ACTUATION);
   s[1] = time_;
   s[2] = x_;
   s[3] = v_;

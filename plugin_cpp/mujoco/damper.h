@@ -27,6 +27,8 @@ class DamperInstance {
 
   void Compute(const mjModel* m, mjData* d);
   void Advance(const mjModel* m, mjData* d);
+  // Reads length and velocity.
+  void Watch(const mjData* d);
   // Adds the force as an arrow, coloured by the current, to a scene.
   void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
@@ -37,6 +39,11 @@ class DamperInstance {
   double length() const { return x_; }
   double velocity() const { return v_; }
   int actuator() const { return actuator_; }
+  // Force of this step, before the engine's limits.
+  double exerted() const { return force_; }
+  // What of it acts on the model, after forcerange and actuatorfrcrange; known once the engine has applied them. The
+  // limit of a joint counts where this is its only actuator.
+  double Applied(const mjModel* m, const mjData* d) const;
   // True unless switched off by the actuation flag or its group.
   bool Acts(const mjModel* m) const;
   // Reads the attributes again if their bytes have changed.
@@ -77,7 +84,7 @@ class DamperInstance {
 };
 
 // The damper of an actuator, or null.
-const DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator);
+DamperInstance* DamperOf(const mjModel* m, const mjData* d, int actuator);
 
 // Value of a plugin attribute; null if it is not given.
 const char* AttributeOf(const mjModel* m, int instance, const char* name);

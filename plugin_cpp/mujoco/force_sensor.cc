@@ -25,13 +25,13 @@ const Option kOptions[] = {
 const char* const kOwn[] = {"sensor_gain_g", "sensor_offset_f", "sensor_leakage_tau", "sensor_lag_tau", "sensor_lag_tau2",
                             "sensor_leakage_share", "sensor_leakage_tau2", "sensor_lag_ratio", "sensor_offset_settle",
                             "sensor_offset_time"};
-const char* const kSignalNames[] = {"force",    "charge",          "true_force", "stroke",
-                                    "stroke_velocity", "current", "field",      "temperature"};
-static_assert(std::size(kSignalNames) == 8);
+const char* const kSignalNames[] = {"force",           "charge", "true_force", "applied_force", "unlimited_force", "stroke",
+                                    "stroke_velocity", "power",  "energy",     "current",       "field",           "temperature"};
 
 }  // namespace
 
 bool ForceSensorInstance::Parse(const mjModel* m, std::string* error) {
+  static_assert(std::size(kSignalNames) == kSignals);
   KeepAttributes(m, instance_, &attributes_);
   const char* signal = AttributeOf(m, instance_, "signal");
   signal_ = kForce;
@@ -151,27 +151,32 @@ double ForceSensorInstance::Noise(double count) const {
 
 void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
   Refresh(m);
-  const DamperInstance* damper = DamperOf(m, d, actuator_);
-  const int output = m->actuator_outadr[actuator_];
-  double acceleration = 0;
-  const int begin = d->moment_rowadr[output];
-  for (int k = begin; k < begin + d->moment_rownnz[output]; k++) {
-    acceleration += d->actuator_moment[k] * d->qacc[d->moment_colind[k]];
-  }
-  const double force = damper->Acts(m) ? damper->Force(acceleration) : 0;
+  DamperInstance* damper = DamperOf(m, d, actuator_);
+  const double acceleration = Along(d, m->actuator_outadr[actuator_], d->qacc);
+  const bool acts = damper->Acts(m);
+  if (!acts) damper->Watch(d);
+  const double own = acts ? damper->Force(acceleration) : 0, applied = acts ? damper->Applied(m, d) : 0;
+  const double force = applied == damper->exerted() ? own : applied;  // where a limit acts it is the limit
   const SensorParams reading = Reading(damper->damper().p);
   Stored s;
   std::memcpy(static_cast<void*>(&s), d->plugin_state + m->plugin_stateadr[instance_], sizeof s);
   if (s.started == 0) {
     s.sensor.Start(reading, force);
-    s.count = 0;
+    s.count = s.energy = 0;
   } else {
     double dt = d->time - s.time;
     if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
-    if (dt > 0) s.sensor.Step(reading, force, dt);
+    if (dt > 0) {
+      s.sensor.Step(reading, force, dt);
+      // Runge-Kutta's force is that of the state, the others' the mean over the step.
+      const double mean = m->opt.integrator == mjINT_RK4 ? 0.5 * (s.applied + applied) : s.applied;
+      s.energy += mean * 0.5 * (s.velocity + damper->velocity()) * dt;
+    }
   }
   s.started = 1;
   s.time = d->time;
+  s.velocity = damper->velocity();
+  s.applied = applied;
   next_ = s;
   double value = 0;
   switch (signal_) {
@@ -184,6 +189,10 @@ void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
       if (signal_ == kCharge) value *= sensitivity_;  // Eq. (3): F = Q / k
       break;
     case kTrueForce: value = force; break;
+    case kAppliedForce: value = applied; break;
+    case kUnlimitedForce: value = own; break;
+    case kPower: value = force * damper->velocity(); break;
+    case kEnergy: value = s.energy; break;
     case kStroke: {
       // channel_shift: the channel reads x(t - d), to second order.
       const double shift = damper->damper().p.channel_shift_d;

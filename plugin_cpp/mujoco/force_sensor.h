@@ -25,9 +25,13 @@ class ForceSensorInstance {
   void Advance(const mjModel* m, mjData* d);
 
  private:
-  enum Signal { kForce, kCharge, kTrueForce, kStroke, kStrokeVelocity, kCurrent, kField, kTemperature, kSignals };
+  enum Signal {
+    kForce, kCharge, kTrueForce, kAppliedForce, kUnlimitedForce, kStroke, kStrokeVelocity, kPower, kEnergy, kCurrent, kField,
+    kTemperature, kSignals
+  };
   struct Stored {  // plugin_state
     double started, time, count;
+    double velocity, applied, energy;  // m/s and N at the last step; J
     Sensor sensor;
   };
 

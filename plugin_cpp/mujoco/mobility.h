@@ -8,6 +8,14 @@
 
 namespace mrdamp {
 
+// Product of an actuator output's moment with a vector of nv.
+inline double Along(const mjData* d, int output, const double* x) {
+  double sum = 0;
+  const int begin = d->moment_rowadr[output];
+  for (int k = begin; k < begin + d->moment_rownnz[output]; k++) sum += d->actuator_moment[k] * x[d->moment_colind[k]];
+  return sum;
+}
+
 // What a damper's output does within a step; vectors of nv.
 struct OutputResponse {
   int output = 0;

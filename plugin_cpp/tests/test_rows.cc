@@ -87,6 +87,7 @@ void LikeTheFrame(const Frame& frame, const std::vector<check::Setting>& more, i
   Rows rows(frame, more, {from, to});
   std::vector<check::Setting> settings = kBoucWen;
   settings.insert(settings.end(), more.begin(), more.end());
+  settings.push_back({"command_start", 0});  // a record begins with its first command, a row with none
   const std::vector<double> params = check::Parameters(settings);
   const double dt = kPeriod / 5;
   const int samples = 5 * kPeriods + 1;
@@ -146,7 +147,7 @@ TEST(TheEnergyTakenInIsAccountedFor) {
   const auto held = [&] {
     double sum = 0, below = 0, rate = 0;
     for (int i = 0; i < 3; i++) {
-      const double x = rows.state[4 + i], v = rows.state[7 + i];
+      const double x = rows.state[3 + i], v = rows.state[6 + i];
       sum += 0.5 * f.mass[i] * v * v + 0.5 * f.stiffness[i] * (x - below) * (x - below);
       below = x;
       rate = v;

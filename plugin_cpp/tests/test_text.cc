@@ -119,7 +119,7 @@ TEST(ValuesLandWhereTheyBelong) {
   CHECK(p.damper.p.v_ref == 0.002 && p.damper.p.driver_lag_tau == 0.008 && p.damper.p.command_max == 2);
   CHECK(std::isnan(p.damper.p.command_min));
   CHECK(p.damper.p.sensor_gain_g == 1 && p.damper.p.backlash_k == 2e6);  // neutral where not given
-  CHECK(p.damper.Clamp(9) == 2 && p.damper.Clamp(-9) == -9);
+  CHECK(p.damper.Clamp(9) == 2 && p.damper.Clamp(-9) == -2);
 }
 
 TEST(AnEmptyAttributeIsNotGiven) {

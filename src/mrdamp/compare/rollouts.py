@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
-from mrdamp.simulation.rows import RowMoment
+from mrdamp.simulation.rows import HEADER, RowMoment
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
@@ -24,7 +24,6 @@ _ROWS = 1024
 _PROBED, _NOTHING = 64, 1e-8
 #: Periods that a step of the command is given to reach the driver's states.
 _REACHED = 4
-_HEADER = 4  # doubles of a row's state before its coordinates
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class Rollouts:
         scale = np.maximum(np.abs(states).max(axis=0), stepped)
         changing = (states != states[0]).any(axis=0) | (stepped > 0)
         moving = np.flatnonzero(changing & np.isfinite(scale))
-        moving = moving[moving >= _HEADER]
+        moving = moving[moving >= HEADER]
         moving = moving[matter(self._differences(y, states, commands, some, moving, scale[moving]))]
         return self._differences(y, states, commands, at, moving, scale[moving])
 

@@ -15,7 +15,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 8
+_ABI = 9
 ERROR_SIZE = 400
 
 

@@ -19,7 +19,7 @@ from mrdamp.model.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Mo
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.structures.cars import QuarterCar
 
-_COORDINATES = 4  # doubles of a row's state before them
+HEADER = 3  # doubles of a row's state before its coordinates
 _CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre
 
 
@@ -236,16 +236,16 @@ class ChainRows:
 
     def coordinates(self) -> Array:
         """(n, coordinates), `position` of every row, a view."""
-        return self.state[:, _COORDINATES : _COORDINATES + self._coordinates]
+        return self.state[:, HEADER : HEADER + self._coordinates]
 
     def velocities(self) -> Array:
         """(n, coordinates), the rates of `coordinates`, a view."""
-        begin = _COORDINATES + self._coordinates
+        begin = HEADER + self._coordinates
         return self.state[:, begin : begin + self._coordinates]
 
     def weighting(self) -> Array:
         """(n, 8), the states of the filter Wk of every car, two a section, a view."""
-        begin = _COORDINATES + 2 * self._coordinates + _CAR
+        begin = HEADER + 2 * self._coordinates + _CAR
         return self.state[:, begin : begin + STATES]
 
     def save(self, row: int) -> RowMoment:

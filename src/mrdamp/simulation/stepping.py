@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -30,6 +30,11 @@ def _load(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     except ValueError as error:
         raise InputError(str(error).splitlines()[0]) from None
     return model, mujoco.MjData(model)
+
+
+def _from(model: Model, command: float) -> Model:
+    """The model with the command that a record begins with: it stood there before, as the C entry has it."""
+    return replace(model, parameters={"command_start": command, **model.parameters})
 
 
 def _steps(dt: float, largest: float) -> int:
@@ -63,7 +68,7 @@ def drive_rig(
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), np.interp(fine, t, u)
-    m, d = _load(mjcf(model, timestep=dt / inner))
+    m, d = _load(mjcf(_from(model, float(u[0])), timestep=dt / inner))
     damper = m.actuator("damper").id
     sensors = {s: m.sensor(s).adr[0] for s in ("damper_force", "true_force")}
     out = {name: np.empty(n) for name in ("force_N", "reference_force_N")}
@@ -195,7 +200,7 @@ def drive_frame(
     step, t = dt / inner, dt * np.arange(len(ag))
     push = np.interp(step * np.arange((n - 1) * inner + 1), t, ag)
     command = np.interp(step * np.arange((n - 1) * inner + 1), t, u)
-    m, d = _load(mjcf(model, timestep=step))
+    m, d = _load(mjcf(_from(model, float(u[0])), timestep=step))
     ground, damper = m.actuator("ground").id, m.actuator("damper").id
     address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
     accelerations = [address[f"acceleration_{j}"] for j in range(1, storeys + 1)]
