@@ -2,13 +2,14 @@
 
 | name | what |
 |---|---|
+| `car` | car on four MR dampers, its wheels in contact with the road |
 | `cable` | stay cable with sag, an MR damper near its anchorage |
 | `frame3` | three-storey shear frame on a shake table, an MR damper under the first floor |
 | `quarter_car` | wheel and body of a quarter car on a moving road, an MR damper between them |
 | `rig` | displacement-driven testing machine with one MR damper |
 
-Each folder has `model.xml` (the mechanics), `scene.xml` (the same with light and ground, for the
-viewer) and a README with sources. Loading one needs the plugins: `import mrdamp` registers them.
+`dampers/NAME.xml` are the published sets, to be included in a model. Each other folder has `model.xml` (the
+mechanics), `scene.xml` (the same with light and ground, for the viewer) and a README with sources. Loading one needs the plugins: `import mrdamp` registers them.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
+from mrdamp import sets
 from mrdamp.errors import InputError
 
 
@@ -33,6 +35,12 @@ def path(name: str, file: str = "model.xml") -> Path:
     if file not in there:
         raise InputError(f"model {name!r} has no file {file!r}; it has: {', '.join(there)}")
     return folder / file
+
+
+def damper(name: str) -> Path:
+    """The path of a published set as MJCF, to be included in a model. Raises InputError where there is no such set."""
+    sets.load(name)
+    return _root() / "dampers" / f"{name}.xml"
 
 
 def _root() -> Path:

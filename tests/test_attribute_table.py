@@ -190,7 +190,7 @@ def test_readme_examples_work(tmp_path: Path) -> None:
 def test_readme_counts_the_state() -> None:
     numbers = [int(line.split("|")[1]) for line in section("State").splitlines() if re.match(r"\| \d", line)]
     base, chain, line, past = numbers
-    assert model("bingham", plain("bingham")).plugin_statenum.tolist() == [base + chain, 11]
+    assert model("bingham", plain("bingham")).plugin_statenum.tolist() == [base + chain, 14]
     for name in ("command_delay_d", "command_delay_period"):
         assert model("bingham", {**plain("bingham"), name: 0.1}).plugin_statenum[0] == base + chain + line
     assert model("narx", plain("narx")).plugin_statenum[0] == base + chain + past

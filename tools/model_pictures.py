@@ -18,9 +18,10 @@ from mrdamp import models_xml
 
 FOLDER = Path(__file__).resolve().parents[1] / "models_xml"
 SIZE = 400, 400  # pixels
-#: Model -> camera, joint, its velocity at the start (m/s), command (V), time of the picture (s).
+#: Model -> camera, joint, its velocity at the start (m/s), command of all dampers (V), time of the picture (s).
 MOMENTS = {
     "cable": ("along", "node7", 1.0, 4.0, 0.02),
+    "car": ("corner", "", 5.0, 1.0, 0.93),
     "frame3": ("corner", "storey1", 0.25, 2.25, 0.02),
     "quarter_car": ("corner", "suspension", 0.5, 2.0, 0.05),
     "rig": ("front", "piston", 0.08, 1.5, 0.1),
@@ -33,8 +34,10 @@ def draw(name: str) -> Image.Image:
     model = mujoco.MjModel.from_xml_path(str(models_xml.path(name, "scene.xml")))
     model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
     data = mujoco.MjData(model)
-    data.joint(joint).qvel = velocity
-    data.actuator("damper").ctrl = command
+    data.qvel[model.joint(joint).dofadr[0] if joint else 0] = velocity
+    for actuator in map(model.actuator, range(model.nu)):
+        if actuator.name.endswith("damper"):
+            data.ctrl[actuator.id] = command
     while data.time < end:
         mujoco.mj_step(model, data)
     with mujoco.Renderer(model, SIZE[1], SIZE[0]) as renderer:

@@ -114,6 +114,9 @@ std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int insta
     *error = who + ": this transmission has no length; allowed: a slide or hinge joint, a tendon, a site or a slider-crank";
     return nullptr;
   }
+  // Ports of the engine that do not know plugins would take a motor in its place, with the control as its force; MJX
+  // refuses this type of bias. The engine itself does not look at it in an actuator of a plugin.
+  if (m->actuator_biastype[a] != mjBIAS_USER) const_cast<mjModel*>(m)->actuator_biastype[a] = mjBIAS_USER;
   // The engine gives no length along a site's own axes: it is the path of the velocity then.
   made->integrate_ = transmission == mjTRN_SITE && m->actuator_trnid[2 * a + 1] < 0;
   made->output_ = m->actuator_outadr[a];

@@ -121,11 +121,13 @@ def build_parser() -> argparse.ArgumentParser:
     sets = add("sets", _sets, "list the published parameter sets", "mrdamp sets")
     sets.add_argument("name", nargs="?", help="print this one as a model file")
     sets.add_argument("--json", action="store_true", help="print the list as JSON")
+    sets.add_argument("--include", action="store_true", help="print the path of the set's MJCF, for <include>")
 
     convert.add_to(commands)
     datasets.add_to(commands)
     citation.add_to(commands)
-    add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
+    plugin_path = add("plugin-path", _plugin_path, "print where the plugin library lies", "mrdamp plugin-path")
+    plugin_path.add_argument("--include", action="store_true", help="print the folder of mrdamp.h, the C interface")
     completion.add_to(commands, parser)
     return parser
 
@@ -216,10 +218,13 @@ def _launch(path: Path) -> int:
 def _sets(a: argparse.Namespace) -> int:
     import json
 
-    from mrdamp import sets
+    from mrdamp import models_xml, sets
 
     if a.name:
         sets.load(a.name)  # says which there are where there is none of that name
+        if a.include:
+            print(models_xml.damper(a.name))
+            return 0
         print(json.dumps(named_model(a.name).to_dict(), indent=1))
         return 0
     every = [sets.load(name) for name in sets.names()]
@@ -232,10 +237,11 @@ def _sets(a: argparse.Namespace) -> int:
     return 0
 
 
-def _plugin_path(_: argparse.Namespace) -> int:
+def _plugin_path(a: argparse.Namespace) -> int:
     from mrdamp.library import library_path
 
-    print(library_path())
+    path = library_path()
+    print(path.parents[1] / "include" if a.include else path)
     return 0
 
 
