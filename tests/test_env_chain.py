@@ -102,21 +102,23 @@ def actions(n: int, dampers: int = 1) -> Array:
     return np.repeat(np.random.default_rng(4).uniform(-1, 1, (n // 5 + 1, dampers)), 5, axis=0)[:n]
 
 
-def agree(make: Callable[[str], Task], load: Any, option: str, given: Array) -> None:
+def agree(
+    make: Callable[[str], Task], load: Any, option: str, given: Array, rewarded: float = REWARDED
+) -> None:
     engine, chain = (run(make(name), load, option, given) for name in ("mujoco", "chain"))
     apart = [off(chain[0][:, k], engine[0][:, k]) for k in range(engine[0].shape[1])]
     assert max(apart) < OBSERVED, apart
-    assert off(chain[1], engine[1]) < REWARDED
+    assert off(chain[1], engine[1]) < rewarded
     for found, wanted in zip(chain[2].T, engine[2].T, strict=True):
-        assert off(found, wanted) < REWARDED if wanted.any() else not found.any()
+        assert off(found, wanted) < rewarded if wanted.any() else not found.any()
 
 
-def agree_in_the_frame(model: Any, command_max: float, step: float = FINE, **arguments: Any) -> None:
-    own = {"model": model, "command_max": command_max, "timestep": step, "signals": SIGNALS, **arguments}
+def agree_in_the_frame(model: Any, command_max: float, rewarded: float = REWARDED, **arguments: Any) -> None:
+    own = {"model": model, "command_max": command_max, "timestep": FINE, "signals": SIGNALS, **arguments}
     # energy among the weights: every part of the reward is compared.
     own["reward"] = FrameReward(energy=0.3, power=0.1, drift_peak=2.0, acceleration_peak=2.0)
     many = len(arguments.get("damper_between", [0]))
-    agree(lambda engine: FrameTask(1, engine=engine, **own), MOTION, "motion", actions(190, many))
+    agree(lambda engine: FrameTask(1, engine=engine, **own), MOTION, "motion", actions(190, many), rewarded)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -135,8 +137,9 @@ def test_effects_of_the_structure(effect: str) -> None:
 
 
 def test_commands_that_act_at_once() -> None:
-    """The engine's step is of first order in a force that jumps: half the step."""
-    agree_in_the_frame(frame("bouc_wen", {}), 1.0, FINE / 2)
+    """Where a force jumps the engine's acceleration is the mean of both sides, the chain's that behind the jump: rewards
+    for peaks differ by that sample, whatever the step."""
+    agree_in_the_frame(frame("bouc_wen", {}), 1.0, rewarded=0.02)
 
 
 def test_several_dampers() -> None:

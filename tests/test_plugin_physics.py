@@ -127,28 +127,68 @@ FREE = {
 def reference(
     law: str,
     p: Mapping[str, float],
-    u: float,
+    levels: Array,
+    hold: float,
     mass: float,
     stiffness: float,
     x0: float,
     push: float,
-    t: Array,
+    dt: float,
 ) -> tuple[Array, Array]:
-    """x, force at t of a mass on a spring with the damper, pushed with push sin(15 t) newton: SciPy."""
+    """x, force every dt of a mass on a spring with the damper, pushed with push sin(15 t) newton: SciPy.
+
+    levels: commands, each held for `hold` (s). At a change the force is that of the new command.
+    """
     equations, soft = LAWS[law](p), Softening()
 
-    def rates(time: float, y: Array) -> list[float]:
-        x, v, inner = float(y[0]), float(y[1]), [float(value) for value in y[2:]]
-        force = sum(equations.forces(inner, x, v, u, soft))
-        pull = push * math.sin(15.0 * time) - stiffness * x - force
-        return [v, pull / mass, *equations.rates(inner, x, v, u, soft)]
+    def force(y: Array, u: float) -> float:
+        return float(sum(equations.forces(list(y[2:]), float(y[0]), float(y[1]), u, soft)))
 
-    start = [x0, 0.0, *equations.start(x0)]
+    def rates(time: float, y: Array, u: float) -> list[float]:
+        pull = push * math.sin(15.0 * time) - stiffness * float(y[0]) - force(y, u)
+        return [float(y[1]), pull / mass, *equations.rates(list(y[2:]), float(y[0]), float(y[1]), u, soft)]
+
+    state = np.array([x0, 0.0, *equations.start(x0)])
     tolerance = [1e-10, 1e-9, *(1e-9 * scale for scale in equations.scales)]
-    done = solve_ivp(rates, (0.0, t[-1]), start, "LSODA", t_eval=t, rtol=1e-8, atol=tolerance, max_step=0.005)
-    assert done.success
-    force = [sum(equations.forces(list(y[2:]), float(y[0]), float(y[1]), u, soft)) for y in done.y.T]
-    return done.y[0], np.array(force)
+    found: list[tuple[float, float]] = []
+    for k, u in enumerate(levels):
+        t = k * hold + grid(hold, dt)
+        done = solve_ivp(
+            rates,
+            (t[0], t[-1]),
+            state,
+            "LSODA",
+            t,
+            args=(float(u),),
+            rtol=1e-8,
+            atol=tolerance,
+            max_step=0.005,
+        )
+        assert done.success
+        found += [(float(y[0]), force(y, float(u))) for y in done.y.T[:-1]]
+        state = done.y[:, -1]
+    x, forces = np.array(found).T
+    return x, forces
+
+
+def run_free(
+    law: str, levels: Array, hold: float, timestep: float, push: float, first: float
+) -> tuple[Array, Array]:
+    """The same in MuJoCo; first: force at the start, N."""
+    parameters, _, mass, stiffness, x0 = FREE[law]
+    model, data = oscillator(law, parameters, mass, stiffness, timestep)
+    data.qpos[0] = x0
+    # MuJoCo's velocity is that of half a step before: start it there
+    data.qvel[0] = 0.5 * timestep * (stiffness * x0 + first) / mass
+    each = round(hold / timestep)
+    found = np.empty((2, each * len(levels)))
+    for k in range(found.shape[1]):
+        data.ctrl[0] = levels[k // each]
+        found[0, k] = data.qpos[0]
+        data.qfrc_applied[0] = push * math.sin(15.0 * k * timestep)
+        mujoco.mj_step(model, data)
+        found[1, k] = data.sensor("true_force").data[0]
+    return found[0], found[1]
 
 
 @pytest.mark.parametrize("pushed", [False, True], ids=["decay", "pushed"])
@@ -156,26 +196,32 @@ def reference(
 @pytest.mark.parametrize("law", FREE)
 def test_free_structure_moves_as_scipy_says(law: str, timestep: float, pushed: bool) -> None:
     parameters, u, mass, stiffness, x0 = FREE[law]
-    t = grid(1.5, timestep)
-    push = 0.4 * stiffness * x0 if pushed else 0.0
-    x, force = reference(law, parameters, u, mass, stiffness, x0, push, t)
-    model, data = oscillator(law, parameters, mass, stiffness, timestep)
-    data.qpos[0] = x0
-    # MuJoCo's velocity is that of half a step before: start it there
-    data.qvel[0] = 0.5 * timestep * (stiffness * x0 + force[0]) / mass
-    data.ctrl[0] = u
-    found, felt = np.empty(len(t)), np.empty(len(t))
-    for k in range(len(t)):
-        found[k] = data.qpos[0]
-        data.qfrc_applied[0] = push * math.sin(15.0 * t[k])
-        mujoco.mj_step(model, data)
-        felt[k] = data.sensor("true_force").data[0]
+    push, levels = 0.4 * stiffness * x0 if pushed else 0.0, np.array([u])
+    x, force = reference(law, parameters, levels, 1.5, mass, stiffness, x0, push, timestep)
+    found, felt = run_free(law, levels, 1.5, timestep, push, float(force[0]))
     assert rms(found - x) < (0.005 if timestep > 1e-3 else 0.002) * rms(x)
-    # what it felt: the velocity is late by half a step
-    assert rms(felt - force) < (0.01 + 60.0 * timestep) * rms(force)
+    # behind the first steps: the velocity at the start was set by hand
+    assert rms((felt - force)[2:]) < (0.003 + 5.0 * timestep) * rms(force)
     # without the damper the test would fail
-    free = x0 * np.cos(math.sqrt(stiffness / mass) * t)
+    free = x0 * np.cos(math.sqrt(stiffness / mass) * timestep * np.arange(len(x)))
     assert rms(free - x) > 0.3 * rms(x)
+
+
+@pytest.mark.parametrize("law", FREE)
+def test_switched_commands_are_scipys(law: str) -> None:
+    """Jumps every 40 ms, pushed: motion and force, all laws alike, with an error that falls with the square of the step."""
+    parameters, u, mass, stiffness, x0 = FREE[law]
+    levels = u * np.random.default_rng(5).choice([1.0, 2.0, 3.0], 25)
+    off = []
+    for timestep in (1e-3, 5e-4):
+        x, force = reference(
+            law, parameters, levels, 0.04, mass, stiffness, x0, 0.4 * stiffness * x0, timestep
+        )
+        found, felt = run_free(law, levels, 0.04, timestep, 0.4 * stiffness * x0, float(force[0]))
+        off.append((rms(found - x) / rms(x), rms((felt - force)[2:]) / rms(force)))
+    assert off[1][0] < 1e-3
+    assert off[1][1] < 0.01
+    assert off[1][0] < max(0.4 * off[0][0], 2e-4)
 
 
 @pytest.mark.parametrize("timestep", [2e-4, 1e-3])

@@ -54,7 +54,9 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
       Narx::Push(*d.net, s->past, m.x + 0.5 * (m.va + v) * t, v, field0 + (field1 - field0) * w);
     }
   } else if (d.law != Law::kBingham) {
-    const Coefficients k = Evaluate(p, d.law, FluidAt(d, c, 0.5 * (field0 + field1)), mean);
+    // Where a step solves for the rate at its end, the coefficients are those of the end.
+    const bool end = d.law == Law::kHyperbolicTangent;
+    const Coefficients k = Evaluate(p, d.law, FluidAt(d, c, end ? field1 : 0.5 * (field0 + field1)), end ? m.vb : mean);
     if (d.law == Law::kBoucWen) {
       c.z = BoucWen::Step(p, k, c.z, m.va, m.vb, m.dt);
     } else if (d.law == Law::kHyperbolicTangent) {
@@ -116,6 +118,15 @@ void PocketStage(const Damper& d, State* s, double x, double v, const Stage& g, 
   // To its stop exactly; where the fluid's force jumps, by the motion.
   s->c.gas.stretch = std::fabs(left) > tolerance ? g.gas + g.h * rate : wanted;
   s->c.gas.slope = own;
+}
+
+// How much an inner rate that is fast against dt changes with a jump of the field: the tanh law's g' alone.
+double InnerJump(const Damper& d, const ChainState& c, double x, double v, double field0, double field1, double dt) {
+  if (d.law != Law::kHyperbolicTangent || field0 == field1) return 0;
+  const auto rate = [&](double field) {
+    return HyperbolicTangent::Rate(d.p, Evaluate(d.p, d.law, FluidAt(d, c, field), v), c.z, c.r, x, v, dt);
+  };
+  return rate(field1) - rate(field0);
 }
 
 void FollowSeal(const Params& p, ChainState* c, const Piece& m) {
@@ -257,6 +268,7 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
     const bool jump = ((d.hold && !(Spread(p) > 0)) || p.command_delay_period > 0) && !HasLag(p);
     const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
+    if (jump && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
     if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
     else if (HasPocket(p)) PocketPiece(d, s, piece, jump ? field1 : field0, field1);
     else PistonPiece(d, s, piece, jump ? field1 : field0, field1, c.r);
@@ -330,6 +342,11 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   }
   o.inner = c.z;
   return o;
+}
+
+double RateJump(const Damper& d, const State& s, double x, double v, double u0, double u1, double dt) {
+  if (u0 == u1 || HasMount(d.p) || HasPocket(d.p)) return 0;
+  return InnerJump(d, s.c, x, v, Commanded(d, s, u0).field, Commanded(d, s, u1).field, dt);
 }
 
 double CurrentNow(const Damper& d, const State& s, double u) {

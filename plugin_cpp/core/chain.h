@@ -88,6 +88,10 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
 // The force alone; behind a mount it is independent of the damper's force.
 double RodForce(const Damper& d, const State& s, double x, double v, double a, double u);
 
+// How much an inner rate that is fast against dt changes with a jump of the command from u0 to u1, within dt; the tanh
+// law's g' alone.
+double RateJump(const Damper& d, const State& s, double x, double v, double u0, double u1, double dt);
+
 // The coil current alone.
 double CurrentNow(const Damper& d, const State& s, double u);
 

@@ -44,6 +44,12 @@ struct HyperbolicTangent {
     return Root(std::max(a, 1e-12), k.yield, p.v_ref, b);
   }
 
+  // g' after dt by backward Euler, g as it is.
+  static double Rate(const Params& p, const Coefficients& k, double g, double rate, double x, double v, double dt) {
+    const double mass = p.m0 / dt, dashpot = std::max(k.c0 + k.c1, 1e-12);
+    return Root(mass + dashpot, k.yield, p.v_ref, mass * rate + k.k1 * x + k.c1 * v - (k.k0 + k.k1) * g, rate);
+  }
+
   // guess: of the new rate, start of the solve.
   static void Step(const Params& p, const Coefficients& k, double* g, double* rate, double x, double va, double vb,
                    double dt, double guess) {

@@ -15,9 +15,9 @@ namespace mrdamp {
 
 namespace {
 
-// Layout of plugin_state: a flag (0: not started), time, length, velocity and command of the last step's start,
-// the chain's state there, then the delay line and the network's past where the attributes ask for them.
-constexpr int kSnapshot = 5;
+// Layout of plugin_state: a flag (0: not started), time, length, velocity and command of the last step's start, velocity
+// at its end, the chain's state at the start, then the delay line and the network's past where the attributes ask for them.
+constexpr int kSnapshot = 6;
 constexpr int kLineSize = sizeof(DelayLine) / sizeof(double);
 constexpr int kPastSize = sizeof(NarxHistory) / sizeof(double);
 
@@ -175,6 +175,7 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   }
   if (!std::isfinite(u_)) u_ = 0;
   time_ = d->time;
+  double before = u_, lead = 0;
   if (integrate_) x_ = s[0] == 0 ? 0 : s[2] + std::max(0.0, d->time - s[1]) * v_;
   if (s[0] == 0) {
     Start(damper_, &now_, x_, v_, 0);  // no current before the first command
@@ -193,11 +194,19 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
     if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
     if (dt > 0) {
       mrdamp::Advance(damper_, &now_, {s[2], s[3], x_, v_, dt}, s[4], s[4]);
+      // The engine's step has gone all the way at its last velocity; a motion that is imposed has not.
+      const double rise = v_ - s[3], off = std::max(std::fabs((x_ - s[2]) / dt - v_), std::fabs(v_ - s[5]));
+      if (off < 0.25 * std::fabs(rise)) lead = 0.5 * rise;
+      before = s[4];
       if (now_.line) now_.line->Push(now_.c.time, damper_.Clamp(u_), Reach(damper_.p));
       Settle(damper_, &now_, x_, v_, u_);
     }
   }
-  seen_ = Observe(damper_, now_, x_, v_, 0, u_);
+  // The engine's velocities stand half a step before its positions, unless they are imposed.
+  seen_ = Observe(damper_, now_, x_, v_ + lead, 0, u_);
+  // So does the start of the step, before a jump of the command.
+  start_ = Observe(damper_, now_, x_, v_, 0, before);
+  jump_ = RateJump(damper_, now_, x_, v_ + lead, before, u_, 0.5 * m->opt.timestep);
 }
 
 double DamperInstance::Trial(double v, double h) {
@@ -212,6 +221,10 @@ double DamperInstance::Trial(double v, double h) {
     mrdamp::Advance(damper_, &trial_, {x_, v, x, v, h}, u_, u_);
     trial_.c.felt = now_.c.felt;
     Ring(damper_.p, &trial_.c.felt, (v - v_) / h, h);
+  } else if (jump_ != 0) {
+    s = &trial_;
+    trial_.c = now_.c;
+    trial_.c.r += jump_;
   }
   const Observation o = Observe(damper_, *s, x, v, 0, u_);
   return o.force;
@@ -240,6 +253,7 @@ double DamperInstance::Applied(const mjModel* m, const mjData* d) const {
 
 void DamperInstance::Compute(const mjModel* m, mjData* d) {
   const double h = m->opt.timestep;
+  const bool explicit_step = m->opt.integrator == mjINT_RK4;
   bool mass = false;
   acting_.clear();
   for (int i : peers_) {
@@ -249,11 +263,10 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     p->force_ = 0;
     if (!p->Acts(m)) continue;
     acting_.push_back(p);
-    p->force_ = p->seen_.force;
+    p->force_ = explicit_step ? p->seen_.force : p->start_.force;
     mass |= RodMass(p->damper_.p, p->mount_) > 0;
   }
   const std::size_t n = acting_.size();
-  const bool explicit_step = m->opt.integrator == mjINT_RK4;
   if (n > 0 && (!explicit_step || mass)) {
     outputs_.clear();
     responses_.clear();
@@ -269,7 +282,7 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
       for (std::size_t k = 0; k < n; k++) {
         DamperInstance* p = acting_[k];
         mobility_.Respond(m, d, p->output_, &p->response_);
-        step_[k] = {p->v_, p->v_ + h * p->response_.free, p->seen_.force, p->seen_.slope, RodMass(p->damper_.p, p->mount_), p->response_.bare,
+        step_[k] = {p->v_, p->v_ + h * p->response_.free, p->start_.force, p->start_.slope, RodMass(p->damper_.p, p->mount_), p->response_.bare,
                     [p](double v, double part) { return p->Trial(v, part); }};
       }
       for (std::size_t k = 0; k < n; k++) {
@@ -303,6 +316,7 @@ void DamperInstance::Advance(const mjModel* m, mjData* d) {
   s[2] = x_;
   s[3] = v_;
   s[4] = u_;
+  s[5] = Along(d, output_, d->qvel);
   std::memcpy(s + kSnapshot, &now_.c, sizeof(ChainState));
   int at = kSnapshot + kChainSize;
   if (now_.line) {

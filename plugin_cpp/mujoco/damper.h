@@ -70,7 +70,8 @@ class DamperInstance {
   State now_, trial_;
   NarxHistory past_, trial_past_;
   DelayLine line_;
-  Observation seen_{};
+  Observation seen_{}, start_{};  // of the present state; of the step's start
+  double jump_ = 0;               // of an inner rate with the command
   double force_ = 0;
   OutputResponse response_;
 
