@@ -9,7 +9,8 @@
 | `rig` | displacement-driven testing machine with one MR damper |
 
 `dampers/NAME.xml` are the published sets, to be included in a model. Each other folder has `model.xml` (the
-mechanics), `scene.xml` (the same with light and ground, for the viewer) and a README with sources. Loading one needs the plugins: `import mrdamp` registers them.
+mechanics), `scene.xml` (the same with light and ground, for the viewer) and a README with sources. Loading one
+needs the plugins: `import mrdamp` registers them.
 """
 
 from __future__ import annotations

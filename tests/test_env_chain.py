@@ -137,8 +137,8 @@ def test_effects_of_the_structure(effect: str) -> None:
 
 
 def test_commands_that_act_at_once() -> None:
-    """Where a force jumps the engine's acceleration is the mean of both sides, the chain's that behind the jump: rewards
-    for peaks differ by that sample, whatever the step."""
+    """Where a force jumps the engine's acceleration is the mean of both sides, the chain's that behind the jump: the
+    rewards for peaks differ by that sample, whatever the step."""
     agree_in_the_frame(frame("bouc_wen", {}), 1.0, rewarded=0.02)
 
 
