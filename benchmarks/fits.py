@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from benchmarks.result import Figure, Section, of_ratio
 from benchmarks.timing import Effort, clock, interleave, ratio
-from mrdamp.identify import Problem, descend, identify, shorten
+from mrdamp.identify import Problem, descend, excerpts, identify
 from mrdamp.identify.laws import PARAMETRIC, Scales, space
 from mrdamp.model import core
 from mrdamp.model.core import Array
@@ -126,8 +126,8 @@ def _against(effort: Effort) -> Section:
         "least squares around the law in Python over the C entry", ratio(costs["python"], costs["c"]), "Python", "C",
         note=f"{record.n} samples; parameters differ by {gap:.1g} of their scale",
     )  # fmt: skip
-    train = shorten(embedded().train, 24_000 if effort.steps >= 1000 else 2_000)
-    problem = Problem(space("bouc_wen", Scales.of(train), ("offset",), 2e-3), train, 1)
+    train = excerpts(embedded().train, 24_000 if effort.steps >= 1000 else 2_000)
+    problem = Problem(space("bouc_wen", Scales.of(train), ("offset",)), train, 1)
     costs = interleave(
         {
             "scipy": _timed(partial(_by_scipy, problem), time.process_time_ns),

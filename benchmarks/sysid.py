@@ -42,7 +42,7 @@ def fit(law: str, record: Record, extras: Sequence[str], most: int = 60) -> tupl
 
     most: its iterations.
     """
-    search = space(law, Scales.of([record]), extras, record.sample_time)
+    search = space(law, Scales.of([record]), extras)
     spec = rig(_model(search, search.start), record.sample_time / _SPLIT)
     parameters = ParameterDict()
     for k, value in enumerate(search.start):

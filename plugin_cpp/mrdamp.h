@@ -70,6 +70,7 @@ typedef struct {
   int hold;        /* 1: the command is constant between samples (as in MuJoCo); 0: linear */
   int threads;     /* that share the parameter sets; <= 1: none */
   double substep;  /* s: overrides the attribute where > 0 */
+  int run_in;      /* 1: a record of mrdamp_run that begins in motion is led into by motion of its own, see there */
 } mrdamp_options;
 
 /* nset parameter vectors, each through the whole record.
@@ -77,11 +78,17 @@ typedef struct {
  *   dt      s, sample time;  n samples of x (m), v (m/s, NULL: differentiated from x),
  *           a (m/s2, NULL: differentiated from v, used by moving_mass only), u (command)
  *   columns ncol of the enum above;  out  nset x ncol x n
+ * With run_in the damper does not start at rest where the first 20 ms move: the part of the record before the sample
+ * that is most like its first one, over twice the stroke to and fro, is run before. Else it starts at rest.
  * Results do not depend on the number of threads. */
 MRDAMP_API int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt,
                           int n, const double* x, const double* v, const double* a, const double* u,
                           const mrdamp_options* options, int ncol, const int* columns, double* out,
                           char* err, int err_size);
+
+/* The samples of the run-in of a record, from < to; from == to where it begins at rest. v as above. */
+MRDAMP_API int mrdamp_run_in(double dt, int n, const double* x, const double* v, const double* u, int* from, int* to, char* err,
+                             int err_size);
 
 /* ---- a shear frame with the damper in it ------------------------------------------- */
 typedef struct {

@@ -64,7 +64,7 @@ def test_the_right_dependence_is_best_on_records_held_out() -> None:
 @pytest.mark.parametrize("law", PARAMETRIC)
 @pytest.mark.parametrize("dependence", DEPENDENCES)
 def test_attributes_lead_back_to_their_point(law: str, dependence: str) -> None:
-    search = space(law, Scales(500.0, 0.1, 0.01, 1.2, 0.1), ("offset", "driver_lag"), 1e-3, dependence)
+    search = space(law, Scales(500.0, 0.1, 0.01, 1.2, 0.1), ("offset", "driver_lag"), dependence)
     point = np.linspace(0.2, 0.7, len(search.coordinates))
     back = search.point(search.attributes(point))
     assert back == pytest.approx(point, abs=1e-9)
@@ -99,7 +99,7 @@ def test_no_slope_from_a_command_that_never_varies() -> None:
 def test_records_that_hold_no_small_command_give_laws_that_the_chain_takes(law: str, dependence: str) -> None:
     """From 1 to 2 A, with coefficients that fall or rise by any factor of the search between them."""
     scales = Scales(force=500.0, velocity=0.05, stroke=0.005, command=2.0, low=1.0)
-    search = space(law, scales, ("offset",), 2e-3, dependence)
+    search = space(law, scales, ("offset",), dependence)
     rng = np.random.default_rng(7)
     for point in rng.random((200, len(search.coordinates))):
         attributes = search.attributes(point)

@@ -196,8 +196,16 @@ def test_flat_folder_holds_out_every_third_record(tmp_path: Path) -> None:
     assert found["5"].n == 55
     with pytest.raises(InputError, match="no record '9'"):
         found["9"]
-    mixed = read_records([tmp_path / "3.csv", tmp_path / "1.csv"])
-    assert (names(mixed.train), names(mixed.validation)) == (["1"], ["3"])
+    same = read_records([write(tmp_path, table(50), f"{name}.csv") for name in ("b", "a")])
+    assert (names(same.train), names(same.validation)) == (["a"], ["b"])
+
+
+def test_no_record_is_held_out_whose_command_the_rest_does_not_reach(tmp_path: Path) -> None:
+    for name, command in (("a", 0.0), ("b", 0.5), ("c", 1.0), ("d", 0.5), ("e", 0.0), ("f", 0.5)):
+        write(tmp_path, [HEADER, *(f"{0.002 * k:.3f},{k % 7},{command},1" for k in range(60))], f"{name}.csv")
+    found = read_records(tmp_path)
+    assert len(found.validation) == 2
+    assert "c" not in names(found.validation)
 
 
 def test_a_repeat_stays_with_the_test_it_repeats(tmp_path: Path) -> None:

@@ -86,18 +86,26 @@ double mrdamp_narx_sample_time(const mrdamp_narx* net) { return net->net->sample
 int mrdamp_narx_inputs(const mrdamp_narx* net) { return static_cast<int>(net->net->inputs.size()); }
 double mrdamp_narx_forward(const mrdamp_narx* net, const double* in) { return net->net->Forward(in); }
 
+namespace {
+
+// False and a line for a record that cannot be run.
+bool CheckRecord(double dt, int n, const double* x, const double* v, const double* a, const double* u, char* err, int size) {
+  if (n < 3) return !Fail(err, size, "a record needs at least 3 samples, got " + std::to_string(n));
+  if (!(dt > 0) || !std::isfinite(dt)) return !Fail(err, size, "the sample time must be above 0");
+  return Finite("displacement", x, n, err, size) && Finite("command", u, n, err, size) &&
+         (!v || Finite("velocity", v, n, err, size)) && (!a || Finite("acceleration", a, n, err, size));
+}
+
+}  // namespace
+
 int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt, int n, const double* x,
                const double* v, const double* a, const double* u, const mrdamp_options* options, int ncol,
                const int* columns, double* out, char* err, int err_size) {
-  if (n < 3) return Fail(err, err_size, "a record needs at least 3 samples, got " + std::to_string(n));
-  if (!(dt > 0) || !std::isfinite(dt)) return Fail(err, err_size, "the sample time must be above 0");
+  if (!CheckRecord(dt, n, x, v, a, u, err, err_size)) return 1;
   if (nset < 0 || ncol < 0) return Fail(err, err_size, "a number of sets or columns is negative");
   for (int c = 0; c < ncol; c++) {
     if (columns[c] < 0 || columns[c] >= MRDAMP_COLUMNS) return Fail(err, err_size, "unknown column " + std::to_string(columns[c]));
   }
-  if (!Finite("displacement", x, n, err, err_size) || !Finite("command", u, n, err, err_size)) return 1;
-  if (v && !Finite("velocity", v, n, err, err_size)) return 1;
-  if (a && !Finite("acceleration", a, n, err, err_size)) return 1;
   std::vector<Damper> dampers(nset);
   for (int k = 0; k < nset; k++) {
     if (!Make(law, params + static_cast<std::size_t>(k) * kParamCount, net, options, &dampers[k], err, err_size)) return 1;
@@ -106,9 +114,21 @@ int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, 
   if (!v) v = (velocity = Differentiate(x, n, dt)).data();
   if (!a) a = (acceleration = Differentiate(v, n, dt)).data();
   const RecordView record{dt, n, x, v, a, u};
+  const RunIn before = options && options->run_in ? FindRunIn(record) : RunIn{};
   ParallelFor(nset, options ? options->threads : 1, [&](int k) {
-    RunRecord(dampers[k], record, ncol, columns, out + static_cast<std::size_t>(k) * ncol * n);
+    RunRecord(dampers[k], record, before, ncol, columns, out + static_cast<std::size_t>(k) * ncol * n);
   });
+  return 0;
+}
+
+int mrdamp_run_in(double dt, int n, const double* x, const double* v, const double* u, int* from, int* to, char* err,
+                  int err_size) {
+  if (!CheckRecord(dt, n, x, v, nullptr, u, err, err_size)) return 1;
+  std::vector<double> velocity;
+  if (!v) v = (velocity = Differentiate(x, n, dt)).data();
+  const RunIn found = FindRunIn({dt, n, x, v, nullptr, u});
+  *from = found.from;
+  *to = found.to;
   return 0;
 }
 

@@ -226,6 +226,7 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.magnet.Start(d.p, d.Acting(d.Clamp(u)));
   c.heat = c.body = d.p.heating_start;
   c.z = d.law == Law::kHyperbolicTangent ? x : 0;
+  if (d.law == Law::kModifiedBoucWen) c.r = d.p.start_r;
   c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
   if (d.p.trapped_gas_direction < 0) c.stroke.pocket = PocketReach(d.p);
   c.piston_velocity = HasMount(d.p) ? 0 : v;

@@ -20,6 +20,11 @@ std::vector<double> Differentiate(const double* x, int n, double dt) {
 
 namespace {
 
+// A record begins in motion where the mean speed of its first kStart (s) is more than kMoving of its RMS; not where it
+// begins in the middle of its range at full speed, as a sine that a program has made from rest. A sample is like the start up to a sum of squares of kNear, of displacement over range, velocity over RMS, command over range.
+// The run-in is so many times the range long: two cycles, in which a hysteresis forgets.
+constexpr double kStart = 0.02, kMoving = 0.05, kMiddle = 0.02, kFull = 0.95, kNear = 0.1, kPath = 4;
+
 // channel_shift: the true motion x_true(t) = x_read(t + d), by cubic Hermite pieces. Beyond its ends the motion
 // goes on at its velocity: to stand still there would be a jump.
 struct Shifted {
@@ -55,9 +60,58 @@ double Column(const Observation& o, const Sensor& sensor, const SensorParams& re
   }
 }
 
+// The state at the end of a run-in as that of a start: its clock begins anew, the piston stands dx further on, and what
+// heats and settles from the start on begins.
+void Rebase(const Damper& d, double dx, State* s) {
+  ChainState& c = s->c;
+  if (s->line) {
+    for (double& t : s->line->time) t -= c.time;
+  }
+  if (s->past) {
+    s->past->count = 0;
+    for (double& x : s->past->value[NarxNet::kX]) x += dx;
+  }
+  c.time = 0;
+  c.heat = c.body = d.p.heating_start;
+  if (d.law == Law::kHyperbolicTangent) c.z += dx;
+  for (double* x : {&c.piston, &c.stroke.extreme, &c.stroke.turn, &c.stroke.last}) *x += dx;
+}
+
 }  // namespace
 
-void RunRecord(const Damper& d, const RecordView& record, int ncol, const int* columns, double* out) {
+RunIn FindRunIn(const RecordView& r) {
+  double low = r.x[0], high = r.x[0], mean = 0, fast = 0, top = 0, least = r.u[0], most = r.u[0];
+  for (int i = 0; i < r.n; i++) {
+    low = std::min(low, r.x[i]);
+    high = std::max(high, r.x[i]);
+    least = std::min(least, r.u[i]);
+    most = std::max(most, r.u[i]);
+    fast += r.v[i] * r.v[i] / r.n;
+    top = std::max(top, std::fabs(r.v[i]));
+  }
+  const double range = high - low, speed = std::sqrt(fast), span = most > least ? most - least : 1;
+  const int begin = std::min(std::max(3, static_cast<int>(std::lround(kStart / r.dt))), r.n / 4);
+  for (int i = 0; i < begin; i++) mean += std::fabs(r.v[i]) / begin;
+  if (!(mean > kMoving * speed)) return {};
+  if (std::fabs(r.x[0] - 0.5 * (low + high)) < kMiddle * range && std::fabs(r.v[0]) > kFull * top) return {};
+  double best = kNear;
+  RunIn found;
+  for (int i = r.n / 3; i + 1 < r.n; i++) {
+    if (r.v[i] * r.v[0] < 0) continue;
+    const double x = (r.x[i] - r.x[0]) / range, v = (r.v[i] - r.v[0]) / speed, u = (r.u[i] - r.u[0]) / span;
+    const double off = x * x + v * v + u * u;
+    if (off > best) continue;
+    best = off;
+    found.to = i;
+  }
+  double path = 0;
+  for (found.from = found.to; found.from > 0 && path < kPath * range; found.from--) {
+    path += std::fabs(r.x[found.from] - r.x[found.from - 1]);
+  }
+  return found;
+}
+
+void RunRecord(const Damper& d, const RecordView& record, const RunIn& before, int ncol, const int* columns, double* out) {
   RecordView r = record;
   if (d.p.channel_shift_d != 0) {
     const Shifted shifted(record, d.p.channel_shift_d);
@@ -66,24 +120,44 @@ void RunRecord(const Damper& d, const RecordView& record, int ncol, const int* c
     r.a = shifted.a.data();
     Damper plain = d;
     plain.p.channel_shift_d = 0;
-    RunRecord(plain, r, ncol, columns, out);
+    RunRecord(plain, r, before, ncol, columns, out);
     return;
   }
   OwnedState state(d);
   State& s = state.s;
   const SensorParams reading = SensorParams::Of(d.p);
   Sensor sensor;
-  Start(d, &s, r.x[0], r.v[0], r.u[0]);
-  for (int i = 0; i < r.n; i++) {
-    if (i > 0) {
-      const double before = r.u[i - 1], now = d.hold ? before : r.u[i];
-      if (s.line) s.line->Push((d.hold ? i - 1 : i) * r.dt, d.Clamp(now), Reach(d.p));
-      Advance(d, &s, {r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt}, before, now);
-      if (s.line && d.hold) s.line->Push(i * r.dt, d.Clamp(r.u[i]), Reach(d.p));
-      Settle(d, &s, r.x[i], r.v[i], r.u[i]);
+  // Steps from the sample i - 1 to i; t0: of the chain's clock, the sample at which it is 0.
+  const auto step = [&](int i, int t0) {
+    const double first = r.u[i - 1], now = d.hold ? first : r.u[i];
+    if (s.line) s.line->Push(((d.hold ? i - 1 : i) - t0) * r.dt, d.Clamp(now), Reach(d.p));
+    Advance(d, &s, {r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt}, first, now);
+    if (s.line && d.hold) s.line->Push((i - t0) * r.dt, d.Clamp(r.u[i]), Reach(d.p));
+    Settle(d, &s, r.x[i], r.v[i], r.u[i]);
+  };
+  const auto observe = [&](int i) { return Observe(d, s, r.x[i], r.v[i], r.a[i], r.u[i]); };
+  const bool led = before.to > before.from;
+  Start(d, &s, r.x[before.from], r.v[before.from], r.u[before.from]);
+  if (led) {
+    // A slow state (x - y) would take longer than the run-in to come from its end to the middle of the motion.
+    if (d.law == Law::kModifiedBoucWen) {
+      double sum = 0;
+      for (int i = before.from; i <= before.to; i++) sum += r.x[i];
+      s.c.r = r.x[before.from] - sum / (before.to - before.from + 1);
     }
-    const Observation o = Observe(d, s, r.x[i], r.v[i], r.a[i], r.u[i]);
-    if (i == 0) sensor.Start(reading, o.force);
+    sensor.Start(reading, observe(before.from).force);
+    for (int i = before.from + 1; i <= before.to; i++) {
+      step(i, before.from);
+      sensor.Step(reading, observe(i).force, r.dt);
+    }
+    Rebase(d, r.x[0] - r.x[before.to], &s);
+    if (d.law == Law::kModifiedBoucWen) s.c.r += d.p.start_r;
+    sensor.unsettled = 1;
+  }
+  for (int i = 0; i < r.n; i++) {
+    if (i > 0) step(i, 0);
+    const Observation o = observe(i);
+    if (i == 0 && !led) sensor.Start(reading, o.force);
     else sensor.Step(reading, o.force, r.dt);
     for (int c = 0; c < ncol; c++) out[static_cast<std::size_t>(c) * r.n + i] = Column(o, sensor, reading, columns[c]);
   }

@@ -50,8 +50,15 @@ struct RecordView {
 // Central differences, one-sided at the ends.
 std::vector<double> Differentiate(const double* x, int n, double dt);
 
+// Samples of a record that stand for the motion before it: from `from` to `to`, where displacement, velocity and command
+// are nearest to those at its start. from == to where it begins at rest or does not come back.
+struct RunIn {
+  int from = 0, to = 0;
+};
+RunIn FindRunIn(const RecordView& r);
+
 // Runs one damper; out[c] (n doubles) for each requested column of mrdamp.h.
-void RunRecord(const Damper& d, const RecordView& r, int ncol, const int* columns, double* out);
+void RunRecord(const Damper& d, const RecordView& r, const RunIn& before, int ncol, const int* columns, double* out);
 
 // task(0 .. n - 1) on up to `threads` threads; the tasks must be independent.
 template <class Task>

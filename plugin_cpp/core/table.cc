@@ -19,7 +19,7 @@ const char* const kLawParameters[kLawCount] = {
     "c0a c0b fya fyb v_ref | c0c c0e c0r fyc fye fyr",
     "c0a c0b alpha_a alpha_b gamma beta A n k0 x0 | c0c c0e c0r alpha_c alpha_e alpha_r hysteresis_rate "
     "hysteresis_floor",
-    "k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref | c0c c0e c0r c1c c1e c1r f0c f0e f0r k1c k1e k1r",
+    "k0a k0b k1a k1b c0a c0b c1a c1b m0 f0a f0b v_ref | c0c c0e c0r c1c c1e c1r f0c f0e f0r k0c k0e k0r k1c k1e k1r",
     "c0a c0b c1a c1b k0 k1 x0 alpha_a alpha_b gamma beta A n | c0c c0e c0r c1c c1e c1r alpha_c alpha_e alpha_r "
     "hysteresis_rate hysteresis_floor",
     "|"};

@@ -58,7 +58,7 @@ inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v)
     case Law::kHyperbolicTangent:
       k.c1 = Follow(p.c1a, p.c1b, p.c1c, p.c1e, p.c1r, b) * f.viscosity * thin_series;
       k.yield = Follow(p.f0a, p.f0b, p.f0c, p.f0e, p.f0r, b) * f.yield;
-      k.k0 = std::max(p.k0a + p.k0b * b, 0.0);
+      k.k0 = Follow(p.k0a, p.k0b, p.k0c, p.k0e, p.k0r, b);
       k.k1 = Follow(p.k1a, p.k1b, p.k1c, p.k1e, p.k1r, b);
       break;
     default:

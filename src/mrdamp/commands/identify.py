@@ -147,6 +147,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.identify import compare_dependences, identify
     from mrdamp.identify.comparison import loops_of
+    from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
     from mrdamp.records.checks import check_explained, unexplained
 
@@ -194,12 +195,13 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         _errors(fit.train, "fitted")
         _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
-    _found(fit, left, records.train)
+    checks = findings(fit, records.train, records.validation)
+    _found(fit, left, records.train, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
         save_picture(loops_of(fit.model, records.validation or records.train), a.picture)
     print(f"model: {a.out}")
-    return of_fit(fit, left, rows, fits)
+    return of_fit(fit, left, rows, fits) | {"checks": checks}
 
 
 def run_table1(a: argparse.Namespace) -> int:
@@ -294,13 +296,15 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     return of_by_command(found)
 
 
-def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Record]) -> None:
+def _found(
+    fit: Fit, left_over: Sequence[ChannelFinding], records: Sequence[Record], checks: Sequence[str]
+) -> None:
     """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
     from mrdamp.records.checks import warnings_of
 
     if fit.left_out:
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
-    for warning in warnings_of(records):
+    for warning in [*warnings_of(records), *checks]:
         print(f"  check: {warning}")
     attributes = fit.model.attributes
     for name, unit, scale, what in (
@@ -310,7 +314,7 @@ def _found(fit: Fit, findings: Sequence[ChannelFinding], records: Sequence[Recor
     ):
         if name in attributes:
             print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
-    for c in findings:
+    for c in left_over:
         left = []
         if abs(c.offset) > 3 * c.offset_error:
             left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
@@ -342,6 +346,8 @@ def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[
     for row in rows:
         word = f"  not identifiable: {row.word}" if row.word else ""
         print(f"{row.name:>20s} {row.value:12.5g} {row.low:12.5g} {row.high:12.5g}  {row.unit}{word}")
+    if any(row.name == "A" for row in rows):
+        print("  z is scaled to end at 1: 1 / A is the yield displacement (m), alpha the force (N) that z carries")
     return rows
 
 

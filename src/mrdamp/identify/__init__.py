@@ -10,11 +10,12 @@ from mrdamp.identify.fit import (
     compare_dependences,
     descend,
     error,
+    excerpts,
     identify,
     model_of,
     pooled,
-    shorten,
     simulate,
+    thinned,
 )
 
 __all__ = [
@@ -25,9 +26,10 @@ __all__ = [
     "compare_dependences",
     "descend",
     "error",
+    "excerpts",
     "identify",
     "model_of",
     "pooled",
-    "shorten",
     "simulate",
+    "thinned",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,6 +15,7 @@ from scipy.stats import qmc
 from mrdamp.errors import InputError
 from mrdamp.identify.laws import DEPENDENCES, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
+from mrdamp.identify.start import is_led, skipped
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -21,16 +23,18 @@ from mrdamp.records.checks import check_channels, check_clipping, check_size
 
 Progress = Callable[[str, float], None]
 
-#: Samples that the starts are compared on, and that the last fit is made on; where a set is longer, each record
-#: gives its liveliest part.
+#: Samples that the starts are compared on; where a set is longer, each record gives its liveliest part.
 _SEARCH_SAMPLES = 6_000
-_FIT_SAMPLES = 24_000
+#: Samples beyond which the last fit takes records at a lower rate, if their motion allows it: so many samples in a
+#: cycle below which lies this share of the velocity's power, and so many Hz at least, for a driver's lag.
+_FIT_SAMPLES = 60_000
+_PER_CYCLE, _BAND, _SLOWEST = 50, 0.999, 500.0
 #: Steps of one local fit, in the search and in the last fit.
 _SEARCH_STEPS, _FIT_STEPS = 20, 30
 #: The second best end of the search is continued if its cost is within this factor of the best one's.
 _CLOSE = 1.15
-#: s, the chain's inner step while fitting; the figures that are reported use the finer default.
-_FIT_SUBSTEP = 1e-3
+#: s, the chain's inner step in the search and in the last fit.
+_SEARCH_SUBSTEP, _FIT_SUBSTEP = 1e-3, 5e-4
 
 
 class RecordError(NamedTuple):
@@ -52,9 +56,13 @@ class Fit:
     evaluations: int
     #: Requested effects that these records cannot show, and that are left out of the fit.
     left_out: tuple[str, ...] = ()
+    #: Hz, of the last fit where it took records at a lower rate; 0 where it took all samples.
+    thinned: float = 0.0
     #: The search that found it and the point it found, for intervals; not kept in files.
     space: Space | None = field(default=None, compare=False, repr=False)
     point: tuple[float, ...] = field(default=(), compare=False, repr=False)
+    #: The train records that are led into, by name: m, x - y at their start beyond that of the run-in, as fitted.
+    started: Mapping[str, float] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def train_nrmse(self) -> float:
@@ -76,17 +84,21 @@ def pooled(errors: Sequence[RecordError]) -> float:
     )
 
 
-def simulate(model: Model, record: Record) -> Array:
-    """Free-run force (n,) N of a model on a damper record, through the C entry."""
+def simulate(model: Model, record: Record, started: float = 0.0) -> Array:
+    """Free-run force (n,) N of a model on a damper record, through the C entry.
+
+    started: m, x - y of modified_bouc_wen at its start beyond that of its run-in (`Fit.started`).
+    """
     columns = ("force",)
     out = core.run(
         model.law,
-        model.attributes,
+        model.attributes | ({"start_r": started} if started else {}),
         record.sample_time,
         record.displacement,
         record.velocity(),
         record.channels.get("acceleration_m_s2"),
         record.command,
+        run_in=True,
         narx=model.narx,
         columns=columns,
     )
@@ -96,57 +108,118 @@ def simulate(model: Model, record: Record) -> Array:
 def error(model: Model, record: Record) -> RecordError:
     """Free-run error on a record; the first 20 ms, where the unknown start state fades, do not count."""
     measured = record.channel("force_N")
-    skip = _skipped(record)
+    skip = skipped(record)
     residual = (simulate(model, record) - measured)[skip:]
     rmse = float(np.sqrt(np.mean(residual**2)))
     return RecordError(record.name, rmse, rmse / float(np.std(measured[skip:])))
 
 
 class Problem:
-    """Residuals of all records for many points at once; every record weighs the same, as in `pooled`."""
+    """Residuals of all records for many points at once; every record weighs the same, as in `pooled`.
 
-    def __init__(self, search: Space, records: Sequence[Record], threads: int) -> None:
-        self.space, self.threads, self.evaluations = search, threads, 0
+    A point (size,) is one of the search space, and the start of each record in `free`, all from 0 to 1.
+    """
+
+    def __init__(
+        self,
+        search: Space,
+        records: Sequence[Record],
+        threads: int,
+        substep: float = _FIT_SUBSTEP,
+        freed: bool = True,
+    ) -> None:
+        self.space, self.threads, self.substep, self.evaluations = search, threads, substep, 0
+        self.freed = freed and search.law == "modified_bouc_wen"
         self.records = [(r, r.velocity(), r.channel("force_N")) for r in records]
+        #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
+        self.led = [is_led(r) for r in records]
         # One scale for all: a record with a small force must not pull the others with its noise.
         total = sum(float(np.var(f)) for _, _, f in self.records)
-        self.weights = [1 / np.sqrt(total * (len(f) - _skipped(r))) for r, _, f in self.records]
+        self.weights = [1 / np.sqrt(total * (len(f) - skipped(r))) for r, _, f in self.records]
 
     @property
     def slices(self) -> list[slice]:
         """Where each record's residuals stand."""
-        ends = np.cumsum([0, *(len(f) - _skipped(r) for r, _, f in self.records)])
+        ends = np.cumsum([0, *(len(f) - skipped(r) for r, _, f in self.records)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
+    @property
+    def free(self) -> list[int]:
+        """The records whose slow state at the start (x - y) is fitted along: those that are led into."""
+        return [k for k, led in enumerate(self.led) if led and self.freed]
+
+    def begin(self, point: Array) -> Array:
+        """A point of the search space (coordinates,) with every start at that of its run-in."""
+        return np.concatenate([point, np.full(len(self.free), 0.5)])
+
+    def started(self, point: Array) -> list[float]:
+        """m, x - y at the start of each record beyond that of its run-in."""
+        out = [0.0] * len(self.records)
+        for k, share in zip(self.free, point[len(self.space.coordinates) :], strict=True):
+            out[k] = (2 * float(share) - 1) * float(np.ptp(self.records[k][0].displacement))
+        return out
+
     def residuals(self, points: Array) -> Array:
-        """(points, samples) for points (points, coordinates) of the unit cube."""
-        vectors = np.array([core.vector(self.space.law, self.space.attributes(p)) for p in points])
-        self.evaluations += len(points)
-        parts = []
-        for (record, velocity, force), weight in zip(self.records, self.weights, strict=True):
-            out = core.run_many(
-                self.space.law,
-                vectors,
-                record.sample_time,
-                record.displacement,
-                record.command,
-                v=velocity,
-                a=record.channels.get("acceleration_m_s2"),
-                threads=self.threads,
-                substep=_FIT_SUBSTEP,
-            )
-            parts.append(weight * (out[:, 0, :] - force)[:, _skipped(record) :])
-        return np.asarray(np.concatenate(parts, axis=1))
+        """(points, samples) for points (points, size)."""
+        vectors = self._vectors(points)
+        return np.concatenate([self._of_record(k, v) for k, v in enumerate(vectors)], axis=1)
+
+    def _vectors(self, points: Array) -> Array:
+        """Attributes (records, points, attributes)."""
+        law, n = self.space.law, len(self.space.coordinates)
+        made = [(self.space.attributes(p[:n]), self.started(p)) for p in points]
+        own = [[core.vector(law, a | {"start_r": starts[k]}) for a, starts in made] for k in self.free]
+        out = np.repeat(np.array([core.vector(law, a) for a, _ in made])[None], len(self.records), axis=0)
+        if own:
+            out[self.free] = own
+        return out
+
+    def _of_record(self, k: int, vectors: Array) -> Array:
+        """Residual (points, samples) of a record."""
+        record, velocity, force = self.records[k]
+        self.evaluations += len(vectors)
+        out = core.run_many(
+            self.space.law,
+            vectors,
+            record.sample_time,
+            record.displacement,
+            record.command,
+            v=velocity,
+            a=record.channels.get("acceleration_m_s2"),
+            threads=self.threads,
+            substep=self.substep,
+            run_in=self.led[k],
+        )
+        return np.asarray(self.weights[k] * (out[:, 0, :] - force)[:, skipped(record) :])
+
+    def choose_starts(self, point: Array) -> Array:
+        """Starts those records at rest that begin in motion and are nearer to a law at the point (size,) so.
+
+        Returns the point (size,) to go on from, shorter by their starts.
+        """
+        moving, n, before = self.led, len(self.space.coordinates), self.free
+        costs = []
+        for led in (moving, [False] * len(moving)):
+            self.led = led
+            residual = self.residuals(point[None, : n + len(self.free)])[0] ** 2
+            costs.append([float(residual[part].sum()) for part in self.slices])
+        self.led = [led and costs[0][k] <= costs[1][k] for k, led in enumerate(moving)]
+        return np.concatenate([point[:n], [point[n + before.index(k)] for k in self.free]])
 
     def jacobian(self, point: Array, residual: Array) -> Array:
         """Differences within the bounds (samples, coordinates), all columns in one threaded call.
 
         residual: (samples,) at the point.
         """
-        step = 1e-4
+        step, n = 1e-4, len(self.space.coordinates)
         shifts = np.where(point + step <= 1, step, -step)
-        rows = self.residuals(point + np.diag(shifts))
-        return np.asarray(((rows - residual) / shifts[:, None]).T)
+        vectors = self._vectors(point + np.diag(shifts))
+        out = np.zeros((len(point), len(residual)))
+        for k, part in enumerate(self.slices):
+            # A start moves its own record alone.
+            rows = [*range(n), *(n + i for i, free in enumerate(self.free) if free == k)]
+            out[rows, part] = (self._of_record(k, vectors[k][rows]) - residual[part]) / shifts[rows, None]
+        return out.T
 
 
 def identify(
@@ -181,10 +254,10 @@ def identify(
         extras = [extra for extra in extras if extra != "saturation"]
     if all(np.ptp(record.command) < 1e-3 * scales.command for record in train):
         extras = [extra for extra in extras if extra != "driver_lag"]  # nothing would show it
-    search = space(law, scales, extras, max(record.sample_time for record in train), dependence)
+    search = space(law, scales, extras, dependence)
     check_size(train, len(search.coordinates))
     threads = threads or os.cpu_count() or 1
-    problem = Problem(search, shorten(train, _SEARCH_SAMPLES), threads)
+    problem = Problem(search, excerpts(train, _SEARCH_SAMPLES), threads, _SEARCH_SUBSTEP, freed=False)
     n = len(search.coordinates)
     first = search.start if start is None else search.point(start)
     sampler = qmc.LatinHypercube(n, rng=np.random.default_rng(seed))
@@ -194,6 +267,7 @@ def identify(
     points = np.vstack([first, near, trials[1::2]])
     if progress:
         progress("trying starts", 0.0)
+    points = np.array([problem.begin(p) for p in points])
     cost = np.concatenate([np.sum(problem.residuals(p) ** 2, axis=1) for p in np.array_split(points, 6)])
     chosen = [0, *(k for k in np.argsort(cost, kind="stable") if k != 0)][:starts]
     found: list[tuple[float, int, Array]] = []
@@ -204,20 +278,20 @@ def identify(
     # A second one that is close is also continued with more data, as a short part may favour the wrong one.
     found.sort(key=lambda item: item[:2])
     last = [item for item in found[:2] if item[0] <= _CLOSE * found[0][0]]
-    full = Problem(search, shorten(train, _FIT_SAMPLES), threads)
+    full = Problem(search, thinned(train), threads)
     final = []
     for count, (_, order, point) in enumerate(last):
         if progress:
             progress(f"final fit {count + 1} of {len(last)}", 0.7 + 0.15 * count)
-        final.append(descend(full, point, _FIT_STEPS, order))
+        final.append(descend(full, full.begin(point[:n]), _FIT_STEPS, order))
     best = min(final, key=lambda item: item[:2])[2]
-    model = model_of(search, best)
-    commands = np.concatenate([record.command for record in train])
-    low, high = float(commands.min()), float(commands.max())
-    parameters = (
-        {**model.parameters, "command_min": low, "command_max": high} if low < high else model.parameters
-    )
-    model = replace(model, parameters=parameters, sample_rate_hz=round(1 / train[0].sample_time, 6))
+    before = list(full.led)
+    again = full.choose_starts(best)
+    if full.led != before:
+        best = descend(full, again, _FIT_STEPS)[2]
+    model = model_of(search, best[:n])
+    model = replace(model, sample_rate_hz=round(1 / train[0].sample_time, 6))
+    model = within(model, np.concatenate([record.command for record in train]))
     if progress:
         progress("evaluating", 1.0)
     return Fit(
@@ -227,9 +301,18 @@ def identify(
         starts,
         problem.evaluations + full.evaluations,
         tuple(extra for extra in requested if extra not in extras),
+        _rate(full, train),
         search,
-        tuple(float(p) for p in best),
+        tuple(float(p) for p in best[:n]),
+        {train[k].name: full.started(best)[k] for k, led in enumerate(full.led) if led},
     )
+
+
+def _rate(problem: Problem, train: Sequence[Record]) -> float:
+    """Hz, the lowest rate of a problem whose records have fewer samples than they were measured with; else 0."""
+    rates = [r.sample_time for r, _, _ in problem.records]
+    less = any(dt > 1.5 * record.sample_time for dt, record in zip(rates, train, strict=True))
+    return round(1 / max(rates), 3) if less else 0.0
 
 
 def compare_dependences(
@@ -272,6 +355,14 @@ def model_of(search: Space, point: Array) -> Model:
     return Model(search.law, parameters, effects_from(attributes), name=f"{search.law} fit")
 
 
+def within(model: Model, commands: Array) -> Model:
+    """The model with the range of the commands (n,) that it was identified on; a bipolar current counts by its size."""
+    low, high = float(commands.min()), float(commands.max())
+    if low < 0:
+        return replace(model, parameters={**model.parameters, "command_max": max(-low, high)})
+    return replace(model, parameters={**model.parameters, "command_min": low, "command_max": high})
+
+
 def descend(problem: Problem, start: Array, most: int, order: int = 0) -> tuple[float, int, Array]:
     """Cost, order and end of one bounded least squares from a point of the unit cube."""
     solution = bounded_least_squares(
@@ -287,8 +378,11 @@ def descend(problem: Problem, start: Array, most: int, order: int = 0) -> tuple[
     return float(solution.cost), order, solution.x
 
 
-def shorten(records: Sequence[Record], most: int) -> list[Record]:
-    """The records, or of each its liveliest part where they are too long together; no record under 200 samples."""
+def excerpts(records: Sequence[Record], most: int) -> list[Record]:
+    """The records, or of each its liveliest part where they are too long together; no record under 200 samples.
+
+    For a search alone: a part begins in a state that is only nearly known.
+    """
     total = sum(record.n for record in records)
     if total <= most:
         return list(records)
@@ -301,6 +395,24 @@ def shorten(records: Sequence[Record], most: int) -> list[Record]:
     return out
 
 
+def thinned(records: Sequence[Record], most: int = _FIT_SAMPLES) -> list[Record]:
+    """The records, at a lower rate where they have more samples together and their motion needs fewer.
+
+    A record is low-passed and resampled to what `_PER_CYCLE` and `_SLOWEST` leave, and no further than `most` asks for.
+    """
+    total = sum(record.n for record in records)
+    if total <= most:
+        return list(records)
+    out = []
+    for record in records:
+        power = np.abs(np.fft.rfft(record.velocity() * np.hanning(record.n))) ** 2
+        share = np.searchsorted(np.cumsum(power), _BAND * power.sum()) / (record.n * record.sample_time)
+        needed = max(_PER_CYCLE * share, _SLOWEST)
+        factor = min(math.floor(1 / (record.sample_time * needed)), math.ceil(total / most))
+        out.append(record.resample(factor * record.sample_time) if factor > 1 else record)
+    return out
+
+
 def _window(record: Record, velocity: Array, duration: float) -> slice:
     """So many seconds of a record where the command and the motion vary most."""
     count = min(record.n, max(3, round(duration / record.sample_time)))
@@ -310,8 +422,3 @@ def _window(record: Record, velocity: Array, duration: float) -> slice:
     inside = energy[count:] - energy[:-count]
     begin = int(np.argmax(inside >= 0.98 * inside.max()))
     return slice(begin, begin + count)
-
-
-def _skipped(record: Record) -> int:
-    """Samples of the first 20 ms, where the unknown start state fades."""
-    return min(record.n // 4, int(0.02 / record.sample_time))

@@ -16,13 +16,12 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from mrdamp.errors import InputError
-from mrdamp.identify import Fit, Problem, shorten, simulate
+from mrdamp.identify import Fit, Problem, simulate, thinned
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 
-_SAMPLES = 24_000
 #: Below so many records, blocks in time are resampled in place of records.
 _FEW_RECORDS = 8
 _BLOCKS = 40
@@ -75,8 +74,8 @@ def intervals(
     """
     if fit.space is None:
         raise InputError("this fit holds no search space (it was read from a file); fit again for intervals")
-    problem = Problem(fit.space, shorten(train, _SAMPLES), 1)
-    point = np.asarray(fit.point)
+    problem = Problem(fit.space, thinned(train), 1)
+    n, point = len(fit.point), _whole(fit, problem)
     parts = _blocks(problem, block)
     residual = problem.residuals(point[None])[0]
     jacobian = problem.jacobian(point, residual)
@@ -84,16 +83,28 @@ def intervals(
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
     if refit:
         found = joblib.Parallel(n_jobs=workers)(
-            joblib.delayed(_refitted)(fit, shorten(train, _SAMPLES), parts, row, point) for row in counts
+            joblib.delayed(_refitted)(fit, thinned(train), parts, row, point) for row in counts
         )
     else:
         normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
         found = joblib.Parallel(n_jobs=workers)(
             joblib.delayed(_stepped)(normal, row, point) for row in counts
         )
-    points = np.array(found)
+    points = np.array(found)[:, :n]
     words = _words(fit, points, residual, jacobian)
     return _attributes(fit, points, words)
+
+
+def _whole(fit: Fit, problem: Problem) -> Array:
+    """The point of a fit in the problem (size,), with the starts that it found."""
+    records = [record for record, _, _ in problem.records]
+    problem.led = [record.name in fit.started for record in records]
+    point = problem.begin(np.asarray(fit.point))
+    for i, k in enumerate(problem.free):
+        point[len(fit.point) + i] += fit.started[records[k].name] / (
+            2 * float(np.ptp(records[k].displacement))
+        )
+    return point
 
 
 def channel_findings(fit: Fit, records: Sequence[Record]) -> tuple[ChannelFinding, ...]:
@@ -103,7 +114,7 @@ def channel_findings(fit: Fit, records: Sequence[Record]) -> tuple[ChannelFindin
     """
     out = []
     for record in records:
-        force = simulate(fit.model, record)
+        force = simulate(fit.model, record, fit.started.get(record.name, 0.0))
         residual = record.channel("force_N") - force
         slope = np.gradient(force, record.sample_time)
         columns = np.column_stack([np.ones(record.n), -slope])
@@ -158,6 +169,7 @@ def _refitted(
     """The point of a resample by a fit of its own from the optimum."""
     assert fit.space is not None
     problem = Problem(fit.space, records, 1)
+    _whole(fit, problem)
     weight = np.concatenate(
         [np.full(p.stop - p.start, np.sqrt(c)) for p, c in zip(parts, counts, strict=True)]
     )
@@ -178,18 +190,18 @@ def _words(fit: Fit, points: Array, residual: Array, jacobian: Array) -> dict[st
     """Coordinate -> why these records do not fix it."""
     assert fit.space is not None
     coordinates = fit.space.coordinates
-    size = np.linalg.norm(jacobian, axis=0)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian + 1e-12 * np.eye(len(size)) * size.max() ** 2)
-    spread = np.sqrt(np.diag(covariance))
+    n, size = len(coordinates), np.linalg.norm(jacobian, axis=0)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian + 1e-12 * np.eye(len(size)) * size.max() ** 2)[:n, :n]
+    size, spread = size[:n], np.sqrt(np.diag(covariance))
     tied = covariance / np.outer(spread, spread)
     out: dict[str, str] = {}
     for k, coordinate in enumerate(coordinates):
         low, high = np.percentile(points[:, k], [2.5, 97.5])
-        others = np.abs(tied[k]) * (np.arange(len(size)) != k)
+        others = np.abs(tied[k]) * (np.arange(n) != k)
         partner = int(np.argmax(others))
         if size[k] < _SEEN:
             out[coordinate.name] = "these records do not show it"
-        elif len(coordinates) > 1 and others[partner] > _TIED:
+        elif n > 1 and others[partner] > _TIED:
             out[coordinate.name] = f"only together with {coordinates[partner].name}"
         elif high - low > 0.6:
             out[coordinate.name] = "its interval is as wide as its range"
@@ -204,11 +216,14 @@ def _attributes(fit: Fit, points: Array, words: dict[str, str]) -> tuple[Interva
     made = [fit.space.attributes(p) for p in points]
     value = fit.space.attributes(np.asarray(fit.point))
     units = {row.name: row.unit for row in core.attributes()}
+    stems = {m.stem for m in fit.space.maps}
     out = []
     for name, best in value.items():
         samples = np.array([m[name] for m in made])
-        if not np.ptp(samples) > 0 and name in ("x0", "k0b", "n"):
-            continue  # held, not fitted
+        if not np.ptp(samples) > 0 and (
+            name in ("x0", "n") or (len(fit.space.knots) == 1 and name[:-1] in stems)
+        ):
+            continue  # held, not fitted; of one command, no slope is known
         low, high = np.percentile(samples, [2.5, 97.5])
         out.append(Interval(name, best, float(low), float(high), units[name], _word(fit, name, words)))
     return tuple(out)

@@ -27,17 +27,18 @@ _KNOTS = {"quadratic": 3, "quadratic_saturating": 4}
 #: Effects that a plain identification may fit along with the law: sensor or preload offset, driver lag, saturation.
 EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
 
+#: s, the most that a displacement channel may be late or early.
+_SHIFT = 0.02
 #: Share of the largest command by which commands must differ to count as two.
 _SAME_COMMAND = 0.02
-#: Share of the largest command below which negative commands are taken for noise about zero.
-_SIGNED = 0.3
 
 
 @dataclass(frozen=True)
 class Scales:
     """What the records span: RMS force (N), velocity (m/s) and stroke amplitude (m), largest command.
 
-    low: the smallest command; levels: how many different commands there are (counted up to 3).
+    low: the smallest command, by its size as the fluid feels it; levels: how many different commands there are
+    (counted up to 4).
     """
 
     force: float
@@ -53,16 +54,14 @@ class Scales:
         force = math.sqrt(float(np.mean([np.var(record.channel("force_N")) for record in records])))
         velocity = math.sqrt(float(np.mean([np.mean(record.velocity() ** 2) for record in records])))
         stroke = max(float(np.ptp(record.displacement)) for record in records) / 2
-        command = max(float(np.abs(record.command).max()) for record in records)
+        size = [np.abs(record.command) for record in records]
+        command = max(float(u.max()) for u in size)
         for name, value in (("force_N", force), ("displacement_m", stroke), ("displacement_m", velocity)):
             if not value > 0:
                 raise InputError(
                     f"{records[0].label}: channel {name} is constant; nothing can be identified from it"
                 )
-        low = min(float(record.command.min()) for record in records)
-        if low < 0 and -low < _SIGNED * command:
-            low = 0.0  # noise and undershoot about zero: no command of its own
-        return cls(force, velocity, stroke, command, low, levels(records))
+        return cls(force, velocity, stroke, command, min(float(u.min()) for u in size), levels(records))
 
     def knots(self, dependence: str) -> tuple[float, ...]:
         """Commands at which a coefficient's values are the coordinates."""
@@ -74,7 +73,7 @@ class Scales:
 
 def levels(records: Sequence[Record]) -> int:
     """Number of clearly different commands in the records, counted up to 4."""
-    values = np.unique(np.concatenate([np.unique(record.command) for record in records]))
+    values = np.unique(np.concatenate([np.unique(np.abs(record.command)) for record in records]))
     limit, count, last = _SAME_COMMAND * max(float(np.abs(values).max()), 1e-12), 1, float(values[0])
     for value in values:
         if value - last > limit:
@@ -98,7 +97,9 @@ def dependence_for(requested: str | None, scales: Scales, where: str = "the reco
             if scales.levels == 1
             else f"there are {scales.levels} different commands"
         )
-        raise InputError(f"{where}: {what}; a {requested} dependence on the command needs {need} different ones")
+        raise InputError(
+            f"{where}: {what}; a {requested} dependence on the command needs {need} different ones"
+        )
     return requested
 
 
@@ -223,8 +224,6 @@ class Space:
             k += size
         k += self.rate is not None
         out |= {c.name: value for c, value in zip(self.plain, numbers[k:], strict=True)}
-        if self.law == "hyperbolic_tangent":
-            out["k0b"] = 0.0
         return _hysteresis(out) if "yield_displacement" in out else out
 
     def point(self, attributes: Mapping[str, float]) -> Array:
@@ -293,9 +292,9 @@ def _law(law: str, s: Scales) -> tuple[tuple[Map, ...], tuple[Coordinate, ...]]:
         mass = 0.02 * f * s.stroke / s.velocity**2
         pre_damping = Map("c1", 0.3 * c, 0.5 * c, 0.0, 12 * c)
         pre_spring = Map("k1", 5 * k, 10 * k, 0.05 * k, 4000 * k, log=True)
-        k0 = Coordinate("k0a", 0.05 * k, 0.0, 3 * k)
+        k0 = Map("k0", 0.03 * k, 0.05 * k, 0.0, 3 * k)
         m0 = Coordinate("m0", 0.03 * mass, 1e-4 * mass, mass, log=True)
-        return (pre_spring, c0, pre_damping, force("f0")), (k0, m0, v_ref)
+        return (k0, pre_spring, c0, pre_damping, force("f0")), (m0, v_ref)
     raise InputError(f"law '{law}' has no search space; allowed: {', '.join(PARAMETRIC)}")
 
 
@@ -307,7 +306,6 @@ def space(
     law: str,
     scales: Scales,
     extras: Sequence[str] = (),
-    sample_time: float = 1e-3,
     dependence: str | None = None,
 ) -> Space:
     """Search space of a parametric law with some of `EXTRAS`; InputError for an unknown name.
@@ -324,7 +322,7 @@ def space(
             "saturation_i_s", scales.command, 0.1 * scales.command, 20 * scales.command, log=True
         ),
         "gas_spring": Coordinate("gas_spring_k", 0.0, -3 * stiffness, 3 * stiffness),
-        "channel_shift": Coordinate("channel_shift_d", 0.0, -5 * sample_time, 5 * sample_time),
+        "channel_shift": Coordinate("channel_shift_d", 0.0, -_SHIFT, _SHIFT),
     }
     for extra in extras:
         if extra not in known:

@@ -44,6 +44,7 @@ __all__ = [
     "run",
     "run_frame",
     "run_frame_many",
+    "run_in",
     "run_many",
     "vector",
 ]
@@ -105,6 +106,7 @@ def run_many(
     v: Array | None = None,
     a: Array | None = None,
     hold: bool = False,
+    run_in: bool = False,
     substep: float | None = None,
     threads: int = 1,
     narx: Narx | None = None,
@@ -114,13 +116,15 @@ def run_many(
 
     params (sets, attributes) as by `vector`; x (m), u (command), v (m/s), a (m/s2): (n,) at the sample time dt (s).
     v and a are differentiated where they are not given. `hold`: the command is held between samples, as
-    MuJoCo does; otherwise straight lines. Returns (sets, columns, n); the same for any number of threads.
+    MuJoCo does; otherwise straight lines. `run_in`: a record that begins in motion is led into by motion of its own
+    (`mrdamp.h`), in place of a start at rest; not for networks. Returns (sets, columns, n); the same for any number
+    of threads.
     """
     matrix = np.ascontiguousarray(np.atleast_2d(params), dtype=float)
     arrays = [_channel(name, value, len(x)) for name, value in (("x", x), ("v", v), ("a", a), ("u", u))]
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
     out = np.empty((len(matrix), len(columns), len(x)))
-    options = Options(int(hold), threads, substep or 0.0)
+    options = Options(int(hold), threads, substep or 0.0, int(run_in and narx is None))
     checked(
         library().mrdamp_run,
         *_sets(law, narx, matrix),
@@ -135,6 +139,21 @@ def run_many(
     return out
 
 
+def run_in(dt: float, x: Array, u: Array, v: Array | None = None) -> slice | None:
+    """The samples of a record, x (m), u (command), v (m/s), that lead into its motion; None where it begins at rest."""
+    arrays = [_channel(name, value, len(x)) for name, value in (("x", x), ("v", v), ("u", u))]
+    begin, end = ctypes.c_int(), ctypes.c_int()
+    checked(
+        library().mrdamp_run_in,
+        dt,
+        len(x),
+        *(None if array is None else pointer(array) for array in arrays),
+        ctypes.byref(begin),
+        ctypes.byref(end),
+    )
+    return slice(begin.value, end.value) if begin.value < end.value else None
+
+
 def run(
     law: str,
     parameters: Mapping[str, float],
@@ -145,6 +164,7 @@ def run(
     u: Array | float = 0.0,
     *,
     hold: bool = False,
+    run_in: bool = False,
     substep: float | None = None,
     threads: int = 1,
     narx: Narx | None = None,
@@ -161,6 +181,7 @@ def run(
         v=v,
         a=a,
         hold=hold,
+        run_in=run_in,
         substep=substep,
         threads=threads,
         narx=narx,
@@ -245,7 +266,7 @@ def run_frame_many(
         fill_frame(row, frame, keep)
     sizes = [(2 * row.storeys + 7) * n for row in rows]
     out = np.empty(sum(sizes))
-    options = Options(int(hold), threads, substep or 0.0)
+    options = Options(int(hold), threads, substep or 0.0, 0)
     checked(
         library().mrdamp_run_frame,
         *_sets(law, narx, matrix),

@@ -189,6 +189,7 @@ class Model:
                 inputs.get("acceleration_m_s2"),
                 inputs["command"],
                 hold=hold,
+                run_in=True,
                 narx=self.narx,
                 columns=columns,
             )

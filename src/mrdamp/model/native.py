@@ -20,7 +20,12 @@ ERROR_SIZE = 400
 
 
 class Options(ctypes.Structure):
-    _fields_ = (("hold", ctypes.c_int), ("threads", ctypes.c_int), ("substep", ctypes.c_double))
+    _fields_ = (
+        ("hold", ctypes.c_int),
+        ("threads", ctypes.c_int),
+        ("substep", ctypes.c_double),
+        ("run_in", ctypes.c_int),
+    )
 
 
 class Frame(ctypes.Structure):
@@ -114,6 +119,8 @@ def library() -> ctypes.CDLL:
         + (double_p,) * 4
         + (ctypes.POINTER(Options), c_int, ctypes.POINTER(c_int), double_p, c_char_p, c_int)
     )
+    whole = ctypes.POINTER(c_int)
+    lib.mrdamp_run_in.argtypes = (c_double, c_int, *(double_p,) * 3, whole, whole, c_char_p, c_int)
     lib.mrdamp_run_frame.argtypes = (
         (c_int, c_void_p, c_int, double_p, ctypes.POINTER(Frame), c_double, c_int)
         + (double_p,) * 2

@@ -19,6 +19,8 @@ from mrdamp.records.channels import check_header, is_channel
 Array = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".csv.gz")
+#: Share of the largest command within which two commands are the same.
+_SAME_COMMAND = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +256,8 @@ def read_records(
     """Read a folder, a file or a list of files, sorted by name.
 
     A folder with ``train/`` and ``validation/`` gives the division. Otherwise records are held out whole:
-    every third one (the last of two) is for validation, and a test that repeats another (``repeat`` in its
+    every third one (the last of two) is for validation, another in its place where its command goes beyond those of
+    the rest, and a test that repeats another (``repeat`` in its
     name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
     covered two thirds of its path: the rest is held out, and both parts move.
 
@@ -343,12 +346,34 @@ def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
     first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
     if len(first) < 2:
         first = list(range(len(records)))
-    validation = set(first[2::3]) or {first[-1]}
+    validation = _within_the_rest(records, first, set(first[2::3]) or {first[-1]})
     for k in sorted(set(range(len(records))) - set(first)):
         if min(first, key=lambda other: _input_difference(records[k], records[other])) in validation:
             validation.add(k)
     train = tuple(record for k, record in enumerate(records) if k not in validation)
     return RecordSet(name, train, tuple(records[k] for k in sorted(validation)))
+
+
+def _within_the_rest(records: Sequence[Record], first: Sequence[int], chosen: set[int]) -> set[int]:
+    """The held-out records, exchanged for others where their commands go beyond those of the rest."""
+    if any("command" not in records[k].channels for k in first):
+        return chosen
+    largest = {k: float(np.abs(records[k].command).max()) for k in first}
+    least = {k: float(np.abs(records[k].command).min()) for k in first}
+    slack = _SAME_COMMAND * max(largest.values())
+
+    def beyond(held: set[int]) -> list[int]:
+        rest = [k for k in first if k not in held]
+        high, low = max(largest[k] for k in rest), min(least[k] for k in rest)
+        return [k for k in sorted(held) if largest[k] > high + slack or least[k] < low - slack]
+
+    for k in beyond(chosen):
+        for other in first:
+            exchanged = (chosen - {k}) | {other}
+            if other not in chosen and len(beyond(exchanged)) < len(beyond(chosen)):
+                chosen = exchanged
+                break
+    return chosen
 
 
 def _input_difference(a: Record, b: Record) -> float:

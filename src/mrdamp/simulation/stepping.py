@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
 from mrdamp.errors import InputError
-from mrdamp.model import Model, floor_channels
+from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.mjcf import FRAME_STEP, RIG_STEP, mjcf
@@ -32,9 +32,13 @@ def _load(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, mujoco.MjData(model)
 
 
-def _from(model: Model, command: float) -> Model:
-    """The model with the command that a record begins with: it stood there before, as the C entry has it."""
-    return replace(model, parameters={"command_start": command, **model.parameters})
+def _from(model: Model, command: float, r: float = 0.0) -> Model:
+    """The model with the command that a record begins with: it stood there before, as the C entry has it.
+
+    r: x - y of modified_bouc_wen, m.
+    """
+    slow = {"start_r": r} if r and model.law == "modified_bouc_wen" else {}
+    return replace(model, parameters={"command_start": command, **model.parameters, **slow})
 
 
 def _steps(dt: float, largest: float) -> int:
@@ -47,15 +51,21 @@ def drive_rig(
     """A damper record through MuJoCo: force_N and reference_force_N (n,) at the record's sample times.
 
     dt (s) and inputs as in `Model.simulate`; the record's motion is imposed on the machine, with
-    steps no longer than `largest_step` (s).
+    steps no longer than `largest_step` (s), after the run-in of a record that begins in motion.
     """
     x, u = inputs["displacement_m"], inputs["command"]
-    n, inner = len(x), _steps(dt, largest_step)
-    t = dt * np.arange(n)
     v = inputs.get("velocity_m_s")
     v = np.gradient(x, dt, edge_order=2) if v is None else v
     a = inputs.get("acceleration_m_s2")
     a = np.gradient(v, dt, edge_order=2) if a is None else a
+    before = None if model.narx else core.run_in(dt, x, u, v)
+    lead, slow = 0, 0.0
+    if before is not None:
+        lead, slow = before.stop - before.start, float(x[before.start] - np.mean(x[before.start : before.stop + 1]))
+        x = np.append(x[before] + x[0] - x[before.stop], x)
+        v, a, u = (np.append(channel[before], channel) for channel in (v, a, u))
+    n, inner = len(x), _steps(dt, largest_step)
+    t = dt * np.arange(n)
     shift = model.attributes.get("channel_shift_d", 0.0)
     if shift:  # the displacement is read late or early: the rod moves as it really did
         path, moved = CubicHermiteSpline(t, x, v), np.clip(t + shift, 0.0, t[-1])
@@ -68,7 +78,7 @@ def drive_rig(
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
     acceleration, command = np.interp(fine, t, a), np.interp(fine, t, u)
-    m, d = _load(mjcf(_from(model, float(u[0])), timestep=dt / inner))
+    m, d = _load(mjcf(_from(model, float(u[0]), slow), timestep=dt / inner))
     damper = m.actuator("damper").id
     sensors = {s: m.sensor(s).adr[0] for s in ("damper_force", "true_force")}
     out = {name: np.empty(n) for name in ("force_N", "reference_force_N")}
@@ -80,6 +90,11 @@ def drive_rig(
         if k % inner == 0:
             out["force_N"][k // inner] = d.sensordata[sensors["damper_force"]]
             out["reference_force_N"][k // inner] = d.sensordata[sensors["true_force"]]
+    out = {name: force[lead:] for name, force in out.items()}
+    if lead and (settle := model.attributes.get("sensor_offset_settle", 0.0)):
+        # The sensor's offset settles from the record's start on.
+        rate = dt / model.attributes.get("sensor_offset_time", 1.0)
+        out["force_N"] += settle * (1 - np.exp(-rate * lead)) * np.exp(-rate * np.arange(n - lead))
     return out
 
 

@@ -276,6 +276,7 @@ class DamperRig:
                 v=v,
                 a=a,
                 substep=inputs.sample_time / pieces,
+                run_in=True,
                 threads=self.threads,
                 narx=self.nominal_model.narx,
                 columns=names,

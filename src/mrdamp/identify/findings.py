@@ -1,0 +1,148 @@
+"""What a laboratory should know of a fit besides its error: ranges reached, commands left, causes not fitted along."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrdamp.identify.fit import Fit, simulate
+from mrdamp.identify.start import skipped
+from mrdamp.model import Effect, Model
+from mrdamp.model.core import Array
+from mrdamp.records import Record
+from mrdamp.records.motion import noise
+
+#: Share of its range next to an end within which a coordinate has reached it.
+_AT_LIMIT = 1e-3
+#: A lag of the driver or noise of the displacement is told where it is worth this share of the remaining error.
+_WORTH = 0.3
+#: s, lags that are tried.
+_LAGS = 0.003, 0.01, 0.03, 0.1
+#: Share of the largest command beyond the fitted commands that is outside of them.
+_BEYOND = 0.02
+
+
+def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> list[str]:
+    """A line for each; empty where there is nothing to say."""
+    lines = [*_limits(fit), *_one_command(fit.model, train), *_thinned(fit, train)]
+    lines += [f"{record.label}: {said}" for record in held_out if (said := outside(fit.model, record))]
+    residuals = [_residual(fit.model, record, fit.started.get(record.name, 0.0)) for record in train]
+    left = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    return [*lines, *_starts(fit, train), *_lag(fit, train), *_motion(fit, train, left)]
+
+
+def outside(model: Model, record: Record) -> str:
+    """How a record's command goes beyond those a model holds for, and is clamped; empty where it does not."""
+    low, high = (model.attributes.get(f"command_{end}", np.nan) for end in ("min", "max"))
+    u = record.command if np.isfinite(low) else np.abs(record.command)
+    slack = _BEYOND * max(float(np.abs(u).max()), 1e-12)
+    share = float(np.mean((u < low - slack) | (u > high + slack)))
+    if not share > 0:
+        return ""
+    holds = f"{low:g} to {high:g}" if np.isfinite(low) else f"up to {high:g}"
+    if low == high:
+        holds = f"{low:g} alone"
+    return (
+        f"its command runs from {record.command.min():.3g} to {record.command.max():.3g}, the model holds for {holds}:"
+        f" {100 * share:.0f} % of the samples are clamped"
+    )
+
+
+def _residual(model: Model, record: Record, started: float = 0.0) -> Array:
+    return (simulate(model, record, started) - record.channel("force_N"))[skipped(record) :]
+
+
+def _limits(fit: Fit) -> list[str]:
+    if fit.space is None:
+        return []
+    lines = []
+    for c, p in zip(fit.space.coordinates, fit.point, strict=True):
+        if c.low < c.unpack(p) < c.high and _AT_LIMIT < p < 1 - _AT_LIMIT:
+            continue
+        if c.low == 0 and p < 0.5 and not c.log:
+            continue  # a part that is not needed
+        lines.append(f"{c.name} is at the end of its range, {c.unpack(p):.4g} of {c.low:.3g} to {c.high:.3g}")
+    return lines
+
+
+def _one_command(model: Model, train: Sequence[Record]) -> list[str]:
+    low, high = model.parameters.get("command_min"), model.parameters.get("command_max")
+    if low is None or low != high:
+        return []
+    return [
+        f"{train[0].label}: one command, {low:g}: how the law follows it is unknown; the model holds for it alone"
+    ]
+
+
+def _thinned(fit: Fit, train: Sequence[Record]) -> list[str]:
+    if not fit.thinned:
+        return []
+    rates = sorted({round(1 / record.sample_time) for record in train})
+    return [
+        f"fitted at {fit.thinned:g} of {', '.join(map(str, rates))} samples a second; errors are of all samples"
+    ]
+
+
+def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
+    """What the slow state at the start of records that begin in motion is worth."""
+    led = [record for record in train if record.name in fit.started]
+    if not led:
+        return []
+    both = [
+        float(
+            np.sqrt(
+                np.mean(np.concatenate([_residual(fit.model, r, fit.started[r.name] * on) for r in led]) ** 2)
+            )
+        )
+        for on in (0, 1)
+    ]
+    if both[1] > 0.9 * both[0]:
+        return []
+    return [
+        f"{len(led)} records begin in motion, with a slow state (x - y) that is not measured: {both[0]:.3g} N"
+        f" without it, {both[1]:.3g} N with it as fitted; a prediction cannot know it"
+    ]
+
+
+def _lag(fit: Fit, train: Sequence[Record]) -> list[str]:
+    """A lag of the driver that was not fitted along, by trying it on the law as it is."""
+    moved = [
+        r for r in train if float(np.ptp(r.command)) > _BEYOND * max(float(np.abs(r.command).max()), 1e-12)
+    ]
+    if not moved or any(e.name == "driver_lag" for e in fit.model.effects):
+        return []
+    own = float(np.sqrt(np.mean(np.concatenate([_residual(fit.model, r) for r in moved]) ** 2)))
+    best = (own, 0.0)
+    for tau in _LAGS:
+        lagged = fit.model.with_effects((*fit.model.effects, Effect("driver_lag", {"tau": tau})))
+        best = min(
+            best, (float(np.sqrt(np.mean(np.concatenate([_residual(lagged, r) for r in moved]) ** 2))), tau)
+        )
+    if best[0] > (1 - _WORTH) * own:
+        return []
+    return [
+        f"a lag of the driver of about {1e3 * best[1]:g} ms would take the error under a changing command from"
+        f" {own:.3g} to {best[0]:.3g} N: fit again with --extras offset driver_lag"
+    ]
+
+
+def _motion(fit: Fit, train: Sequence[Record], left: float) -> list[str]:
+    """Noise or steps of the displacement, as far as the law turns them into force."""
+    rng = np.random.default_rng(0)
+    squares, levels = [], []
+    for record in train:
+        level = noise(np.asarray(record.displacement))
+        disturbed = record.displacement + level * rng.standard_normal(record.n)
+        if "velocity_m_s" in record.channels or not level > 0:
+            return []
+        again = simulate(fit.model, record.with_channels({"displacement_m": disturbed}))
+        squares.append(float(np.mean((again - simulate(fit.model, record)) ** 2)))
+        levels.append(level)
+    carried = float(np.sqrt(np.mean(squares)))
+    if carried < _WORTH * left:
+        return []
+    return [
+        f"noise or steps of the displacement, {1e6 * np.median(levels):.2g} um, are {carried:.3g} N of the simulated"
+        f" force (error {left:.3g} N): parameters are biased by it; fit again with --cutoff HZ"
+    ]

@@ -1,0 +1,77 @@
+"""Records as a laboratory makes them of a damper with known parameters: sines at constant commands, SciPy, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from excitation import Array, constant, sine
+from mrdamp import sets
+from mrdamp.records import Record
+from twins import simulate
+
+#: Parameters by law. That of modified_bouc_wen forgets x - y in (c0 + c1) / k0 = 6.5 s.
+TRUE: dict[str, dict[str, float]] = {
+    "bingham": {"c0a": 650.0, "c0b": 200.0, "fya": 50.0, "fyb": 400.0, "v_ref": 0.01},
+    "bouc_wen": {
+        "c0a": 650.0, "c0b": 300.0, "alpha_a": 60.0, "alpha_b": 500.0, "gamma": 1200.0, "beta": 800.0, "A": 2000.0,
+        "n": 2.0, "k0": 500.0, "x0": 0.0,
+    },
+    "hyperbolic_tangent": {
+        "k0a": 500.0, "k0b": 0.0, "k1a": 1e5, "k1b": 3e4, "c0a": 600.0, "c0b": 300.0, "c1a": 1500.0, "c1b": 500.0,
+        "m0": 1.0, "f0a": 60.0, "f0b": 400.0, "v_ref": 0.02,
+    },
+    "modified_bouc_wen": {
+        **{k: v for k, v in sets.load("spencer1997_3kN").parameters.items() if "command" not in k}, "x0": 0.0,
+    },
+}  # fmt: skip
+#: Amplitude (m) and frequency (Hz) of the tests.
+SINES = ((0.005, 4.0), (0.01, 1.5), (0.02, 0.5))
+COMMANDS = (0.0, 0.5, 1.0)
+
+
+@cache
+def clean(law: str, dt: float, duration: float) -> tuple[tuple[str, Array, float, Array], ...]:
+    """Name, displacement (n,), command and force (n,) of each test, from rest."""
+    t: Array = np.asarray(dt * np.arange(round(duration / dt) + 1), dtype=np.float64)
+    out = []
+    for amplitude, frequency in SINES:
+        motion = sine(amplitude, frequency)
+        for command in COMMANDS:
+            force = simulate(law, TRUE[law], motion, t, constant(command))["force"]
+            out.append((f"{amplitude}_{frequency}_{command}", motion.sample(t)[0], command, force))
+    return tuple(out)
+
+
+def rig_tests(
+    law: str, *, seed: int = 0, dt: float = 1e-3, duration: float = 4.0, noise: float = 0.01, late: float = 0.0,
+    chosen: Sequence[int] | None = None,
+) -> list[Record]:  # fmt: skip
+    """Nine records, or those chosen, with noise of a share of each force's deviation.
+
+    late: s, that the recording begins after the motion; duration is what is recorded.
+    """
+    rng, skip, out = np.random.default_rng(seed), round(late / dt), []
+    for name, x, command, force in clean(law, dt, duration + late):
+        measured = (force + noise * np.std(force) * rng.standard_normal(len(force)))[skip:]
+        channels = {
+            "displacement_m": x[skip:],
+            "command": np.full(len(measured), command),
+            "force_N": measured,
+        }
+        out.append(Record(name, None, dt, channels))
+    return out if chosen is None else [out[k] for k in chosen]
+
+
+def identifiable(law: str) -> dict[str, float]:
+    """The true parameters as a fit states them: z of the Bouc-Wen laws is scaled to end at 1 (arithmetic by hand)."""
+    p = dict(TRUE[law])
+    if "A" not in p:
+        return p
+    both = p["beta"] + p["gamma"]
+    end = (p["A"] / both) ** (1 / p["n"])  # where dz/dx = A - (beta + gamma) z^n is 0
+    slope = p["A"] / end
+    scaled = {"alpha_a": p["alpha_a"] * end, "alpha_b": p["alpha_b"] * end, "A": slope}
+    return p | scaled | {"beta": slope * p["beta"] / both, "gamma": slope * p["gamma"] / both}
