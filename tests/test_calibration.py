@@ -38,7 +38,7 @@ def test_eq_1_and_2_for_a_cubic_sensor() -> None:
     dt, k, size, s = 0.001, -150.0, 1000.0, 0.1
     force = size * np.sin(2 * np.pi * 1.0 * dt * np.arange(6000))
     charge = k * force * (1 + s * (force / size) ** 2)
-    found = calibrate([CalibrationTest("cubic", dt, force, charge)], cutoff=None).tests[0]
+    found = calibrate([CalibrationTest("cubic", dt, force, charge)], cutoff=0).tests[0]
     expected = k * (1 + 1.5 * s + 0.625 * s * s) / (1 + 0.75 * s)
     assert found.sensitivity == pytest.approx(expected, rel=1e-4)
     assert found.delta_1 == pytest.approx(np.std(force - charge / expected) / np.std(force), rel=1e-3)
@@ -52,9 +52,30 @@ def test_leakage_and_delay_are_told_apart() -> None:
     assert found.delay is not None
     assert found.leakage_tau[0] == pytest.approx(8.0, rel=0.05)
     assert found.delay[0] == pytest.approx(4e-4, rel=0.05)
-    assert found.dynamic_sensitivity == pytest.approx(-158.0, rel=2e-3)
+    assert found.dynamic_sensitivity is not None
+    assert found.dynamic_sensitivity[0] == pytest.approx(-158.0, rel=2e-3)
     assert found.tests[0].phase == pytest.approx(np.degrees(np.arctan(1 / (2 * np.pi * 0.2 * 8))), abs=0.3)
     assert calibrate(tests[:2]).leakage_tau is None
+
+
+def test_tests_above_the_papers_cutoff() -> None:
+    found = calibrate([sine(f, 1000.0, 42.0, 3.0, 1e-3, dt=5e-4) for f in (2.0, 5.0, 10.0, 20.0, 30.0)])
+    assert found.tests[-1].frequency == pytest.approx(30.0, rel=1e-3)
+    assert found.tests[-1].amplitude == pytest.approx(1000.0, rel=0.01)
+    assert found.dynamic_sensitivity is not None
+    assert found.dynamic_sensitivity[0] == pytest.approx(42.0, rel=2e-3)
+    assert found.delay is not None
+    assert found.delay[0] == pytest.approx(1e-3, rel=0.02)
+    with pytest.raises(InputError, match="a test at 30 Hz; allowed: a cut-off above it"):
+        calibrate([sine(30.0, 1000.0, 42.0, 3.0, 1e-3, dt=5e-4)], cutoff=20.0)
+
+
+def test_a_drift_of_the_charge_is_no_sensitivity() -> None:
+    plain = sine(0.1, 500.0, 42.0, 1e3, 0.0, dt=0.01)
+    drifting = plain.charge + 300.0 * plain.sample_time * np.arange(len(plain.charge))
+    found = calibrate([CalibrationTest("drift", plain.sample_time, plain.force, drifting)]).tests[0]
+    assert found.sensitivity == pytest.approx(42.0, rel=2e-3)
+    assert found.delta_1 < 0.01
 
 
 def test_leaked_charge_can_be_put_back() -> None:
@@ -87,7 +108,7 @@ def test_the_low_pass_adds_no_phase_and_stops_hum() -> None:
     kept = low_pass(slow + hum, 0.001)[500:-500]
     assert np.abs(kept - slow[500:-500]).max() < 0.01
     with pytest.raises(InputError, match="cut-off 20 Hz"):
-        low_pass(slow, 0.03)
+        low_pass(slow, 0.03, 20.0)
 
 
 def test_delta_2_per_command() -> None:

@@ -13,9 +13,10 @@ from excitation import Array
 from mrdamp import InputError
 from mrdamp.narx import data
 from mrdamp.narx.bayes import minimise
-from mrdamp.narx.data import lagged, noise_floor, protocol, series
+from mrdamp.narx.data import lagged, protocol, series
 from mrdamp.narx.error_bars import error_bars
-from mrdamp.narx.evaluation import evaluate, free_run_error, free_run_force
+from mrdamp.narx.evaluation import evaluate, force_at_rest, free_run_error, free_run_force
+from mrdamp.narx.network import Network
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import draw_pruning, prune
 from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
@@ -43,8 +44,6 @@ def trained() -> FitNarx:
 
 def test_both_errors_come_near_the_noise(trained: FitNarx) -> None:
     """2 N of white noise: a one-step prediction reads it in its past forces too, a free run does not."""
-    noise = [noise_floor(s) for s in TEST]
-    assert noise[0] == pytest.approx(2.0, rel=0.2)
     assert 1.5 < trained.one_step.test[0].rmse < 6.0
     assert 1.5 < trained.free_run.test[0].rmse < 15.0
     assert trained.free_run.pooled[2] < 0.03
@@ -205,6 +204,32 @@ def test_series_at_another_sample_time_keeps_the_motion() -> None:
     assert s.sample_time == 4e-3
     truth = motion(700, 2e-3, 1)[1][::2]
     assert np.std(s.v[10:-10] - truth[10:-10]) < 0.02 * np.std(truth)
+
+
+def test_noise_is_that_of_the_force_as_measured() -> None:
+    t: Array = np.asarray(5e-4 * np.arange(8000), dtype=np.float64)
+    x = 0.01 * np.sin(2 * np.pi * 2 * t)
+    noise = np.random.default_rng(0).normal(0, 3.43, len(t))
+    smooth = Record(
+        "smooth",
+        None,
+        5e-4,
+        {"displacement_m": x, "command": 0 * t, "force_N": 9e3 * np.gradient(x, t) + noise},
+    )
+    for sample_time in (None, 2e-3):
+        assert series(smooth, sample_time).noise == pytest.approx(3.43, rel=0.05)
+
+
+def test_force_at_rest_is_the_fixed_point_of_the_recursion() -> None:
+    # F = .9 F before + .2 i + .01, scaled: at rest F = (.2 i + .01) / .1.
+    inputs = (("F", 1), ("i", 0))
+    net = Network(
+        2e-3, inputs, np.zeros(2), np.array([1 / 800, 1.0]), 0.0, 800.0, (), np.array([0.9, 0.2, 0.01])
+    )
+    found = force_at_rest(net, TRAIN)
+    assert [u for u, _ in found] == [min(s.i.min() for s in TRAIN), max(s.i.max() for s in TRAIN)]
+    for u, force in found:
+        assert force == pytest.approx(800 * (0.2 * u + 0.01) / 0.1, rel=1e-6)
 
 
 def test_bad_records_are_told_in_a_line() -> None:

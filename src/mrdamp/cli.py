@@ -160,9 +160,13 @@ def _demo(a: argparse.Namespace) -> int:
 
 def _predict(a: argparse.Namespace) -> int:
     from mrdamp.model import Model
-    from mrdamp.simulation.predict import write_prediction
+    from mrdamp.records import read_record
+    from mrdamp.simulation.predict import INPUTS, clamped, write_prediction
 
-    write_prediction(Model.read(a.model), a.record, a.out)
+    model = Model.read(a.model)
+    write_prediction(model, a.record, a.out)
+    if beyond := clamped(model, read_record(a.record, required=INPUTS[model.rig])):
+        print(f"mrdamp: warning: {a.record}: {beyond}", file=sys.stderr)
     return 0
 
 

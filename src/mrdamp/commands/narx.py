@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 
+#: Force at rest over the largest deviation of a training force, above which it is more than a preload's error.
+_REST = 0.05
+
 
 def add_narx_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `--law narx`."""
@@ -232,16 +235,14 @@ def _print_fit(fit: FitNarx, splits: DataSplit, protocol: str) -> Sufficiency:
 
 
 def _print_errors(net: Network, one: Evaluation, free: Evaluation, splits: DataSplit) -> None:
-    """Free run first, then one step ahead, and the noise that no one-step prediction goes below."""
+    """Free run first, then one step ahead, and the noise of the force; then what it does at rest."""
     import numpy as np
 
-    from mrdamp.narx.data import noise_floor
+    from mrdamp.narx.evaluation import force_at_rest
 
-    noise = {
-        s.name: noise_floor(s) / float(np.std(s.force))
-        for s in (*splits.train, *splits.validation, *splits.test)
-    }
-    print("RMS error in N and over the force's standard deviation; noise: of the force's samples, likewise")
+    parts = (*splits.train, *splits.validation, *splits.test)
+    noise = {s.name: s.noise / float(np.std(s.force)) for s in parts}
+    print("RMS error in N and over the force's standard deviation; noise: of the force as measured, at most, likewise")
     print(f"  {'':44s} {'':10s} {'free run':>19s} {'one step ahead':>19s} {'noise':>7s}")
     halves = (("trained", 0, free.train, one.train), ("validation", 1, free.validation, one.validation),
               ("test", 2, free.test, one.test))  # fmt: skip
@@ -255,6 +256,11 @@ def _print_errors(net: Network, one: Evaluation, free: Evaluation, splits: DataS
                   f" {_number(one.pooled[k], 7)}")  # fmt: skip
     if any(record.sample_time > 1.001 * splits.sample_time for record in splits.whole):
         print(f"validation in free run, slower records at their own rate: {_number(splits.score(net), 1)}")
+    found = force_at_rest(net, splits.train)
+    said = ", ".join(f"{force:.3g} N at {u:g}" for u, force in found)
+    print(f"it pushes a rod at rest with {said}")
+    if max(abs(force) for _, force in found) > _REST * max(float(np.std(s.force)) for s in splits.train):
+        print("  check: a damper at rest holds its preload alone; train with records that hold a rest too")
 
 
 def _described(model: Model, net: Network, fit: FitNarx) -> Model:

@@ -12,7 +12,7 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from scipy import optimize, signal
+from scipy import optimize, signal, stats
 
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
@@ -24,6 +24,9 @@ from mrdamp.records.csv_file import numbers
 
 COLUMNS = ("time_s", "reference_force_N", "charge_pC")
 CUTOFF = 20.0  # Hz, the paper's elliptic low-pass
+#: Of a faster test, the cut-off over its frequency: the harmonics that make delta_1 pass.
+_ABOVE = 4.0
+_HARMONICS = 3
 _ORDER, _RIPPLE, _STOP = 5, 0.01, 60.0  # dB; run forward and backward
 _MIN_CYCLES = 2.0
 
@@ -62,13 +65,13 @@ class Calibration:
     leakage_tau (s) with its 95 % interval (upper end infinite where no leakage is shown), delay (s) of the charge
     against the force, loss_angle (degree) by which it lags at every frequency (hysteresis of the wafer), each
     with its interval; all None for tests at fewer than three frequencies. dynamic_sensitivity (pC/N): the gain
-    far above the leakage.
+    far above the leakage, with its interval; unlike Eq. (1) it does not grow with the phase.
     """
 
     tests: tuple[SineResult, ...]
     sensitivity: float
     delta_1: float
-    dynamic_sensitivity: float | None
+    dynamic_sensitivity: tuple[float, float, float] | None
     leakage_tau: tuple[float, float, float] | None
     delay: tuple[float, float, float] | None
     loss_angle: tuple[float, float, float] | None
@@ -109,11 +112,12 @@ def embedded_tests() -> list[CalibrationTest]:
     return [_parse(f"calibration/{i.name}", i.name.split(".csv")[0], i.read_bytes()) for i in items]
 
 
-def calibrate(tests: Sequence[CalibrationTest], cutoff: float | None = CUTOFF) -> Calibration:
+def calibrate(tests: Sequence[CalibrationTest], cutoff: float | None = None) -> Calibration:
     """Sensitivity and frequency response of the sensor from sine tests.
 
-    cutoff (Hz): of the elliptic low-pass on both channels, None: none. Raises InputError for a constant or clipped
-    channel, fewer than two periods, a cut-off that the sampling rate does not allow, or no test at all.
+    cutoff (Hz): of the elliptic low-pass on both channels; 0: none; None: 20 Hz, or four times the frequency of a
+    test where that is more. Raises InputError for a constant or clipped channel, fewer than three periods, a cut-off
+    that the sampling rate does not allow or that is below a test's frequency, or no test at all.
     """
     if not tests:
         raise InputError("no calibration test; at least one is needed")
@@ -169,7 +173,7 @@ def low_pass(x: Array, sample_time: float, cutoff: float = CUTOFF) -> Array:
 
 
 def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, Array, Array]:
-    """The result, and the filtered force and charge over whole periods, their means taken off."""
+    """The result, and the filtered force and charge over whole periods, their means and trends taken off."""
     for name, x in (("reference_force_N", test.force), ("charge_pC", test.charge)):
         if not float(np.ptp(x)) > 0:
             raise InputError(f"{test.name}: channel {name} is constant; no sensitivity can be found from it")
@@ -179,9 +183,15 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
                 f"{test.name}: channel {name} is clipped at {found[0]:g} ({100 * found[1]:.1f} %)"
             )
     dt, force, charge = test.sample_time, test.force, test.charge
-    if cutoff is not None:
-        force, charge = low_pass(force, dt, cutoff), low_pass(charge, dt, cutoff)
     frequency = _frequency(force, dt)
+    if cutoff is None:
+        cutoff = min(max(CUTOFF, _ABOVE * frequency), 0.4 / dt)
+    if cutoff:
+        if cutoff <= frequency:
+            allowed = f"allowed: a cut-off above it, not {cutoff:g} Hz"
+            raise InputError(f"{test.name}: a test at {frequency:.4g} Hz; {allowed}")
+        force, charge = low_pass(force, dt, cutoff), low_pass(charge, dt, cutoff)
+        frequency = _frequency(force, dt)
     cycles = len(force) * dt * frequency
     if cycles < _MIN_CYCLES + 1:
         raise InputError(f"{test.name}: {cycles:.1f} periods; at least {_MIN_CYCLES + 1:g} are needed")
@@ -190,13 +200,15 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
     count = round(int((len(force) - first) * dt * frequency) / (frequency * dt))
     part = slice(first, first + count)
     t = dt * np.arange(len(force))[part]
-    gains = []
+    gains, swings = [], []
     for x in (force[part], charge[part]):
-        angle = 2 * np.pi * frequency * t
-        columns = np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(t), t])
+        # With harmonics, which a trend would else take a part of.
+        angle = 2 * np.pi * frequency * np.outer(t, np.arange(1, 1 + _HARMONICS))
+        columns = np.column_stack([np.ones_like(t), t, np.cos(angle), np.sin(angle)])
         c = np.linalg.lstsq(columns, x, rcond=None)[0]
-        gains.append(complex(c[0], -c[1]))
-    f, q = (x[part] - x[part].mean() for x in (force, charge))
+        gains.append(complex(c[2], -c[2 + _HARMONICS]))
+        swings.append(x - columns[:, :2] @ c[:2])
+    f, q = swings
     product = float(q @ f)
     if not abs(product) > 0:
         raise InputError(f"{test.name}: charge and force have nothing in common; check the channels")
@@ -234,7 +246,7 @@ _Estimate = tuple[float, float, float]
 
 def _response(
     results: Sequence[SineResult],
-) -> tuple[float | None, _Estimate | None, _Estimate | None, _Estimate | None]:
+) -> tuple[_Estimate | None, _Estimate | None, _Estimate | None, _Estimate | None]:
     """Gain, leakage, delay and loss angle: phase = atan(1 / (w tau)) - w d - theta by least squares."""
     w = np.array([2 * np.pi * r.frequency for r in results])
     ordered = np.sort(w)
@@ -248,7 +260,8 @@ def _response(
     start = np.array([max(float(np.tan(phase[np.argmin(w)])) * float(w.min()), 1e-4), 0.0, 0.0])
     solution = optimize.least_squares(residual, start, x_scale=(1e-2, 1e-4, 1e-3))
     spread = 2 * solution.cost / max(len(w) - 3, 1)
-    wide = 1.96 * np.sqrt(np.diag(np.linalg.inv(solution.jac.T @ solution.jac)) * spread)
+    quantile = stats.t.ppf(0.975, len(w) - 3)
+    wide = quantile * np.sqrt(np.diag(np.linalg.inv(solution.jac.T @ solution.jac)) * spread)
     rate, delay, loss = (float(v) for v in solution.x)
     low, high = float(rate - wide[0]), float(rate + wide[0])
     tau = tuple(1 / r if r > 0 else np.inf for r in (rate, high, low))
@@ -256,8 +269,9 @@ def _response(
         np.sign(r.sensitivity) * abs(r.gain) * np.hypot(1, max(rate, 0) / wi)
         for r, wi in zip(results, w, strict=True)
     ]
+    mean, reach = np.mean(sizes), stats.t.ppf(0.975, len(w) - 1) * np.std(sizes, ddof=1) / np.sqrt(len(w))
     return (
-        float(np.mean(sizes)),
+        (float(mean), float(mean - reach), float(mean + reach)),
         (tau[0], tau[1], tau[2]),
         (delay, delay - float(wide[1]), delay + float(wide[1])),
         (float(np.degrees(loss)), float(np.degrees(loss - wide[2])), float(np.degrees(loss + wide[2]))),

@@ -12,6 +12,7 @@ from mrdamp.model import Effect, Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.motion import noise
+from mrdamp.simulation.predict import BEYOND, clamped
 
 #: Share of its range next to an end within which a coordinate has reached it.
 _AT_LIMIT = 1e-3
@@ -19,34 +20,15 @@ _AT_LIMIT = 1e-3
 _WORTH = 0.3
 #: s, lags that are tried.
 _LAGS = 0.003, 0.01, 0.03, 0.1
-#: Share of the largest command beyond the fitted commands that is outside of them.
-_BEYOND = 0.02
 
 
 def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> list[str]:
     """A line for each; empty where there is nothing to say."""
     lines = [*_limits(fit), *_one_command(fit.model, train), *_thinned(fit, train)]
-    lines += [f"{record.label}: {said}" for record in held_out if (said := outside(fit.model, record))]
+    lines += [f"{record.label}: {said}" for record in held_out if (said := clamped(fit.model, record))]
     residuals = [_residual(fit.model, record, fit.started.get(record.name, 0.0)) for record in train]
     left = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     return [*lines, *_starts(fit, train), *_lag(fit, train), *_motion(fit, train, left)]
-
-
-def outside(model: Model, record: Record) -> str:
-    """How a record's command goes beyond those a model holds for, and is clamped; empty where it does not."""
-    low, high = (model.attributes.get(f"command_{end}", np.nan) for end in ("min", "max"))
-    u = record.command if np.isfinite(low) else np.abs(record.command)
-    slack = _BEYOND * max(float(np.abs(u).max()), 1e-12)
-    share = float(np.mean((u < low - slack) | (u > high + slack)))
-    if not share > 0:
-        return ""
-    holds = f"{low:g} to {high:g}" if np.isfinite(low) else f"up to {high:g}"
-    if low == high:
-        holds = f"{low:g} alone"
-    return (
-        f"its command runs from {record.command.min():.3g} to {record.command.max():.3g}, the model holds for {holds}:"
-        f" {100 * share:.0f} % of the samples are clamped"
-    )
 
 
 def _residual(model: Model, record: Record, started: float = 0.0) -> Array:
@@ -108,7 +90,7 @@ def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
 def _lag(fit: Fit, train: Sequence[Record]) -> list[str]:
     """A lag of the driver that was not fitted along, by trying it on the law as it is."""
     moved = [
-        r for r in train if float(np.ptp(r.command)) > _BEYOND * max(float(np.abs(r.command).max()), 1e-12)
+        r for r in train if float(np.ptp(r.command)) > BEYOND * max(float(np.abs(r.command).max()), 1e-12)
     ]
     if not moved or any(e.name == "driver_lag" for e in fit.model.effects):
         return []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from mrdamp.model.core import Array
 from mrdamp.narx.network import Input, check_inputs, regressors
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping
+from mrdamp.records.motion import noise
 from mrdamp.records.sampling import resampled
 
 #: Samples for training, validation and test, at 500 Hz: Chen, Ni and Or (2015), Section 4.
@@ -21,7 +22,10 @@ PROTOCOL_TIME = 2e-3  # s
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One part of one record at the network's sample time (s): x (m), v (m/s), i (command), F (N), (n,) each."""
+    """One part of one record at the network's sample time (s): x (m), v (m/s), i (command), F (N), (n,) each.
+
+    noise: N, of the force as it was measured, before a change of rate; an upper bound, as corners count as noise.
+    """
 
     name: str
     sample_time: float
@@ -29,6 +33,7 @@ class Series:
     v: Array
     i: Array
     force: Array
+    noise: float = float("nan")
 
     @property
     def n(self) -> int:
@@ -38,8 +43,8 @@ class Series:
     def part(self, start: int, stop: int, name: str | None = None) -> Series:
         """The samples start to stop - 1."""
         cut = slice(start, stop)
-        return Series(
-            name or self.name, self.sample_time, self.x[cut], self.v[cut], self.i[cut], self.force[cut]
+        return replace(
+            self, name=name or self.name, x=self.x[cut], v=self.v[cut], i=self.i[cut], force=self.force[cut]
         )
 
     def regressors(self, inputs: Sequence[Input]) -> Array:
@@ -92,7 +97,7 @@ def series(
 
     return Series(
         record.name, new, at_new(record.displacement, filtered), at_new(record.velocity(cutoff_hz), filtered),
-        at_new(record.command, False), at_new(force, filtered),
+        at_new(record.command, False), at_new(force, filtered), noise(force),
     )  # fmt: skip
 
 
@@ -148,11 +153,3 @@ def scaling(train: Sequence[Series], inputs: Sequence[Input]) -> tuple[Array, Ar
     offset = np.array([spans[channel][0] for channel, _ in inputs])
     half = np.array([spans[channel][1] for channel, _ in inputs])
     return offset, 1.0 / half, *spans["F"]
-
-
-def noise_floor(s: Series) -> float:
-    """Standard deviation (N) of the white part of a force, from its fourth differences.
-
-    An upper bound: corners of the force count as noise. A one-step prediction cannot fall below it.
-    """
-    return float(np.sqrt(np.mean(np.diff(s.force, 4) ** 2) / 70.0))

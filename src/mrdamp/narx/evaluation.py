@@ -16,6 +16,7 @@ from mrdamp.model.core import Array
 from mrdamp.narx.data import Series
 from mrdamp.narx.network import Network
 
+_REST = 5.0  # s at rest
 START = 0.02  # s of a free run that do not count, where the unknown start fades, as in `mrdamp.identify`
 
 
@@ -51,6 +52,20 @@ def one_step_force(network: Network, s: Series) -> Array:
 def free_run_force(network: Network, s: Series) -> Array:
     """Force (n,) N in free run through the C entry, from the plugin's start."""
     return core.run("narx", {}, s.sample_time, s.x, s.v, u=s.i, narx=core.Narx(network.to_text()))["force"]
+
+
+def force_at_rest(network: Network, parts: Sequence[Series]) -> list[tuple[float, float]]:
+    """(command, force N) that a rod at rest in the middle of its stroke is pushed with, at the least and most command.
+
+    0 but for a preload; where no record holds a rest, a network may settle anywhere.
+    """
+    ends = np.array([[f(getattr(s, name)) for s in parts] for name in "xi" for f in (np.min, np.max)])
+    x, n = (ends[0].min() + ends[1].max()) / 2, round(_REST / network.sample_time)
+    out = []
+    for u in sorted({float(ends[2].min()), float(ends[3].max())}):
+        still = Series("rest", network.sample_time, np.full(n, x), np.zeros(n), np.full(n, u), np.zeros(n))
+        out.append((u, float(free_run_force(network, still)[-1])))
+    return out
 
 
 def one_step_error(network: Network, s: Series) -> RecordError:

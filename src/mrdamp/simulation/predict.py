@@ -30,6 +30,8 @@ from mrdamp.records.upsampling import FineInputs, repaired_ends, upsampled
 
 #: s, the longest step between the samples of a damper's record, whose motion runs along a spline there.
 _STEP = 5e-4
+#: Share of the largest command by which it must go beyond a model's commands to be outside of them.
+BEYOND = 0.02
 #: The inputs of each rig: inputs that `predict` reads of a record; it reads nothing else.
 INPUTS = {
     "damper": ("time_s", "displacement_m", "command"),
@@ -42,6 +44,23 @@ def predict(model: Model, record: Path | str) -> dict[str, Array]:
     names = INPUTS[model.rig]
     read = read_record(record, required=names)
     return {"time_s": np.asarray(read.time), **free_run(model, read)}
+
+
+def clamped(model: Model, record: Record) -> str:
+    """How a record's command goes beyond those a model holds for, and is clamped; empty where it does not."""
+    low, high = (model.attributes.get(f"command_{end}", np.nan) for end in ("min", "max"))
+    u = record.command if np.isfinite(low) else np.abs(record.command)
+    slack = BEYOND * max(float(np.abs(u).max()), 1e-12)
+    share = float(np.mean((u < low - slack) | (u > high + slack)))
+    if not share > 0:
+        return ""
+    holds = f"{low:g} to {high:g}" if np.isfinite(low) else f"up to {high:g}"
+    if low == high:
+        holds = f"{low:g} alone"
+    return (
+        f"its command runs from {record.command.min():.3g} to {record.command.max():.3g}, the model holds for {holds}:"
+        f" {100 * share:.0f} % of the samples are clamped"
+    )
 
 
 def free_run(model: Model, record: Record) -> dict[str, Array]:

@@ -1,0 +1,145 @@
+"""What `identify` says besides its error: each on records with the fault, integrated by SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excitation import Array, random_steps, sine
+from laboratory import TRUE, rig_tests
+from mrdamp import sets
+from mrdamp.cli import main
+from mrdamp.identify import Fit, identify
+from mrdamp.identify.findings import findings
+from mrdamp.identify.fit import thinned
+from mrdamp.identify.intervals import intervals
+from mrdamp.model import Model
+from mrdamp.records import Record
+from record_tables import write
+from twins import simulate
+
+DT = 1e-3
+
+
+def said(train: Sequence[Record], held_out: Sequence[Record] = (), **options: object) -> tuple[Fit, str]:
+    fit = identify("bouc_wen", train, held_out, starts=2, **options)  # type: ignore[arg-type]
+    return fit, "\n".join(findings(fit, train, held_out))
+
+
+def varying(lag: float) -> list[Record]:
+    """A command that jumps while the rod moves, with a lag of the driver (s)."""
+    out = []
+    for k, (amplitude, frequency) in enumerate(((0.006, 2.0), (0.012, 1.0))):
+        t: Array = np.asarray(DT * np.arange(4001), dtype=np.float64)
+        rng = np.random.default_rng(k)
+        command = random_steps(0.0, 1.0, 0.237, 17, seed=k)
+        p = TRUE["bouc_wen"] | {"driver_lag_tau": lag}
+        motion = sine(amplitude, frequency)
+        force = simulate("bouc_wen", p, motion, t, command)["force"]
+        force += 0.01 * np.std(force) * rng.standard_normal(len(t))
+        channels = {"displacement_m": motion.sample(t)[0], "command": command.sample(t), "force_N": force}
+        out.append(Record(f"jumps_{k}", None, DT, channels))
+    return out
+
+
+def test_a_current_of_both_signs_acts_by_its_size() -> None:
+    signs = np.random.default_rng(5).choice([-1.0, 1.0], 3)
+    train = [
+        r.with_channels({"command": signs[k % 3] * r.command}) for k, r in enumerate(rig_tests("bouc_wen"))
+    ]
+    fit, lines = said(train)
+    assert fit.train_nrmse == pytest.approx(0.01, rel=0.1)
+    assert fit.model.parameters["alpha_b"] == pytest.approx(TRUE["bouc_wen"]["alpha_b"], rel=0.02)
+    assert lines == ""
+
+
+def test_records_that_hold_all_it_needs_get_no_line() -> None:
+    train = rig_tests("bouc_wen")
+    assert said(train)[1] == ""
+
+
+def test_a_driver_lag_that_was_not_fitted_is_told() -> None:
+    _, lines = said(varying(0.03))
+    assert "a lag of the driver of about 30 ms" in lines
+    assert "driver" not in said(varying(0.03), extras=("offset", "driver_lag"))[1]
+    assert "driver" not in said(varying(0.0))[1]
+
+
+def test_noise_of_the_displacement_is_told() -> None:
+    rng = np.random.default_rng(3)
+    noisy = [
+        r.with_channels({"displacement_m": r.displacement + 2e-5 * rng.standard_normal(r.n)})
+        for r in rig_tests("bouc_wen")
+    ]
+    lines = said(noisy)[1]
+    assert "noise or steps of the displacement, 20 um" in lines
+    coarse = [
+        r.with_channels({"displacement_m": 2e-5 * np.round(r.displacement / 2e-5)})
+        for r in rig_tests("bouc_wen")
+    ]
+    assert "noise or steps of the displacement" in said(coarse)[1]
+
+
+def test_a_value_at_its_limit_is_told() -> None:
+    def late(r: Record, samples: int) -> Record:
+        return r.with_channels({"force_N": np.roll(r.channel("force_N"), samples)}).part(0.1, 3.9)
+
+    fit, lines = said([late(r, 5) for r in rig_tests("bouc_wen")], extras=("channel_shift",))
+    assert fit.model.attributes["channel_shift_d"] == pytest.approx(-0.005, abs=2e-4)
+    assert "channel_shift" not in lines
+    assert (
+        "channel_shift_d is at the end of its range"
+        in said([late(r, 40) for r in rig_tests("bouc_wen")], extras=("channel_shift",))[1]
+    )
+
+
+def test_one_command_alone_is_told_and_kept() -> None:
+    train = rig_tests("bouc_wen", chosen=(1, 4, 7))
+    fit, lines = said(train)
+    assert "one command, 0.5" in lines
+    assert "c0b" not in {row.name for row in intervals(fit, train)}
+    # At another command it predicts what it knows: the force at .5 A.
+    inputs = {name: train[0].channel(name) for name in ("displacement_m", "command")}
+    known, other = (
+        fit.model.simulate(DT, inputs | {"command": np.full(train[0].n, u)})["force_N"] for u in (0.5, 1.0)
+    )
+    np.testing.assert_array_equal(known, other)
+
+
+def test_a_held_out_command_beyond_the_fitted_ones_is_told() -> None:
+    records = rig_tests("bouc_wen")
+    lines = said(records[::3] + records[1::3], records[2::3])[1]
+    assert (
+        "its command runs from 1 to 1, the model holds for 0 to 0.5: 100 % of the samples are clamped"
+        in lines
+    )
+
+
+def test_predict_tells_what_it_clamps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{0.002 * k:.3f},{0.01 * np.sin(0.01 * k):.6f},{5 * (k > 100)}" for k in range(400)]
+    record = write(tmp_path, ["time_s,displacement_m,command", *rows])
+    model = tmp_path / "model.json"
+    found = sets.load("spencer1997_3kN")
+    Model(found.law, dict(found.parameters)).write(model)
+    assert main(["predict", str(model), str(record), "-o", str(tmp_path / "out.csv")]) == 0
+    assert "the model holds for 0 to 2.25: 75 % of the samples are clamped" in capsys.readouterr().err
+
+
+def test_long_records_are_fitted_with_all_of_their_motion() -> None:
+    # 11 records at 5 kHz, as a data logger writes them: more than the last fit takes at its full rate.
+    train = rig_tests("bouc_wen", dt=2e-4, duration=3.0)
+    train += [
+        replace(r, name=f"{r.name} again") for r in rig_tests("bouc_wen", dt=2e-4, duration=3.0, seed=1)[:2]
+    ]
+    fit, lines = said(train)
+    assert f"fitted at {fit.thinned:g} of 5000 samples a second" in lines
+    for before, after in zip(train, thinned(train), strict=True):
+        assert after.duration == pytest.approx(before.duration, rel=1e-3)
+    p = fit.model.parameters
+    assert fit.train_nrmse == pytest.approx(0.01, rel=0.1)
+    for name in ("beta", "k0", "c0a"):  # 800, 500, 650
+        assert p[name] == pytest.approx(TRUE["bouc_wen"][name], rel=0.05), name
