@@ -31,6 +31,7 @@ from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.file_gaps import predicted_gap
 from mrdamp.diagnosis.report.other_law import with_other_law
+from mrdamp.diagnosis.report.result import pooled
 from mrdamp.diagnosis.run import answered, diagnose, searched
 from mrdamp.diagnosis.searched import Judged
 from mrdamp.identify import identify
@@ -159,7 +160,10 @@ def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
     assert other is not None
     final = final_fit(found.search, found.judge()[0][0], rig=found.rig)
     answer = replace(answered(found, 0.0, lambda *_: None), verdict="unknown", effects=())
-    more, less = (replace(other, left_out=factor * final.heldout) for factor in (1.01, 0.6))
+    own = final.problem
+    nominal = pooled(own.gaps(own.of_settings([{}])[0]))
+    factors = 1.01, 0.6 * min(1.0, nominal / pooled(final.heldout))
+    more, less = (replace(other, left_out=factor * final.heldout) for factor in factors)
     assert with_other_law(answer, more, found.search, final) is answer
     assert with_other_law(answer, less, found.search, final).corrected is other.model
     assert with_other_law(replace(answer, verdict="effect"), less, found.search, final).corrected is answer.corrected

@@ -255,16 +255,28 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     if (delayed && p.command_delay_period > 0) {
       from = to = Held(*s->line, p, begin + a * m.dt, begin + b * m.dt, d.hold);
     } else if (delayed) {
-      // A held command is read inside the piece: at its ends it may just be changing.
-      const bool held = d.hold && !(Spread(p) > 0);
-      from = Arrived(*s->line, p, begin + (held ? a + 0.5 / pieces : a) * m.dt, d.hold);
-      to = held ? from : Arrived(*s->line, p, begin + b * m.dt, d.hold);
+      from = Arrived(*s->line, p, begin + a * m.dt, d.hold);
+      to = Arrived(*s->line, p, begin + b * m.dt, d.hold);
     }
     ChainState& c = s->c;
     const double field0 = FieldNow(d, c);
-    const double before = d.Acting(c.coil.current);
-    c.coil.Step(p, from, to, dt);
-    if (p.remanence_b > 0) c.magnet.Follow(p, before, d.Acting(c.coil.current));
+    const auto drive = [&](double first, double last, double over) {
+      const double before = d.Acting(c.coil.current);
+      c.coil.Step(p, first, last, over);
+      if (p.remanence_b > 0) c.magnet.Follow(p, before, d.Acting(c.coil.current));
+    };
+    if (delayed && d.hold && !(Spread(p) > 0) && !(p.command_delay_period > 0)) {
+      // A held command may change within the piece.
+      const double late = p.command_delay_d, end = begin + b * m.dt;
+      for (double t = begin + a * m.dt, next; t < end; t = next) {
+        next = std::fmin(late + s->line->After(t - late), end);
+        if (!(next > t)) next = end;
+        const double u = s->line->At(0.5 * (t + next) - late, true);
+        drive(u, u, next - t);
+      }
+    } else {
+      drive(from, to, dt);
+    }
     const double field1 = FieldNow(d, c);
     // Without a lag the current jumps with a held command at the start of the piece, not over it.
     const bool jump = ((d.hold && !(Spread(p) > 0)) || p.command_delay_period > 0) && !HasLag(p);

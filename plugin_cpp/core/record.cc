@@ -20,10 +20,11 @@ std::vector<double> Differentiate(const double* x, int n, double dt) {
 
 namespace {
 
-// A record begins in motion where the mean speed of its first kStart (s) is more than kMoving of its RMS; not where it
-// begins in the middle of its range at full speed, as a sine that a program has made from rest. A sample is like the start up to a sum of squares of kNear, of displacement over range, velocity over RMS, command over range.
-// The run-in is so many times the range long: two cycles, in which a hysteresis forgets.
-constexpr double kStart = 0.02, kMoving = 0.05, kMiddle = 0.02, kFull = 0.95, kNear = 0.1, kPath = 4;
+// A record begins in motion where the mean speed of its first kStart (s) is more than kMoving of its RMS; not within
+// kMiddle of the middle of its range, from where a machine's program begins, and a cut record seldom does. A sample is
+// like the start up to a sum of squares of kNear, of displacement over range, velocity over RMS, command over range.
+// The run-in is kPath times the range long: two cycles, in which a hysteresis forgets.
+constexpr double kStart = 0.02, kMoving = 0.05, kMiddle = 0.02, kNear = 0.1, kPath = 4;
 
 // channel_shift: the true motion x_true(t) = x_read(t + d), by cubic Hermite pieces. Beyond its ends the motion
 // goes on at its velocity: to stand still there would be a jump.
@@ -80,20 +81,19 @@ void Rebase(const Damper& d, double dx, State* s) {
 }  // namespace
 
 RunIn FindRunIn(const RecordView& r) {
-  double low = r.x[0], high = r.x[0], mean = 0, fast = 0, top = 0, least = r.u[0], most = r.u[0];
+  double low = r.x[0], high = r.x[0], mean = 0, fast = 0, least = r.u[0], most = r.u[0];
   for (int i = 0; i < r.n; i++) {
     low = std::min(low, r.x[i]);
     high = std::max(high, r.x[i]);
     least = std::min(least, r.u[i]);
     most = std::max(most, r.u[i]);
     fast += r.v[i] * r.v[i] / r.n;
-    top = std::max(top, std::fabs(r.v[i]));
   }
   const double range = high - low, speed = std::sqrt(fast), span = most > least ? most - least : 1;
   const int begin = std::min(std::max(3, static_cast<int>(std::lround(kStart / r.dt))), r.n / 4);
   for (int i = 0; i < begin; i++) mean += std::fabs(r.v[i]) / begin;
   if (!(mean > kMoving * speed)) return {};
-  if (std::fabs(r.x[0] - 0.5 * (low + high)) < kMiddle * range && std::fabs(r.v[0]) > kFull * top) return {};
+  if (std::fabs(r.x[0] - 0.5 * (low + high)) < kMiddle * range) return {};
   double best = kNear;
   RunIn found;
   for (int i = r.n / 3; i + 1 < r.n; i++) {

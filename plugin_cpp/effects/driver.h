@@ -114,6 +114,12 @@ struct DelayLine {
     return value[j] + (t - time[j]) / (time[newer] - time[j]) * (value[newer] - value[j]);
   }
 
+  // The first knot after time t, infinite if there is none.
+  double After(double t) const {
+    const int k = count > 0 ? Behind(t) : 0;
+    return k > 0 ? time[Index(k - 1)] : kInf;
+  }
+
   // Its mean from time a to b > a.
   double Mean(double a, double b, bool hold) const {
     const int h = static_cast<int>(head), n = static_cast<int>(count);

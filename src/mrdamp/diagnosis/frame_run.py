@@ -190,7 +190,7 @@ def judge(
         return fits, unexplained(decision, fits)
     first = fits[0]
     placed = first.hypothesis.terms and all(t.place is not None for t in first.hypothesis.terms)
-    weak = placed and not search.inexact and first.cost < search.nominal_cost - _SEEN * search.floor
+    weak = placed and not rig.quiet and not search.inexact and first.cost < search.nominal_cost - _SEEN * search.floor
     if decision.verdict == "none" and weak:
         # A faulty block shows effects that are small compared with the noise of all channels together.
         left = search.unexplained(first)

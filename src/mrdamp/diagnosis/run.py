@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
@@ -22,6 +23,7 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import search_frame
+from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.report.assembly import assemble
 from mrdamp.diagnosis.report.file_gaps import with_file_gaps, with_given
 from mrdamp.diagnosis.report.other_law import with_other_law
@@ -53,9 +55,17 @@ def diagnose(
 
 
 def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
-    """Completed search of a case's rig."""
+    """Completed search of a case's rig; again with a held command, if only what was found shows that it is held."""
     search = search_frame if case.model.rig == "frame" else search_damper
-    return search(case, jobs, progress, limits, store)
+    progress("reading the command between samples", 0.0)
+    read, notes = with_hold(case, jobs)
+    found = search(read, jobs, progress, limits, store)
+    if notes and read.model.hold is None:
+        best = min(found.search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+        again, said = with_hold(case, jobs, best.hypothesis.settings(best.point))
+        if again.model.hold:
+            found, notes = search(again, jobs, progress, limits, Store()), said
+    return replace(found, notes=[*notes, *found.notes])
 
 
 def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:

@@ -76,6 +76,15 @@ class Model:
     sample_rate_hz: float | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)  # what a file carries besides, kept on writing
 
+    @property
+    def hold(self) -> bool | None:
+        """Whether records of the rig hold the command from sample to sample; None: the file does not say."""
+        return self.extra.get("hold")
+
+    def with_hold(self, hold: bool) -> Model:
+        """The same model with what it says of commands between samples."""
+        return replace(self, extra={**self.extra, "hold": hold})
+
     def __post_init__(self) -> None:
         if self.rig not in RIGS:
             raise InputError(f"{self.name}: rig '{self.rig}'; allowed: {', '.join(RIGS)}")
@@ -172,12 +181,16 @@ class Model:
         """The same model with these effects in place of its own."""
         return replace(self, effects=tuple(effects))
 
-    def simulate(self, dt: float, inputs: Mapping[str, Array], *, hold: bool = False) -> dict[str, Array]:
+    def simulate(
+        self, dt: float, inputs: Mapping[str, Array], *, hold: bool | None = None
+    ) -> dict[str, Array]:
         """Free run over the inputs of a record, through the C entry; channels as in a record file.
 
         dt (s); inputs: `displacement_m` and `command`, or `ground_acceleration_m_s2` and `command`, (n,) each.
+        hold: the command is held between samples; None: as the model says, else along lines.
         Returns force_N and reference_force_N, or the floors' accelerations and displacements and force_N.
         """
+        hold = bool(self.hold) if hold is None else hold
         if self.rig == "damper":
             columns = ("force", "reference")
             out = core.run(
@@ -262,6 +275,8 @@ class Model:
         rate = data.get("sample_rate_hz")
         known = {"name", "format", "rig", "sample_rate_hz", "model", "nominal"}
         extra = {key: value for key, value in data.items() if key not in known}
+        if not isinstance(extra.get("hold", False), bool):
+            raise InputError(f"{where}: hold is {extra['hold']!r}; allowed: true, false")
         name = f"{where}" if where != "model" else str(data.get("name", "model"))
         model = cls(law, parameters, effects, rig, structure, body.get("weights"), name, rate, extra)
         return replace(model, name=str(data.get("name", Path(where).stem)))

@@ -1,9 +1,11 @@
-"""Between the samples of a record: smooth motions, and jumps of a command and a force that may have been filtered.
+"""Between the samples of a record: smooth motions, and a command that a converter holds or a log's filter rounds.
 
 A filter without delay, such as a converter's decimating one, turns a jump into a wave that begins before it. Between
 the samples of such a log the sampling theorem's curve is right (Shannon 1949, doi:10.1109/JRPROC.1949.232969), and
 straight lines take 15 % of what there is at a fifth of the sampling rate; between the samples of an unfiltered one
-that curve overshoots and lines are the better approximation. So the log itself has to say which of the two it is.
+that curve overshoots and lines are the better approximation. A command that a converter puts out stays at a sample
+until the next one: read along lines it comes half a sample early. The log itself says which it is where its command
+jumps; where it does not, a model or a case says whether it is held (`Model.hold`), or the responses do.
 """
 
 from __future__ import annotations
@@ -22,6 +24,9 @@ _JUMP, _RISE, _WAVE = 0.3, 3, 12
 _BEFORE, _FLAT = 0.004, 0.001
 #: A command is held before and after a jump where it stays within this share of the jump for so many samples at least.
 _HELD, _LEAST = 0.08, 6
+
+#: A jump that a converter holds takes one sample, with constant samples before and after it: shares of the span.
+_STEP, _CONSTANT = 0.05, 1e-3
 
 #: Entry of a model's file if the command was sent as logged, with the ringing of a filter.
 LOG, AS_SENT = "command_log", "as sent"
@@ -49,6 +54,16 @@ def rings_before_jumps(command: Array) -> bool:
         wave = (command[k - _WAVE : k + _RISE] - before.mean()) / jump
         ringing.append(float(wave.min()) < -_BEFORE)
     return 2 * sum(ringing) > len(ringing)
+
+
+def held(command: Array) -> bool:
+    """True where the jumps of a command (n,) show that it is held: most lead from a constant to a constant at once."""
+    span = float(np.ptp(command)) if len(command) else 0.0
+    change = np.abs(np.diff(command))
+    at = np.flatnonzero(change[1:-1] > _STEP * span) + 1
+    if not span > 0 or not len(at):
+        return False
+    return bool(np.mean(np.maximum(change[at - 1], change[at + 1]) < _CONSTANT * span) > 0.5)
 
 
 def without_waves(command: Array, fine: Array) -> Array | None:
@@ -82,17 +97,29 @@ def without_waves(command: Array, fine: Array) -> Array | None:
     return out
 
 
-def finer(ground: Array, command: Array, filtered: bool) -> tuple[Array, Array]:
+def finer(ground: Array, command: Array, filtered: bool, hold: bool = False) -> tuple[Array, Array]:
     """A ground's acceleration and a command (n,) on a clock `FACTOR` times as fine, ((n - 1) FACTOR + 1,) each.
 
     filtered: the log went through a filter. Without one a ground, which is smooth, runs along a cubic spline (lines
-    between samples at 500 Hz leave out .1 % of a frame's motion) and a command, which may jump, along lines.
+    between samples at 500 Hz leave out .1 % of a frame's motion). The command as by `between`.
     """
     n = len(ground)
     fine = np.arange((n - 1) * FACTOR + 1) / FACTOR
+    motion = unfolded(ground, FACTOR) if filtered else CubicSpline(np.arange(n), ground)(fine)
+    return motion, between(command, FACTOR, filtered, hold)
+
+
+def between(command: Array, factor: int, filtered: bool, hold: bool) -> Array:
+    """A command (n,) on a clock so many times as fine, ((n - 1) factor + 1,).
+
+    Of a filtered log by the sampling theorem; held at its samples; else along lines.
+    """
+    size = (len(command) - 1) * factor + 1
     if filtered:
-        return unfolded(ground, FACTOR), unfolded(command, FACTOR)
-    return CubicSpline(np.arange(n), ground)(fine), np.interp(fine, np.arange(n), command)
+        return unfolded(command, factor)
+    if hold:
+        return np.repeat(command, factor)[:size]
+    return np.interp(np.arange(size) / factor, np.arange(len(command)), command)
 
 
 def unfolded(channel: Array, factor: int) -> Array:

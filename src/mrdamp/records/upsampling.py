@@ -1,5 +1,5 @@
-"""Motion and command between the samples of a damper's record: cubic splines of the motion, straight lines of the
-command, or the sampling theorem's curve where the log went through a filter (`mrdamp.records.log_filter`).
+"""Motion and command between the samples of a damper's record: cubic splines of the motion, and a command that is
+held, filtered or along lines (`mrdamp.records.log_filter`).
 
 Central differences at the samples underrate a fast motion's velocity, by 0.3 % at 10 Hz sampled at 500 Hz, and more
 in the law's stiff states; between samples of a spline that error is gone.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mrdamp.records.log_filter import unfolded
+from mrdamp.records.log_filter import between
 from mrdamp.records.sampling import Array
 
 
@@ -21,7 +21,7 @@ class FineInputs:
     """A record's inputs on a finer clock: displacement (m), velocity (m/s), acceleration (m/s2), command, (n,) each.
 
     factor: samples of it in one of the record's; every so many belong to the record's own. filtered: the record went
-    through the log's filter, and what is simulated has to.
+    through the log's filter, and what is simulated has to. hold: the command is held between samples.
     """
 
     factor: int
@@ -31,6 +31,7 @@ class FineInputs:
     a: Array
     u: Array
     filtered: bool = False
+    hold: bool = False
 
 
 #: An end is an artefact if its last sample breaks off _BREAK times as sharply as the motion does before and _LAST
@@ -75,7 +76,7 @@ def _departure(x: Array) -> Array:
 
 def upsampled(
     x: Array, u: Array, sample_time: float, factor: int, v: Array | None = None, a: Array | None = None, *,
-    filtered: bool = False,
+    filtered: bool = False, hold: bool = False,
 ) -> FineInputs:  # fmt: skip
     """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration are linear."""
     n = len(x)
@@ -85,5 +86,7 @@ def upsampled(
     acceleration = np.interp(fine, t, a) if a is not None else spline(fine, 2) / sample_time**2
     if a is None and v is not None:
         acceleration = np.interp(fine, t, np.gradient(v, sample_time, edge_order=2))
-    command = unfolded(u, factor) if filtered else np.interp(fine, t, u)
-    return FineInputs(factor, sample_time / factor, spline(fine), velocity, acceleration, command, filtered)
+    command = between(u, factor, filtered, hold)
+    return FineInputs(
+        factor, sample_time / factor, spline(fine), velocity, acceleration, command, filtered, hold
+    )

@@ -21,6 +21,7 @@ from mrdamp.records.log_filter import (
     LOG,
     LOGGER,
     finer,
+    held,
     logged,
     rings_before_jumps,
     without_waves,
@@ -66,19 +67,26 @@ def clamped(model: Model, record: Record) -> str:
 def free_run(model: Model, record: Record) -> dict[str, Array]:
     """The simulated channels, (n,) each, for the inputs of a record.
 
+    A command that the model says to be held, or whose jumps show it, is held between samples.
     A magnetic circuit with a memory is led along the command as it was before the log's filter; what the filter's waves
     do to the channels all the same is added as the model without that memory has it.
     """
+    model = as_read(model, record)
     factor, sample_time, inputs = played(model, record)
-    held = without_waves(np.asarray(record.command), inputs["command"])
+    smooth = without_waves(np.asarray(record.command), inputs["command"])
     plain = replace(model, effects=tuple(e for e in model.effects if e.name != "remanence"))
-    if held is None or plain.effects == model.effects or model.extra.get(LOG) == AS_SENT:
+    if smooth is None or plain.effects == model.effects or model.extra.get(LOG) == AS_SENT:
         return as_logged(model, record, factor, model.simulate(sample_time, inputs))
-    given = inputs | {"command": held}
+    given = inputs | {"command": smooth}
     led, waves, without = (
         m.simulate(sample_time, i) for m, i in ((model, given), (plain, inputs), (plain, given))
     )
     return as_logged(model, record, factor, {name: led[name] + waves[name] - without[name] for name in led})
+
+
+def as_read(model: Model, record: Record) -> Model:
+    """The model with whether the record's command is held, where it does not say."""
+    return model if model.hold is not None or not held(record.command) else model.with_hold(True)
 
 
 def as_logged(model: Model, record: Record, factor: int, channels: Mapping[str, Array]) -> dict[str, Array]:
@@ -88,7 +96,7 @@ def as_logged(model: Model, record: Record, factor: int, channels: Mapping[str, 
 
 
 def _filtered(model: Model, command: Array) -> bool:
-    return model.extra.get(LOGGER) == FILTERED or rings_before_jumps(command)
+    return not model.hold and (model.extra.get(LOGGER) == FILTERED or rings_before_jumps(command))
 
 
 def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
@@ -96,7 +104,7 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     inputs = {name: np.asarray(record.channel(name)) for name in INPUTS[model.rig][1:]}
     if model.rig == "frame" and model.law != "narx":
         ground, command = (inputs[name] for name in INPUTS["frame"][1:])
-        between_samples = finer(ground, command, _filtered(model, command))
+        between_samples = finer(ground, command, _filtered(model, command), bool(model.hold))
         driven = dict(zip(INPUTS["frame"][1:], between_samples, strict=True))
         return FACTOR, record.sample_time / FACTOR, driven
     factor = max(1, math.ceil(record.sample_time / _STEP - 1e-9))
@@ -105,7 +113,9 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     command = inputs["command"]
 
     def fine(x: Array) -> FineInputs:
-        return upsampled(x, command, record.sample_time, factor, filtered=_filtered(model, command))
+        return upsampled(
+            x, command, record.sample_time, factor, filtered=_filtered(model, command), hold=bool(model.hold)
+        )
 
     x = repaired_ends(inputs["displacement_m"])
     # The displacement's noise, differentiated twice, would be the force of a mass.

@@ -16,6 +16,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
+from mrdamp.records.log_filter import between
 from mrdamp.simulation.mjcf import FRAME_STEP, RIG_STEP, mjcf
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def drive_rig(
         )
     fine = dt / inner * np.arange((n - 1) * inner + 1)
     rod, rod_velocity = _straight(x, v, dt, inner)
-    acceleration, command = np.interp(fine, t, a), np.interp(fine, t, u)
+    acceleration, command = np.interp(fine, t, a), between(u, inner, False, bool(model.hold))
     m, d = _load(mjcf(_from(model, float(u[0]), slow), timestep=dt / inner))
     damper = m.actuator("damper").id
     sensors = {s: m.sensor(s).adr[0] for s in ("damper_force", "true_force")}
@@ -214,7 +215,7 @@ def drive_frame(
     storeys, n, inner = model.structure.storeys, len(ag), _steps(dt, largest_step)
     step, t = dt / inner, dt * np.arange(len(ag))
     push = np.interp(step * np.arange((n - 1) * inner + 1), t, ag)
-    command = np.interp(step * np.arange((n - 1) * inner + 1), t, u)
+    command = between(u, inner, False, bool(model.hold))
     m, d = _load(mjcf(_from(model, float(u[0])), timestep=step))
     ground, damper = m.actuator("ground").id, m.actuator("damper").id
     address = {m.sensor(k).name: int(m.sensor(k).adr[0]) for k in range(m.nsensor)}
@@ -226,8 +227,15 @@ def drive_frame(
         if k % inner:
             mujoco.mj_step(m, d)
             continue
+        before = None
+        if k and command[k] != command[k - 1]:
+            d.ctrl[damper] = command[k - 1]
+            mujoco.mj_forward(m, d)
+            before, d.ctrl[damper] = d.sensordata[accelerations], command[k]
         mujoco.mj_forward(m, d)
-        rows[k // inner, :storeys] = d.sensordata[accelerations]
+        # Where the command jumps, a step's acceleration is the mean of those before and after.
+        after = d.sensordata[accelerations]
+        rows[k // inner, :storeys] = after if before is None or not model.hold else 2 * after - before
         rows[k // inner, storeys : 2 * storeys] = np.cumsum(d.sensordata[drifts])
         rows[k // inner, -1] = d.sensordata[address["damper_force"]]
         mujoco.mj_step(m, d)

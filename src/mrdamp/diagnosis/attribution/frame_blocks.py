@@ -7,7 +7,8 @@ others:
 - a storey: its drift force against the inertia of the floors above and the damper's force;
 - the damper: its force under the measured stroke and command.
 
-The difference of two runs of one test is the noise of each block.
+The noise of each block is the difference of two runs of one test, or, if it is more, what the same processing makes of
+the simulator's own channels with that noise: velocities from samples of a motion whose acceleration jumps are not exact.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative, lowpass
 from mrdamp.records.smoothing import noise_level, smoothed
+from mrdamp.simulation.predict import free_run
 from mrdamp.structures import ShearFrame
 
 _STAGE = {"accelerometer": "sensor", "storey": "structure"}
@@ -75,6 +77,7 @@ def blocks(case: Case) -> tuple[Block, ...]:
     model, structure = case.model, case.model.structure
     assert structure is not None
     errors = [_errors(model, structure, r) for r in case.records]
+    own = [_errors(model, structure, _simulated(model, r, k)) for k, r in enumerate(case.records)]
     pairs = [(errors[k], _errors(model, structure, r)) for r, k in case.repeats if k is not None]
     out = []
     for key in errors[0]:
@@ -85,7 +88,8 @@ def blocks(case: Case) -> tuple[Block, ...]:
         # Noise is equal in all records and does not scale with the signal.
         noise = np.mean([np.mean((a[key][0] - b[key][0]) ** 2) / 2 for a, b in pairs]) if pairs else 0.0
         kind, place = key
-        level = float(np.sqrt(noise * np.mean([1 / size for size in sizes])))
+        made = float(np.mean([_mean_square(e[key][0]) / _mean_square(e[key][1]) for e in own]))
+        level = float(np.sqrt(max(noise * np.mean([1 / size for size in sizes]), made)))
         sums = np.concatenate(
             [
                 _by_second(e[key][0], r.sample_time) / (size, 1.0)
@@ -212,6 +216,14 @@ def _errors(model: Model, s: ShearFrame, r: Record) -> dict[tuple[str, int], tup
         force = lowpass(r.channel("force_N"), dt, BAND)
         out["damper", 0] = (lowpass(answer, dt, BAND) - force)[keep], force[keep]
     return out
+
+
+def _simulated(model: Model, r: Record, seed: int) -> Record:
+    """The record as the simulator would have been measured, with the white noise of the record's channels."""
+    rng = np.random.default_rng(seed)
+    run = free_run(model, r)
+    noise = {name: noise_level(np.asarray(r.channel(name))) for name in run if name in r.channels}
+    return r.with_channels({name: run[name] + noise[name] * rng.standard_normal(r.n) for name in noise})
 
 
 def stroke(r: Record, low: int, high: int) -> tuple[Array, Array]:

@@ -19,6 +19,11 @@ from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, lis
 
 #: Least number of samples of a record.
 LEAST = 100
+#: Keys of a case.json.
+_KEYS = (
+    "name", "format", "rig", "sample_rate_hz", "hold", "nominal", "channels", "records", "baseline", "notes",
+    "command_log", "logger",
+)  # fmt: skip
 _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
 #: Two tests have the same input if their inputs differ by at most this share of their RMS.
 _SAME = 0.02
@@ -57,6 +62,8 @@ def read_case(folder: Path | str) -> Case:
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
     model = Model.from_dict(data, str(path))
+    if unknown := [key for key in data if key not in _KEYS]:
+        raise InputError(f"{path}: '{unknown[0]}' is unknown; allowed: {', '.join(_KEYS)}")
     channels, names = _lists(path, data, model.rig)
     found = [_record(folder, path, name, channels, data.get("sample_rate_hz")) for name in names]
     records = tuple(r for r in found if "repeat" not in r.name.lower())

@@ -91,10 +91,15 @@ class DamperRig:
         x, v, _ = self.motions[record]
         return derivative(x, self.records[record].sample_time) if v is None else v
 
+    @property
+    def hold(self) -> bool:
+        """True if the command is held between samples."""
+        return bool(self.nominal_model.hold)
+
     @cached_property
     def filtered(self) -> bool:
         """True if jumps of a command show that the log was filtered; all records have the same logger."""
-        return any(rings_before_jumps(np.asarray(r.command)) for r in self.records)
+        return not self.hold and any(rings_before_jumps(np.asarray(r.command)) for r in self.records)
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -236,7 +241,9 @@ class DamperRig:
             x, a = x + moved, None
             v = None if v is None else v + derivative(moved, r.sample_time)
         factor = max(1, round(r.sample_time / _COARSE))
-        inputs = upsampled(x, command, r.sample_time, factor, v, a, filtered=self.filtered)
+        inputs = upsampled(
+            x, command, r.sample_time, factor, v, a, filtered=self.filtered, hold=self.hold
+        )
         columns = ("force", "reference")
         out = self._run([settings], inputs, columns)[0]
         return dict(zip(columns, out, strict=True))
@@ -247,7 +254,9 @@ class DamperRig:
         if (record, factor) not in self._inputs:
             r = self.records[record]
             x, v, a = self.motions[record]
-            fine = upsampled(x, r.command, r.sample_time, factor, v, a, filtered=self.filtered)
+            fine = upsampled(
+                x, r.command, r.sample_time, factor, v, a, filtered=self.filtered, hold=self.hold
+            )
             self._inputs[record, factor] = fine
         return self._inputs[record, factor]
 
@@ -275,6 +284,7 @@ class DamperRig:
                 commanded(outside, inputs.u, inputs.sample_time),
                 v=v,
                 a=a,
+                hold=inputs.hold,
                 substep=inputs.sample_time / pieces,
                 run_in=True,
                 threads=self.threads,
@@ -297,7 +307,9 @@ class DamperRig:
         skip = round(SKIP / r.sample_time)
         inputs = self._fine(record, _COARSE)
         _, v, a = self.motions[record]
-        disturbed = upsampled(again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered)
+        disturbed = upsampled(
+            again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered, hold=self.hold
+        )
         change = self._run([settings], disturbed) - self._run([settings], inputs)
         return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
 
@@ -313,7 +325,7 @@ class DamperRig:
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
         factor = max(1, round(self.sizes.sample_time / _ROUGH))
-        inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor)
+        inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor, hold=self.hold)
         return self._run(settings, inputs)
 
     def noise_share(self, record: int) -> float:

@@ -105,13 +105,20 @@ class FrameRig:
     @cached_property
     def _filtered(self) -> tuple[bool, ...]:
         """For each record, True if jumps of its command were filtered."""
-        return tuple(rings_before_jumps(np.asarray(r.command)) for r in self.raw)
+        return tuple(not self.hold and rings_before_jumps(np.asarray(r.command)) for r in self.raw)
+
+    @property
+    def hold(self) -> bool:
+        """True if the command is held between samples."""
+        return bool(self.nominal_model.hold)
 
     @cached_property
     def _fine(self) -> tuple[tuple[Array, Array], ...]:
         """Interpolated ground acceleration and command of each record."""
         return tuple(
-            finer(np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command), filtered)
+            finer(
+                np.asarray(r.channel("ground_acceleration_m_s2")), np.asarray(r.command), filtered, self.hold
+            )
             for r, filtered in zip(self.raw, self._filtered, strict=True)
         )
 
@@ -338,6 +345,7 @@ class FrameRig:
                 sample_time,
                 ground,
                 commanded(outside, command, sample_time),
+                hold=self.hold,
                 substep=step,
                 threads=self.threads,
                 narx=self.nominal_model.narx,

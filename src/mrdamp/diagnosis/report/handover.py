@@ -16,7 +16,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.simulation.mjcf import write_mjcf
-from mrdamp.simulation.predict import as_logged, played
+from mrdamp.simulation.predict import as_logged, as_read, played
 
 #: Largest difference of the two gaps, as a share of the measurement's RMS.
 AGREEMENT = 0.01
@@ -70,6 +70,7 @@ def agreement(model: Model, record: Record) -> Agreement:
     """Both simulations of a record, over its measured channels. Raises InputError."""
     from mrdamp.simulation.stepping import drive_frame, drive_rig  # imports MuJoCo
 
+    model = as_read(model, record)
     factor, sample_time, inputs = played(model, record)
     drive = drive_rig if model.rig == "damper" else drive_frame
     offline, stepped = (
