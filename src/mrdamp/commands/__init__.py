@@ -8,6 +8,9 @@ from typing import Any
 
 Run = Callable[[argparse.Namespace], int]
 
+#: What `--hold` may be, and what it means.
+HOLD = {"yes": True, "no": False}
+
 
 def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
     """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed."""

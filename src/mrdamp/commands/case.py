@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import HOLD, add_command
 from mrdamp.errors import InputError
 
 
@@ -30,6 +30,11 @@ def add_to(commands: Any) -> None:
         nargs="*",
         default=[],
         help="records of the rig in the state in which the model was identified, or folders of them",
+    )
+    p.add_argument(
+        "--hold",
+        choices=HOLD,
+        help="the command is held between samples, or runs along lines (default: as the model says, or found)",
     )
     p.add_argument("-o", "--out", type=Path, required=True, help="folder to write; it must not exist")
 
@@ -61,6 +66,9 @@ def run_case(a: argparse.Namespace) -> int:
     data: dict[str, Any] = {"name": a.out.name, "format": 1, "rig": model.rig}
     if len(rates) == 1:
         data["sample_rate_hz"] = rates.pop()
+    hold = HOLD.get(a.hold, model.hold)
+    if hold is not None:
+        data["hold"] = hold
     data |= {
         "nominal": body,
         "channels": shared,

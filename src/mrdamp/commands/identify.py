@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import HOLD, add_command
 from mrdamp.commands.calibrate import add_calibrate
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
@@ -61,6 +61,11 @@ def add_identify(commands: Any) -> None:
     p.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
     p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
     p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
+    p.add_argument(
+        "--hold",
+        choices=HOLD,
+        help="the command is held between samples, or runs along lines (default: whichever is nearer to the records)",
+    )
     p.add_argument(
         "--workers",
         "--jobs",
@@ -168,6 +173,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         "extras": a.extras,
         "starts": a.starts,
         "seed": a.seed,
+        "hold": HOLD.get(a.hold),
         "progress": _show_progress,
     }
     fits: dict[str, Fit] = {}

@@ -20,6 +20,7 @@ from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
+from mrdamp.records.log_filter import held, rings_before_jumps
 
 Progress = Callable[[str, float], None]
 
@@ -98,6 +99,7 @@ def simulate(model: Model, record: Record, started: float = 0.0) -> Array:
         record.velocity(),
         record.channels.get("acceleration_m_s2"),
         record.command,
+        hold=held(record.command) if model.hold is None else model.hold,
         run_in=True,
         narx=model.narx,
         columns=columns,
@@ -117,7 +119,8 @@ def error(model: Model, record: Record) -> RecordError:
 class Problem:
     """Residuals of all records for many points at once; every record weighs the same, as in `pooled`.
 
-    A point (size,) is one of the search space, and the start of each record in `free`, all from 0 to 1.
+    A point (size,) is one of the search space, and the start of each record in `free`, all from 0 to 1. hold: the
+    command is held between samples.
     """
 
     def __init__(
@@ -127,9 +130,10 @@ class Problem:
         threads: int,
         substep: float = _FIT_SUBSTEP,
         freed: bool = True,
+        hold: bool = False,
     ) -> None:
         self.space, self.threads, self.substep, self.evaluations = search, threads, substep, 0
-        self.freed = freed and search.law == "modified_bouc_wen"
+        self.freed, self.hold = freed and search.law == "modified_bouc_wen", hold
         self.records = [(r, r.velocity(), r.channel("force_N")) for r in records]
         #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
         self.led = [is_led(r) for r in records]
@@ -188,6 +192,7 @@ class Problem:
             a=record.channels.get("acceleration_m_s2"),
             threads=self.threads,
             substep=self.substep,
+            hold=self.hold,
             run_in=self.led[k],
         )
         return np.asarray(self.weights[k] * (out[:, 0, :] - force)[:, skipped(record) :])
@@ -232,6 +237,7 @@ def identify(
     start: Mapping[str, float] | None = None,
     starts: int = 4,
     seed: int = 0,
+    hold: bool | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Fit:
@@ -240,7 +246,8 @@ def identify(
     extras: effects fitted along (see `mrdamp.identify.laws.EXTRAS`). dependence: how coefficients follow the command
     (see `mrdamp.identify.laws.DEPENDENCES`); None is a straight line where the command varies. start: attributes to
     begin from in place of the law's own start. starts: local fits, from the best of a Latin hypercube and from the
-    start. The same seed gives the same answer for any number of threads. Raises InputError.
+    start. hold: commands are held between samples, or run along lines; None: whichever is nearer to the records. The
+    same seed gives the same answer for any number of threads. Raises InputError.
     """
     if not train:
         raise InputError("there is no record to fit to")
@@ -257,7 +264,11 @@ def identify(
     search = space(law, scales, extras, dependence)
     check_size(train, len(search.coordinates))
     threads = threads or os.cpu_count() or 1
-    problem = Problem(search, excerpts(train, _SEARCH_SAMPLES), threads, _SEARCH_SUBSTEP, freed=False)
+    varying = [r for r in train if np.ptp(r.command) > 0 and not rings_before_jumps(np.asarray(r.command))]
+    first_hold = any(held(r.command) for r in varying) if hold is None else hold
+    problem = Problem(
+        search, excerpts(train, _SEARCH_SAMPLES), threads, _SEARCH_SUBSTEP, freed=False, hold=first_hold
+    )
     n = len(search.coordinates)
     first = search.start if start is None else search.point(start)
     sampler = qmc.LatinHypercube(n, rng=np.random.default_rng(seed))
@@ -278,13 +289,20 @@ def identify(
     # A second one that is close is also continued with more data, as a short part may favour the wrong one.
     found.sort(key=lambda item: item[:2])
     last = [item for item in found[:2] if item[0] <= _CLOSE * found[0][0]]
-    full = Problem(search, thinned(train), threads)
+    full = Problem(search, thinned(train), threads, hold=first_hold)
     final = []
     for count, (_, order, point) in enumerate(last):
         if progress:
             progress(f"final fit {count + 1} of {len(last)}", 0.7 + 0.15 * count)
         final.append(descend(full, full.begin(point[:n]), _FIT_STEPS, order))
-    best = min(final, key=lambda item: item[:2])[2]
+    reached, _, best = min(final, key=lambda item: item[:2])
+    if hold is None and varying:
+        full.hold = not first_hold
+        other = descend(full, best, _FIT_STEPS)
+        if other[0] < 0.999 * reached:
+            best = other[2]
+        else:
+            full.hold = first_hold
     before = list(full.led)
     again = full.choose_starts(best)
     if full.led != before:
@@ -292,6 +310,8 @@ def identify(
     model = model_of(search, best[:n])
     model = replace(model, sample_rate_hz=round(1 / train[0].sample_time, 6))
     model = within(model, np.concatenate([record.command for record in train]))
+    if varying:
+        model = model.with_hold(full.hold)
     if progress:
         progress("evaluating", 1.0)
     return Fit(
@@ -324,6 +344,7 @@ def compare_dependences(
     extras: Sequence[str] = ("offset",),
     starts: int = 4,
     seed: int = 0,
+    hold: bool | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Fit]:
@@ -341,7 +362,7 @@ def compare_dependences(
         before = list(fits.values())[-1].model.attributes if fits else None
         fits[dependence] = identify(
             law, train, held_out, extras=extras, dependence=dependence, start=before, starts=starts, seed=seed,
-            threads=threads,
+            hold=hold, threads=threads,
         )  # fmt: skip
     return fits
 

@@ -98,6 +98,7 @@ def intervals(
 def _whole(fit: Fit, problem: Problem) -> Array:
     """The point of a fit in the problem (size,), with the starts that it found."""
     records = [record for record, _, _ in problem.records]
+    problem.hold = bool(fit.model.hold)
     problem.led = [record.name in fit.started for record in records]
     point = problem.begin(np.asarray(fit.point))
     for i, k in enumerate(problem.free):

@@ -7,8 +7,9 @@ others:
 - a storey: its drift force against the inertia of the floors above and the damper's force;
 - the damper: its force under the measured stroke and command.
 
-The noise of each block is the difference of two runs of one test, or, if it is more, what the same processing makes of
-the simulator's own channels with that noise: velocities from samples of a motion whose acceleration jumps are not exact.
+The noise of each block is the difference of two runs of one test, or, if it is more, what the same processing makes
+of the simulator's own channels with that noise: velocities from samples of a motion whose acceleration jumps are not
+exact.
 """
 
 from __future__ import annotations

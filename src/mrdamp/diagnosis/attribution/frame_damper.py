@@ -81,5 +81,5 @@ def damper_alone(case: Case) -> DamperRig:
             Record(r.name, None, r.sample_time, channels | {"force_N": np.asarray(r.channel("force_N"))})
         )
     effects = tuple(e for e in model.effects if e.place is None)
-    own = Model(model.law, model.parameters, effects, weights=model.weights, name=model.name)
+    own = Model(model.law, model.parameters, effects, weights=model.weights, name=model.name, extra=model.extra)
     return DamperRig(own, tuple(records))

@@ -85,8 +85,9 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
         begin, starts = (None, _STARTS) if start is None else (start.attributes, 1)
         try:
             return identify(
-                law, records, extras=extras, dependence=dependence, start=begin, starts=starts, threads=threads
-            ).model
+                law, records, extras=extras, dependence=dependence, start=begin, starts=starts, threads=threads,
+                hold=bool(case.model.hold),
+            ).model  # fmt: skip
         except InputError:
             return None
 

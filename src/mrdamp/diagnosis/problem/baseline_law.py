@@ -82,8 +82,9 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
         start = model.attributes if law == model.law else None
         try:
             fit = identify(
-                law, records, extras=extras, dependence=dependence, start=start, starts=_STARTS, threads=given.threads
-            )
+                law, records, extras=extras, dependence=dependence, start=start, starts=_STARTS, hold=given.hold,
+                threads=given.threads,
+            )  # fmt: skip
         except InputError:
             return None
         return replace(fit.model, name=model.name, extra=model.extra, sample_rate_hz=model.sample_rate_hz)
