@@ -151,7 +151,7 @@ def measure(effort: Effort) -> list[Section]:
             "Python. Ground motion, observation, reward and info are the same. Force errors are RMS "
             "over RMS against the environment at 0.025 ms, for peak ground accelerations of 3.4, 8 "
             "(the strongest of the default motions) and 17 m/s2. With a velocity extrapolated by half"
-            " a step, the law in Python is as accurate as the plugin at the same step. It remains "
+            " a step, the law in Python comes near the plugin at the same step. It remains "
             "explicit, and stronger motions need more inner steps. The last two rows are the plugin's"
             " step without the environment's Python code, and without damper and sensors too. The "
             "Python loop at 0.5 ms takes less than five times even the last of these, so a ratio of 5"

@@ -93,10 +93,10 @@ def test_python_law_is_the_same_law() -> None:
     assert accuracy.frame_error(1e-4, END, PythonDamper(p, 1)) < 8e-3
 
 
-def test_a_velocity_half_a_step_on_is_as_good_as_the_plugin() -> None:
+def test_a_velocity_half_a_step_on_halves_the_error_but_the_plugin_is_better() -> None:
     p = DYKE.attributes()
     late, abreast = (accuracy.frame_error(5e-4, END, PythonDamper(p, 3, on)) for on in (False, True))
-    assert abreast < 1.2 * accuracy.frame_error(5e-4, END) < 0.5 * late
+    assert accuracy.frame_error(5e-4, END) < abreast < 0.5 * late
 
 
 def test_the_environment_in_python_is_the_same_environment() -> None:
@@ -105,8 +105,7 @@ def test_the_environment_in_python_is_the_same_environment() -> None:
     plugin = accuracy.error(python_env.forces(FrameEnv(motions=python_env.MOTIONS), 1.0), exact)
     errors = [accuracy.error(python_env.forces(loop.env(), 1.0), exact) for loop in python_env.LOOPS]
     plain, abreast, shorter, fine = errors
-    assert plugin < 2.5e-3
-    assert max(abreast, shorter) < 1.2 * plugin
+    assert plugin < max(abreast, shorter) < 2.5e-3
     assert fine < 4e-3 < plain < 0.02
 
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from excitation import multisine, wave
+from excitation import from_rest, multisine, wave
 from mrdamp.identify import identify
 from mrdamp.records import Record
 from twins import simulate
@@ -39,11 +39,11 @@ SURE: Mapping[str, tuple[str, ...]] = {
 
 @cache
 def records(law: str) -> tuple[Record, ...]:
-    """Three records of 2 s at 500 Hz, noise of 0.5 %."""
+    """Three records of 2 s at 500 Hz, noise of 0.5 %, of a motion from rest."""
     out = []
     for seed in range(3):
         t = 0.002 * np.arange(1000, dtype=np.float64)
-        motion, command = multisine(0.004, 0.5, 5.0, seed=seed), wave(0.0, 1.0, 0.7 + 0.2 * seed)
+        motion, command = from_rest(multisine(0.004, 0.5, 5.0, seed=seed), 0.3), wave(0.0, 1.0, 0.7 + 0.2 * seed)
         force = simulate(law, TRUE[law], motion, t, command, rtol=1e-6)["force"]
         force = force + np.random.default_rng(seed).normal(0.0, 0.005 * float(force.std()), len(t))
         x, v, _ = motion.sample(t)
