@@ -121,6 +121,11 @@ typedef struct {
    * NULL, 0: 1) */
   const double* acc_settle;
   const double* acc_settle_time;
+  /* A foundation that sways and rocks, for causes outside the catalogue; stiffness 0: rigid. Rocking of a frame with
+   * storeys of equal height h as the drift that it adds to every storey (m): inertia I / h^2 (kg), stiffness
+   * k / h^2 (N/m), damping c / h^2 (N s/m). Floor displacements contain both. */
+  double sway_mass, sway_stiffness, sway_damping;
+  double rock_mass, rock_stiffness, rock_damping;
 } mrdamp_frame;
 
 /* Frame columns: floor accelerations (absolute, through their sensors) 1..N, floor displacements

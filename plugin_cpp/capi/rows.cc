@@ -61,7 +61,7 @@ mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* 
   const int n = f.storeys;
   plan.system = found.system;
   plan.storeys = found.storeys;
-  plan.place = plan.drift = Matrix(n, n);
+  plan.place = plan.drift = Matrix(n, found.system.n);
   for (int i = 0; i < n; i++) {
     plan.place(i, i) = plan.drift(i, i) = 1;
     if (i > 0) plan.drift(i, i - 1) = -1;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "effects/sensor.h"
@@ -41,6 +43,13 @@ bool CheckFrame(const mrdamp_frame& f, char* error, int error_size) {
                   " leave a stiffness above 0", i + 1, side, cubic);
     return false;
   }
+  for (const auto& [name, mass, stiffness, damping] : {std::tuple{"sway", f.sway_mass, f.sway_stiffness, f.sway_damping},
+                                                       std::tuple{"rock", f.rock_mass, f.rock_stiffness, f.rock_damping}}) {
+    if (stiffness == 0 || (stiffness > 0 && mass > 0 && damping >= 0 && std::isfinite(stiffness + mass + damping))) continue;
+    std::snprintf(error, error_size, "structure: %s_mass, _stiffness, _damping are %g, %g, %g; allowed are finite numbers, the"
+                  " mass above 0, the others at least 0", name, mass, stiffness, damping);
+    return false;
+  }
   for (int i = 0; f.acc_ratio && i < n; i++) {
     if (f.acc_ratio[i] >= 0 && f.acc_ratio[i] < 1) continue;
     std::snprintf(error, error_size, "structure: acc_ratio of floor %d is %g; allowed are 0 up to, not including, 1", i + 1,
@@ -77,26 +86,44 @@ FrameSystem::FrameSystem(const mrdamp_frame& f, int dampers, const int* between)
     storeys.push_back(s);
     acting.push_back(j);
   }
-  system = LinearSystem(n, 1, dampers + static_cast<int>(acting.size()));
-  const auto chain = [n](const double* storey, int i, int j) {
-    if (i == j) return storey[i] + (i + 1 < n ? storey[i + 1] : 0);
-    if (j == i + 1) return -storey[j];
-    return i == j + 1 ? -storey[i] : 0;
-  };
-  for (int i = 0; i < n; i++) {
-    for (int j = 0; j < n; j++) {
-      system.rate(i, j) = -chain(f.stiffness, i, j) / f.mass[i];
-      system.rate(i, n + j) = -chain(f.damping, i, j) / f.mass[i];
+  // Coordinates after the floors: the foundation's displacement, the drift of every storey by its rotation.
+  const int sway = f.sway_stiffness > 0 ? n : -1, rock = f.rock_stiffness > 0 ? n + (sway > 0) : -1;
+  const int size = n + (sway > 0) + (rock > 0);
+  std::vector<double> mass(f.mass, f.mass + n);
+  if (sway > 0) mass.push_back(f.sway_mass);
+  if (rock > 0) mass.push_back(f.rock_mass);
+  system = LinearSystem(size, 1, dampers + static_cast<int>(acting.size()));
+  // Elongation between two floors, 0 the foundation, per unit of the coordinates.
+  const auto between_floors = [&](int from, int to) {
+    std::vector<double> along(size);
+    for (const auto& [floor, sign] : {std::pair{to, 1}, std::pair{from, -1}}) {
+      const int at = floor > 0 ? floor - 1 : sway;
+      if (at >= 0) along[at] += sign;
     }
-    system.load(i, 0) = -1;
-  }
+    if (rock > 0) along[rock] = from - to;
+    return along;
+  };
+  const auto add = [&](const std::vector<double>& along, double stiffness, double damping) {
+    for (int i = 0; i < size; i++) {
+      for (int j = 0; j < size; j++) {
+        if (along[i] == 0 || along[j] == 0) continue;
+        system.rate(i, j) -= along[i] * along[j] * stiffness / mass[i];
+        system.rate(i, size + j) -= along[i] * along[j] * damping / mass[i];
+      }
+    }
+  };
+  for (int j = 0; j < n; j++) add(between_floors(j, j + 1), f.stiffness[j], f.damping[j]);
+  std::vector<double> alone(size);
+  if (sway > 0) alone[sway] = 1, add(alone, f.sway_stiffness, f.sway_damping), alone[sway] = 0;
+  if (rock > 0) alone[rock] = 1, add(alone, f.rock_stiffness, f.rock_damping);
+  for (int i = 0; i < size; i++) system.load(i, 0) = i == rock ? 0 : -1;
   for (int k = 0; k < system.elements; k++) {
     const int from = k < dampers ? between[2 * k] : acting[k - dampers];
     const int to = k < dampers ? between[2 * k + 1] : acting[k - dampers] + 1;
-    for (const auto& [floor, sign] : {std::pair{to, 1}, std::pair{from, -1}}) {
-      if (floor < 1) continue;
-      system.stroke(k, floor - 1) = sign;
-      system.push(floor - 1, k) = -sign / f.mass[floor - 1];
+    const std::vector<double> along = between_floors(from, to);
+    for (int i = 0; i < size; i++) {
+      system.stroke(k, i) = along[i];
+      system.push(i, k) = -along[i] / mass[i];
     }
   }
 }
@@ -136,7 +163,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
   Sensor sensor;
   const std::vector<SensorParams> floor_params = FloorSensors(f);
   std::vector<Sensor> floor_sensor(n);
-  std::vector<double> forces(a.elements.size()), absolute(n);
+  std::vector<double> forces(a.elements.size()), absolute(linear.n());
   Observation seen{};
 
   const auto record = [&](int k, double step) {

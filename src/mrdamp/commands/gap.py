@@ -6,10 +6,14 @@ import argparse
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
 from mrdamp.commands.output import progress_bar, save_picture
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.gap.study import Options
 
 
 def add_to(commands: Any) -> None:
@@ -20,6 +24,18 @@ def add_to(commands: Any) -> None:
         run_gap,
         "loss of a controller on a frame that differs from its simulator, and how much of it a diagnosis recovers",
         "mrdamp gap --effects driver_lag storey_stiffness@1 -o out/gap",
+    )
+    given = p.add_mutually_exclusive_group()
+    given.add_argument(
+        "--model",
+        type=Path,
+        help="model file of a frame of three storeys without effects, the nominal simulator (default: Dyke et al.)",
+    )
+    given.add_argument(
+        "--case",
+        type=Path,
+        help="case folder of a measured frame: what its gap costs the controller, with the corrected simulator in "
+        "place of the rig; writes gap.json, diagnosis.txt and corrected.json",
     )
     p.add_argument(
         "--controller",
@@ -53,11 +69,15 @@ def run_gap(a: argparse.Namespace) -> int:
     from mrdamp.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores, ways
     from mrdamp.gap.real import EFFECTS, NONE
     from mrdamp.gap.study import Options, study
+    from mrdamp.model import Model
 
     every = (NONE, *EFFECTS) if a.misfit else tuple(EFFECTS)
     options = Options(a.controller, tuple(a.effects or every), a.loads, a.draws, a.seed, a.misfit)
+    if a.case is not None:
+        return _run_case(a, options)
+    nominal = None if a.model is None else Model.read(a.model)
     with progress_bar() as progress:
-        found = study(options, a.out, jobs=a.jobs, progress=progress)
+        found = study(options, a.out, nominal=nominal, jobs=a.jobs, progress=progress)
     write_atomic(a.out / "study.json", json.dumps(asdict(found), indent=1) + "\n")
     page(found).write(a.out / "index.html")
     save_picture(errors(found), a.out / "errors.png")
@@ -77,4 +97,21 @@ def run_gap(a: argparse.Namespace) -> int:
                 ).rstrip()
             )
     print(f"page: {a.out / 'index.html'}")
+    return 0
+
+
+def _run_case(a: argparse.Namespace, options: Options) -> int:
+    """The gap of a measured frame."""
+    from mrdamp.diagnosis.case.folder import read_case
+    from mrdamp.files import write_atomic
+    from mrdamp.gap.measured import of_case, rows
+
+    if a.effects or a.misfit:
+        raise InputError("gap: --effects and --misfit are of simulated frames; not with --case")
+    case = read_case(a.case)
+    with progress_bar() as progress:
+        found = of_case(options, case, a.out, jobs=a.jobs, progress=progress)
+    write_atomic(a.out / "gap.json", json.dumps(asdict(found), indent=1) + "\n")
+    for name, value in rows(found):
+        print(f"{name:42s} {value}")
     return 0

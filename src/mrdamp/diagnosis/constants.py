@@ -119,8 +119,8 @@ REPEATS, CARRIED = 1.75, 0.5
 #: Two channels of one quantity agree if they differ by at most CHANNELS_AGREE times the noise. A measured
 #: current has the command's unit if the ratio of their sizes is within SAME_UNIT.
 CHANNELS_AGREE, SAME_UNIT = 1.1, (0.8, 1.25)
-#: Two causes are tied if the cosine of their changes exceeds TIE_COSINE or the rival's probability exceeds
-#: TIE_PROBABLE.
+#: Two causes are tied if the rival's probability exceeds TIE_PROBABLE, or if the cosine of their changes exceeds
+#: TIE_COSINE and the rival's cost is at most NONE_ABOVE times the named one's (at least the noise).
 TIE_COSINE, TIE_PROBABLE = 0.98, 0.1
 #: Records cannot show a cause whose signature, at the starting value of its parameter or at the fitted one, is below
 #: this multiple of the remaining error.

@@ -77,7 +77,7 @@ def reduced(case: Case, found: Sequence[Block] = (), threads: int = 1) -> tuple[
     parameter sets that are simulated in parallel."""
     block = max(1, round(_AVERAGE / case.records[0].sample_time))
     clean = frozenset(b.name for b in found if b.clean)
-    quiet = len(clean) == len(found) > 0
+    quiet = len(clean) == len(found)
     rig = FrameRig(case.model, case.records, block, clean, quiet=quiet, threads=threads)
     repeats = tuple((averaged(r, block), k) for r, k in case.repeats)
     return replace(case, records=tuple(averaged(r, block) for r in case.records), repeats=repeats), rig
@@ -183,7 +183,7 @@ def judge(
     if only is not None:
         fits = [f for f in fits if set(f.hypothesis.causes) <= set(only)]
     if search.inexact:
-        search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
+        search.direct = {c.cause: c.nats for c in channels if c.cause is not None and not c.outside}
     # A frame's nominal parameters move as far as its structure requires: they have no penalty.
     decision = decided(search, fits, penalties, baseline, moves=False)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:

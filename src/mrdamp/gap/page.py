@@ -32,7 +32,7 @@ def gap_rows(study: Study) -> list[tuple[str, ...]]:
             f"{100 * r.nominal:.1f} %",
             f"{100 * r.corrected:.1f} %",
             f"{100 * r.closed:.0f} %",
-            f"{100 * r.interval[0]:.0f} to {100 * r.interval[1]:.0f} %",
+            f"{100 * r.interval[0]:.0f} to {100 * r.interval[1]:.0f} %" if r.interval else "one motion: none",
         )
         for r in study.rows
     ]

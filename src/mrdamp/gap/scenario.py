@@ -60,7 +60,8 @@ class Scenario:
         self.loads = [m.compressed(TIME_COMPRESSION) for m in unseen_motions()[:count]]
         self.training = [m.compressed(TIME_COMPRESSION) for m in tuning_motions()]
         self.bench = FrameBench(nominal)
-        self._reference = {id(m): self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
+        # By name: a process that tunes has copies of the motions.
+        self._reference = {m.name: self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
 
     @property
     def robust(self) -> bool:
@@ -94,7 +95,7 @@ class Scenario:
     def score(self, criteria: Sequence[Criteria], loads: Sequence[GroundMotion] | None = None) -> float:
         values = []
         for c, load in zip(criteria, self.loads if loads is None else loads, strict=True):
-            free = self._reference[id(load)]
+            free = self._reference[load.name]
             drift = c.peak_drift.max() / free.peak_drift.max()
             values.append((drift + c.peak_acceleration.max() / free.peak_acceleration.max()) / 2)
         return float(np.mean(values))

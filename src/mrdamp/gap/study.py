@@ -88,7 +88,7 @@ class Row:
     corrected: float
     real: float
     errors: Mapping[str, tuple[float, float]]  # criterion -> relative error, nominal and corrected
-    interval: tuple[float, float]  # of `closed`, over the motions
+    interval: tuple[float, float] | None  # of `closed`, over the motions; None for one motion
     retuned: float | None = None
     randomised: float | None = None
     blind: float | None = None
@@ -115,15 +115,25 @@ class Study:
 
 
 def study(
-    options: Options, out: Path, *, jobs: int = 1, progress: Progress = lambda what, share: None
+    options: Options,
+    out: Path,
+    *,
+    nominal: Model | None = None,
+    jobs: int = 1,
+    progress: Progress = lambda what, share: None,
 ) -> Study:
-    """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options continue there."""
+    """Runs it. Each finished real frame is kept in OUT/CAUSE.json, and the same options continue there.
+
+    nominal: the simulator, a frame of three storeys without effects; None: that of Dyke et al. Raises InputError.
+    """
+    nominal = nominal_frame() if nominal is None else nominal
+    RealFrame(nominal, NONE)
     out.mkdir(parents=True, exist_ok=True)
     other = None
     if options.misfit:
         progress("identifying a damper with another law", 0.0)
-        other = other_law(nominal_frame(), options.seed)
-    setup = Setup(nominal_frame() if other is None else other.nominal, None if other is None else other.numbers)
+        other = other_law(nominal, options.seed)
+    setup = Setup(nominal if other is None else other.nominal, None if other is None else other.numbers)
     scenario = Scenario(
         setup.nominal,
         options.controller,
@@ -137,7 +147,7 @@ def study(
     first = scenario.tune([scenario.nominal], scenario.site(scenario.nominal), _within(progress, 0.0, 0.05))
     simulated = [scenario.criteria(scenario.nominal, first, load) for load in scenario.loads]
     matched = [scenario.criteria(setup.real(NONE), first, load) for load in scenario.loads]
-    alike = float(np.mean([_error(simulated, matched, name) for name in CRITERIA]))
+    alike = float(np.mean([relative_error(simulated, matched, name) for name in CRITERIA]))
     blind = None
     if options.tuned or scenario.robust:
         progress("tuning on a blindly randomised simulator", 0.05)
@@ -146,7 +156,7 @@ def study(
     for k, cause in enumerate(options.effects):
         at = 0.1 + 0.9 * k / len(options.effects)
         step = 0.9 / len(options.effects)
-        key = {"version": _VERSION, **asdict(replace(options, effects=(cause,)))}
+        key = {"version": _VERSION, "nominal": nominal.to_dict(), **asdict(replace(options, effects=(cause,)))}
         kept = _kept(out / f"{cause}.json", key)
         if kept is None:
             kept = _row(scenario, setup, cause, first, blind, out, _within(progress, at, step))
@@ -194,12 +204,14 @@ def _row(
     progress(f"{cause}: diagnosis", 0.15)
     found = diagnose(read_case(out / cause / "case"), jobs=scenario.jobs)
     write_atomic(out / cause / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
-    corrected = _with_range(found.corrected, scenario.nominal)
+    corrected = with_range(found.corrected, scenario.nominal)
     corrected.write(out / cause / "corrected.json")
     progress(f"{cause}: the corrected simulator", 0.5)
     before = [scenario.criteria(scenario.nominal, first, load) for load in scenario.loads]
     after = [scenario.criteria(corrected, first, load) for load in scenario.loads]
-    errors = {name: (_error(before, measured, name), _error(after, measured, name)) for name in CRITERIA}
+    errors = {
+        name: (relative_error(before, measured, name), relative_error(after, measured, name)) for name in CRITERIA
+    }
     row = Row(
         cause,
         found.verdict,
@@ -222,7 +234,7 @@ def _row(
     if blind is None:
         return replace(row, retuned=on_real(retuned))
     # Drawn together, as they go in the diagnosis' bootstrap: parameters that may trade off do so in every draw.
-    drawn = [_with_range(m, scenario.nominal) for m in found.drawn[: scenario.draws]]
+    drawn = [with_range(m, scenario.nominal) for m in found.drawn[: scenario.draws]]
     randomised = scenario.tune(drawn or [corrected], site)
 
     return replace(
@@ -234,8 +246,8 @@ def _row(
     )
 
 
-def _with_range(model: Model, nominal: Model) -> Model:
-    """With the command's range, which a corrected simulator need not carry."""
+def with_range(model: Model, nominal: Model) -> Model:
+    """A model with the command's range, which a corrected simulator need not carry."""
     ends = {k: v for k, v in nominal.parameters.items() if k.startswith("command_")}
     return replace(model, parameters={**ends, **model.parameters})
 
@@ -248,14 +260,17 @@ def _relative(simulated: Criteria, measured: Criteria, name: str) -> float:
     return abs(_largest(simulated, name) / _largest(measured, name) - 1)
 
 
-def _error(simulated: Sequence[Criteria], measured: Sequence[Criteria], name: str) -> float:
+def relative_error(simulated: Sequence[Criteria], measured: Sequence[Criteria], name: str) -> float:
+    """Mean relative error of a criterion over the motions."""
     return float(np.mean([_relative(s, m, name) for s, m in zip(simulated, measured, strict=True)]))
 
 
 def _interval(
     before: Sequence[Criteria], after: Sequence[Criteria], measured: Sequence[Criteria]
-) -> tuple[float, float]:
-    """95 %, by drawing the motions again."""
+) -> tuple[float, float] | None:
+    """95 %, by drawing the motions again; None for one motion, of which nothing can be drawn."""
+    if len(measured) < 2:
+        return None
     table = np.array(
         [[[_relative(s, m, name) for name in CRITERIA] for s, m in zip(runs, measured, strict=True)]
          for runs in (before, after)]
@@ -274,8 +289,7 @@ def _kept(path: Path, key: Mapping[str, Any]) -> Row | None:
             return None
         row = data["row"]
         pairs = {k: (v[0], v[1]) for k, v in row["errors"].items()}
-        return Row(
-            **{**row, "named": tuple(row["named"]), "errors": pairs, "interval": tuple(row["interval"])}
-        )
+        interval = row["interval"] and tuple(row["interval"])
+        return Row(**{**row, "named": tuple(row["named"]), "errors": pairs, "interval": interval})
     except (OSError, ValueError, KeyError, TypeError):
         return None

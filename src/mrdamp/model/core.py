@@ -203,6 +203,8 @@ class FrameInput:
     `acc_*`: the floors' accelerometers (gain, offset m/s2, leakage s, lag s and its second pole s; the share of the
     charge that leaks with another time constant, and that in s; the damping ratio of a lag of second order in place of
     the two poles; an offset besides, m/s2, that dies away from the start with a time constant in s, 0: 1 s).
+    `sway`, `rock`: mass (kg), stiffness (N/m) and damping (N s/m) of a foundation that moves, None: rigid; rocking as
+    the drift that it adds to every storey, heights h alike: I / h^2, k / h^2, c / h^2. For a diagnosis alone.
     """
 
     mass: Array
@@ -225,6 +227,8 @@ class FrameInput:
     acc_ratio: Array | None = None
     acc_settle: Array | None = None
     acc_settle_time: Array | None = None
+    sway: tuple[float, float, float] | None = None
+    rock: tuple[float, float, float] | None = None
 
 
 def frame_columns(storeys: int) -> tuple[str, ...]:
@@ -324,6 +328,8 @@ def fill_frame(row: Frame, frame: FrameInput, keep: list[Array]) -> None:
             keep.append(array)
         setattr(row, name, None if array is None else pointer(array))
     row.damper_from, row.damper_to = frame.damper_between or (-1, -1)
+    row.sway_mass, row.sway_stiffness, row.sway_damping = frame.sway or (0.0, 0.0, 0.0)
+    row.rock_mass, row.rock_stiffness, row.rock_damping = frame.rock or (0.0, 0.0, 0.0)
 
 
 def _channel(name: str, value: Array | None, n: int) -> Array | None:

@@ -146,7 +146,7 @@ class Model:
         s = self.structure
         mass, stiffness, damping = s.mass.copy(), s.stiffness.copy(), s.damping.copy()
         friction, width, presliding, quadratic = (np.zeros(s.storeys) for _ in range(4))
-        sensors = {"acc_gain": np.ones(s.storeys)}
+        sensors: dict[str, Any] = {"acc_gain": np.ones(s.storeys)}
         for effect in self.effects:
             if effect.place is None:
                 continue

@@ -42,6 +42,7 @@ class Frame(ctypes.Structure):
                 "acc_settle_time",
             )
         ),
+        *((f"{how}_{of}", ctypes.c_double) for how in ("sway", "rock") for of in ("mass", "stiffness", "damping")),
     )  # fmt: skip
 
 

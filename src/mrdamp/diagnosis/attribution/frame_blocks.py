@@ -124,14 +124,17 @@ def shares_by_stage(
 ) -> dict[str, float]:
     """Shares of the gap by stage, adding up to 1.
 
-    With named effects: Shapley shares in the reduction of the cost. Without: the shares of the faulty blocks.
+    With named effects: Shapley shares in the reduction of the cost. With a cause outside the catalogue: its stage.
+    Without either: the shares of the faulty blocks.
     The damper's share counts as fluid if its parameters are wrong. If its cause is unknown, it is divided by
     the evidence of its stages (`evidence`) or, without that, by what the stages' effects explain.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         return _of_causes(search, chosen, lambda f: f.cost)
     nearest = stage_shares(search, chosen, verdict)
-    if evidence is not None and search.looks_like is None:
+    if search.looks_like is not None:
+        return {s: nearest.get(s, 0.0) for s in STAGES}
+    if evidence is not None:
         nearest = evidence.at()
     return _of_blocks(found, nearest, place_shares(found))
 
@@ -151,15 +154,14 @@ def intervals_by_stage(
     if verdict == "effect" and chosen.hypothesis.terms:
         costs = DrawnCosts.of(search)
         rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
-    elif all(b.clean for b in found):
+    elif all(b.clean for b in found) or search.looks_like is not None:
         return {}
     else:
         nearest = stage_shares(search, chosen, verdict)
-        drawn_evidence = evidence if search.looks_like is None else None
         rows = [
             _of_blocks(
                 found,
-                drawn_evidence.at(k) if drawn_evidence else nearest,
+                evidence.at(k) if evidence else nearest,
                 _of_total({b.name: b.drawn_excess(k) for b in found}),
             )
             for k in range(len(found[0].drawn))

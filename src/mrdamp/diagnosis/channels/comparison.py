@@ -24,6 +24,7 @@ from mrdamp.diagnosis.constants import (
     PARTS_LEFT,
     SAME_UNIT,
 )
+from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.model import core
 from mrdamp.model.core import Array
@@ -45,9 +46,9 @@ class Compared:
 
     before, after: RMS difference over the RMS of the second channel, with the nominal settings and with the
     best effect. noise: the same ratio for white noise of both channels. cause: effect that explains the
-    difference, or None. nats: log evidence of the cause against no effect. settings: fitted settings of the
-    cause. agree: the difference is within the noise. If two causes explain it together, each has its own
-    entry with its settings beside the other one.
+    difference, perhaps one outside the catalogue, or None. nats: log evidence of the cause against no effect.
+    settings: fitted settings of the cause. agree: the difference is within the noise. If two causes explain it
+    together, each has its own entry with its settings beside the other one.
     """
 
     channels: tuple[str, str]
@@ -61,8 +62,15 @@ class Compared:
     agree: bool = False
 
     @property
+    def outside(self) -> bool:
+        """True if the cause is not in the catalogue."""
+        return self.cause in PLAIN
+
+    @property
     def unexplained(self) -> bool:
         """True if the difference exceeds the noise and neither an effect nor other parameters explain it."""
+        if self.outside:
+            return True
         before, after = (max(x**2 - self.noise**2, 0.0) for x in (self.before, self.after))
         return self.cause is None and not self.agree and after > PARTS_LEFT * before
 

@@ -16,6 +16,7 @@ import numpy as np
 from mrdamp.diagnosis.channels.balances import BAND, Balances, has_damper
 from mrdamp.diagnosis.channels.comparison import PASSES, Compared, best_cause
 from mrdamp.diagnosis.constants import PARTS_LEFT
+from mrdamp.diagnosis.hypotheses.outside_storeys import ground_delay, shaken
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
 from mrdamp.model import core
 from mrdamp.model.core import Array
@@ -48,7 +49,7 @@ def compared_parts(
 
     terms: the frame's whole catalogue. If no effect explains the storeys' error, `after` gives the error with
     fitted structural parameters. If all accelerometers are faulty, the displacements or the ground channel
-    are: then only a common delay is fitted. Empty if the noise is unknown.
+    are: then only a delay of these is fitted. Empty if the noise is unknown.
     """
     storeys = [p for p in parts if p.kind == "storey"]
     meters = [p for p in parts if p.kind == "accelerometer"]
@@ -56,7 +57,8 @@ def compared_parts(
         return ()
     found = [Balances.of(s, r) for r in records]
     if len(meters) > 1 and all(p.at_fault for p in meters):
-        return (_of_displacements(found, meters, [t for t in terms if t.effect == "channel_shift"]),)
+        late = [*(t for t in terms if t.effect == "channel_shift"), ground_delay(records[0].sample_time)]
+        return (_of_displacements(found, meters, late),)
     out = []
     if any(p.at_fault for p in storeys):
         inside = any(p.at_fault and has_damper(s, p.place) for p in storeys)
@@ -125,7 +127,7 @@ def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Ter
 
 
 def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
-    """All accelerometers together, over their noise, with a delay of the displacements."""
+    """All accelerometers together, over their noise, with a delay of the displacements or of the ground channel."""
 
     def residual(settings: Settings) -> Array:
         out = []
@@ -134,7 +136,7 @@ def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: S
             later = t + settings.get("channel_shift_d", 0.0)
             for p in parts:
                 moved = b.moved[p.place]
-                along = b.ground + np.interp(later, t, moved - b.ground)
+                along = shaken(settings, b.ground, b.sample_time) + np.interp(later, t, moved - b.ground)
                 error = (along - b.read[p.place])[b.kept]
                 out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(moved[b.kept] ** 2))))
         return np.concatenate(out)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import HIDDEN_BELOW, TIE_COSINE, TIE_PROBABLE
+from mrdamp.diagnosis.constants import HIDDEN_BELOW, NONE_ABOVE, TIE_COSINE, TIE_PROBABLE
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
@@ -25,7 +25,8 @@ def cosine(a: Array, b: Array) -> float:
 def tie_classes(
     search: Search, chosen: Fit, sets: dict[tuple[str, ...], float]
 ) -> tuple[tuple[str, ...], ...]:
-    """Classes of causes that are equivalent to a named one, by probability or by signature.
+    """Classes of causes that are equivalent to a named one, by probability, or by signature if they leave no more than
+    the noise allows: as much as a simulator without a gap.
 
     sets: probability by set of causes. A class with `parameters`: a recalibration is equivalent.
     """
@@ -45,7 +46,7 @@ def tie_classes(
             continue
         out, others = (named - members).pop(), named & members
         rest = search.smallest(free, others)
-        if rest is None or search.unexplained(found) > 2 * search.unexplained(chosen) + 0.05:
+        if rest is None or found.cost > NONE_ABOVE * max(chosen.cost, search.floor):
             continue
         alike = cosine(chosen.residual - rest.residual, found.residual - rest.residual)
         if alike > TIE_COSINE:

@@ -33,6 +33,10 @@ PLAIN: Mapping[str, str] = {
     "storey_crack": "a crack that opens and closes",
     "storey_yield": "a spring that yields",
     "storey_hardening": "a spring that hardens or softens with the drift",
+    "foundation_sway": "a foundation that sways",
+    "foundation_rock": "a foundation that rocks",
+    "foundation_sway_and_rock": "a foundation that sways and rocks",
+    "ground_delay": "a ground acceleration that is recorded late or early",
 }
 
 

@@ -1,6 +1,7 @@
-"""Causes outside the catalogue in a frame's storeys: nonlinear springs (see `hypotheses.outside`).
+"""Causes outside the catalogue in a frame's structure and ground channel (see `hypotheses.outside`): nonlinear storey
+springs, a foundation that sways or rocks, a ground acceleration that is recorded late or early.
 
-The frame's C entry has such springs only for this purpose; the plugin has no attribute for them.
+The frame's C entry has such springs and foundations only for this purpose; the plugin has no attribute for them.
 """
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ from mrdamp.diagnosis.hypotheses.terms import Term, linear, positive
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.structures import ShearFrame
 
+#: Damping ratio at which a foundation's search starts, and the multiple of the first storey's stiffness.
+_RATIO, _STIFFER = 0.05, 5.0
+#: s, largest delay of the ground channel.
+_LATE = 0.05
 #: Largest loss of a softening spring at the largest drift, as a share of the storey's stiffness.
 _SOFTEST = 0.3
 
@@ -39,8 +44,53 @@ def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: A
     return tuple(out)
 
 
+def base_rivals(s: ShearFrame, sample_time: float) -> tuple[Term, ...]:
+    """Rivals of the whole frame: its foundation and its ground channel. sample_time (s): of the records."""
+    starts, parts = {}, {}
+    whole, n = float(np.sum(s.mass)), s.storeys
+    # A push at the top moves the top alike by both.
+    sizes = {"sway": (float(s.mass[0]), 1.0, whole), "rock": (whole, n**2, whole * n**2 / 3)}
+    for how, (mass, lever, moved) in sizes.items():
+        k = _STIFFER * float(s.stiffness[0]) * lever
+        c = 2 * _RATIO * float(np.sqrt(k * moved))
+        ranges = {"mass": (mass, 0.01, 30.0), "stiffness": (k, 0.02, 200.0), "damping": (c, 1e-3, 100.0)}
+        parts[how] = tuple(
+            positive(f"outside_{how}_{name}", size, low * size, high * size)
+            for name, (size, low, high) in ranges.items()
+        )
+        starts[how] = mass, k, c
+    return (
+        Term("foundation_sway", "structure", parts["sway"], (starts["sway"],)),
+        Term("foundation_rock", "structure", parts["rock"], (starts["rock"],)),
+        Term(
+            "foundation_sway_and_rock",
+            "structure",
+            (*parts["sway"], *parts["rock"]),
+            ((*starts["sway"], *starts["rock"]),),
+        ),
+        ground_delay(sample_time),
+    )
+
+
+def ground_delay(sample_time: float) -> Term:
+    """The ground channel is recorded late."""
+    late = (linear("outside_ground_delay", sample_time, -_LATE, _LATE),)
+    return Term("ground_delay", "sensor", late, ((2 * sample_time,), (-2 * sample_time,)))
+
+
+def shaken(settings: Mapping[str, float], ground: Array, sample_time: float) -> Array:
+    """The ground acceleration (n,) of a rig whose channel is recorded late, from the channel."""
+    late = settings.get("outside_ground_delay", 0.0)
+    t = sample_time * np.arange(len(ground))
+    return np.interp(t + late, t, ground) if late else ground
+
+
 def bent(settings: Mapping[str, float], frame: FrameInput) -> FrameInput:
-    """The frame with the storey springs of a rival's settings."""
+    """The frame with the storey springs and the foundation of a rival's settings."""
+    for how in ("sway", "rock"):
+        if f"outside_{how}_stiffness" in settings:
+            mass, k, c = (settings[f"outside_{how}_{of}"] for of in ("mass", "stiffness", "damping"))
+            frame = replace(frame, sway=(mass, k, c)) if how == "sway" else replace(frame, rock=(mass, k, c))
     places = {int(name.partition("@")[2]) for name in settings if "@" in name}
     for j in sorted(places):
         frame = _bent(settings, frame, j)

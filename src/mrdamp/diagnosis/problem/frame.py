@@ -16,7 +16,7 @@ from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coo
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
 from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
-from mrdamp.diagnosis.hypotheses.outside_storeys import bent, storey_rivals
+from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shaken, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
@@ -48,7 +48,7 @@ class FrameRig:
     comparison, in measured and simulated channels alike: a frame moves below about 20 Hz, and noise is white.
     full_rate: records whose command jumps are compared without averaging, because a damper then oscillates
     with its floor near 100 Hz. clean: names of the blocks (`attribution.frame_blocks`) without a fault, where
-    no cause is sought. quiet: no block is faulty, so that any fault is small; storeys are then searched as
+    no cause is sought. quiet: no block is known to be faulty, so that any fault is small; storeys are then searched as
     well, since resonance in a free run shows faults below the noise of a storey's balance. free_structure:
     the structural parameters are free together with the nominal ones. placed: only causes with a place are
     sought. coarse_step: s, inner step of the chain in a search; jump_step: the same for records whose command
@@ -204,6 +204,8 @@ class FrameRig:
         drift = np.diff(x, axis=0, prepend=np.zeros((1, x.shape[1])))
         size, largest = np.sqrt(np.mean(drift**2, axis=1)), np.abs(drift).max(axis=1)
         storeys = storey_rivals(self.structure, places, size, largest)
+        if places:
+            storeys += base_rivals(self.structure, self.sizes.sample_time)
         return storeys if "damper" in self.clean else (*command_rivals(self.sizes), *storeys)
 
     def measured(self, record: int) -> Array:
@@ -343,7 +345,7 @@ class FrameRig:
                 np.array(vectors),
                 [bent(outside, self._frame(s)) for s in own],
                 sample_time,
-                ground,
+                shaken(outside, ground, sample_time),
                 commanded(outside, command, sample_time),
                 hold=self.hold,
                 substep=step,

@@ -37,7 +37,7 @@ from mrdamp.diagnosis.evidence.verdict import (
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.outside import plain
+from mrdamp.diagnosis.hypotheses.outside import PREFIX, plain
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import Noise
@@ -202,6 +202,11 @@ def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
         "form": term.form,
         "stage": term.stage,
         "what": plain(term),
+        "parameters": {
+            name.removeprefix(PREFIX): value
+            for name, value in found.settings.items()
+            if name.startswith(PREFIX) and name not in term.fixed
+        },
         "gap": pooled(search.problem.gaps(found.residual)),
         "nearest_gap": pooled(search.problem.gaps(chosen.residual)),
     }

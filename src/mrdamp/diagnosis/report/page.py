@@ -49,6 +49,8 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
 
 
 def _stages(out: Page, found: Diagnosis) -> None:
+    if found.verdict == "none":
+        return
     stages, named = found.where.stages, {e.stage for e in found.effects}
     out.figure(
         "Where in the chain",
@@ -320,13 +322,16 @@ def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.R
     )
 
 
+#: Channels of a frame that are drawn, the first kind that is measured, and their units.
+_UNITS = {"acceleration_m_s2": "m/s²", "displacement_m": "m", "force_N": "N"}
+
+
 def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
     assert nominal.structure is not None
     before, after = (free_run(m, record) for m in (nominal, corrected))
-    floors = [f"floor{k}_acceleration_m_s2" for k in range(1, nominal.structure.storeys + 1)]
-    floor = max(
-        (f for f in floors if f in record.channels), key=lambda f: _nrms(before[f], record.channel(f))
-    )
+    channels = [[f for f in before if f.endswith(kind) and f in record.channels] for kind in _UNITS]
+    measured = next(some for some in channels if some)
+    shown = max(measured, key=lambda f: _nrms(before[f], record.channel(f)))
     x = np.zeros((nominal.structure.storeys + 1, record.n))
     for k in range(1, len(x)):
         x[k] = after[f"floor{k}_displacement_m"]
@@ -336,9 +341,9 @@ def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.Re
         record.time,
         derivative(x[high] - x[low], record.sample_time),
         record.channel("command"),
-        record.channel(floor),
-        before[floor],
-        after[floor],
-        unit="m/s²",
-        note=f"floor {floor[5:].partition('_')[0]}",
+        record.channel(shown),
+        before[shown],
+        after[shown],
+        unit=next(unit for kind, unit in _UNITS.items() if shown.endswith(kind)),
+        note=f"floor {shown[5:].partition('_')[0]}" if shown.startswith("floor") else "damper",
     )

@@ -125,8 +125,8 @@ class Remainder:
     """Error that no cause explains: its gap in the corrected simulator, its share of the nominal excess over
     the noise, and its kind.
 
-    of: `law` if a model of the same inputs would predict part of it, `unpredictable` if none would, `outside`
-    if a cause outside the catalogue explains it. regimes: where it is largest.
+    of: `law` if a regression on the same inputs predicts part of it, `unpredictable` if it does not, `outside` if a
+    cause outside the catalogue explains it. regimes: where it is largest.
     """
 
     gap: float

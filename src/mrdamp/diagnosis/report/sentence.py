@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 
 _PLAIN = {
@@ -92,9 +93,17 @@ def _sentence(d: Diagnosis) -> str:
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
-        parts.append(f"{e.effect}{place} ({_plain(e)})")
-    them = "it" if len(parts) == 1 else "them"
-    return f"The gap is due to {' and '.join(parts)}. With {them} in the simulator, {shrink} ({noise}).{_rest(d)}"
+        parts.append(f"{e.effect}{place} ({_plain(e)}; probability {e.probability:.2f})")
+    them, one = ("it", "cause") if len(parts) == 1 else ("them", "causes")
+    # What is left over shows that the answer is not complete.
+    said = f"The gap is due to {' and '.join(parts)}."
+    if d.remainder is not None:
+        said = f"The most probable {one} of the gap: {' and '.join(parts)}."
+    named = {f"{e.effect}@{e.place}" if e.place is not None else e.effect for e in d.effects}
+    others = sorted({name for tie in d.indistinguishable for name in tie} - named)
+    if others:
+        said += f" The records do not distinguish {them} from {', '.join(others)}."
+    return f"{said} With {them} in the simulator, {shrink} ({noise}).{_rest(d)}"
 
 
 def _rest(d: Diagnosis) -> str:
@@ -129,11 +138,16 @@ def _unknown(d: Diagnosis) -> str:
     if apart is not None and same:
         one, other = apart["channels"]
         places = {name: share for name, share in d.where.places.items() if name != "damper"}
-        most = f", most at {max(places, key=lambda name: places[name])}" if places else ""
+        most = f", the most at {max(places, key=lambda name: places[name])}" if places else ""
+        explained = (
+            f"and no effect explains it{most}"
+            if not apart["effect"]
+            else f"which {PLAIN[apart['effect']]} explains to {percent(apart['left'])}"
+        )
         return (
             f"No cause in the catalogue is established for the gap of {percent(g.nominal)}: whatever the damper's law,"
-            f" {one} and {other} differ by {percent(apart['difference'])} (noise {percent(apart['noise'])}){most}, and"
-            f" no effect explains it. The simulator is handed over {unchanged}."
+            f" {one} and {other} differ by {percent(apart['difference'])} (noise {percent(apart['noise'])}),"
+            f" {explained}. The simulator is handed over {unchanged}."
         )
     if same:
         handed = (
@@ -180,7 +194,7 @@ def table(d: Diagnosis) -> str:
         lines.append(f"    {name:40s} probability {c.probability:.2f}   gap {percent(c.heldout_gap)}")
     stages = sorted(d.where.stages.items(), key=lambda item: -item[1])
     shown = [f"{name} {share(v, d.where.intervals.get(name))}" for name, v in stages if v > 0.005]
-    lines.append("  stages: " + ", ".join(shown))
+    lines += ["  stages: " + ", ".join(shown)] if d.verdict != "none" else []
     found = [
         f"{name} {share(v, d.where.place_intervals.get(name))}"
         for name, v in d.where.places.items()
@@ -195,6 +209,9 @@ def table(d: Diagnosis) -> str:
         cause = f", which is {row['effect']}: {percent(row['left'])} left" if row["effect"] else ""
         noise = percent(row["noise"])
         lines.append(f"  {one} and {other} differ by {percent(row['difference'])}{cause} (noise {noise})")
+    if d.outside is not None:
+        numbers = ", ".join(number(name, value, None) for name, value in d.outside["parameters"].items())
+        lines.append(f"  outside the catalogue: {d.outside['cause']}   {numbers}")
     for tie in d.indistinguishable:
         lines.append(f"  not distinguishable with these records: {', '.join(tie)}")
     if d.corrections:
