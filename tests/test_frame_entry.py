@@ -257,3 +257,37 @@ def test_a_bad_frame_is_told(change: dict[str, object], said: str) -> None:
     parts: dict[str, object] = {"mass": np.ones(2), "stiffness": np.ones(2), "damping": np.ones(2)}
     with pytest.raises(InputError, match=said):
         core.run_frame("bouc_wen", BOUC_WEN, FrameInput(**(parts | change)), DT, motion(TIME))  # type: ignore[arg-type]
+
+
+def test_a_foundation_that_sways_and_rocks() -> None:
+    """Against the equations in deformations (storeys, base, angle), heights in m, with a dashpot as damper."""
+    m, k, c, height = np.full(3, 98.3), np.array([516e3, 684e3, 684e3]), np.array([125.0, 50.0, 50.0]), 0.5
+    base, soil, loss = 100.0, 4e6, 2e3  # kg, N/m, N s/m
+    inertia, turning, turned = 20.0, 1.5e6, 600.0  # kg m2, N m, N m s
+    dashpot = 800.0
+    floors = np.column_stack([np.eye(3), np.ones(3), height * np.arange(1, 4)])  # displacement of the floors
+    chain = np.eye(3) - np.eye(3, k=-1)
+    mass = floors.T @ np.diag(m) @ floors + np.diag([0, 0, 0, base, inertia])
+    stiffness, damping = np.diag([0.0, 0, 0, soil, turning]), np.diag([dashpot, 0, 0, loss, turned])
+    stiffness[:3, :3] += chain.T @ np.diag(k) @ chain
+    damping[:3, :3] += chain.T @ np.diag(c) @ chain
+    load = -floors.T @ m - [0, 0, 0, base, 0]
+    ag = motion(TIME)
+
+    def rates(t: float, y: Array) -> Array:
+        pushed = load * np.interp(t, TIME, ag) - stiffness @ y[:5] - damping @ y[5:]
+        return np.concatenate([y[5:], np.linalg.solve(mass, pushed)])
+
+    y = solve_ivp(rates, (0, TIME[-1]), np.zeros(10), t_eval=TIME, rtol=1e-8, atol=1e-12, max_step=DT).y
+    absolute = ag + floors @ np.array([rates(t, row)[5:] for t, row in zip(TIME, y.T, strict=True)]).T
+    frame = FrameInput(
+        m, k, c, (0, 1), sway=(base, soil, loss),
+        rock=(inertia / height**2, turning / height**2, turned / height**2),
+    )  # fmt: skip
+    law = {"c0a": dashpot, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.1}
+    found = core.run_frame("bingham", law, frame, DT, ag)
+    for j in range(3):
+        assert off(found[f"displacement_{j + 1}"], (floors @ y[:5])[j]) < 1e-4
+        assert off(found[f"acceleration_{j + 1}"], absolute[j]) < 1e-4
+    with pytest.raises(InputError, match="sway_mass"):
+        core.run_frame("bingham", law, FrameInput(m, k, c, (0, 1), sway=(0.0, soil, loss)), DT, ag)

@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from mrdamp.blindtest.rig import RATE_HZ
-from mrdamp.compare.motions import tuning_motions
+from mrdamp.cli import main
+from mrdamp.compare.motions import TIME_COMPRESSION, tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.errors import InputError
-from mrdamp.gap import real
+from mrdamp.gap import measured, real
 from mrdamp.gap.closed_loop import write_case
 from mrdamp.gap.learned import Learning, straightened
 from mrdamp.gap.page import gap_rows, page, score_rows, ways
 from mrdamp.gap.scenario import Scenario, folded, nominal_frame
 from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
-from mrdamp.model import Effect
+from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.stepping import run_frame
+from mrdamp.structures import ShearFrame
 
 
 class Switching:
@@ -284,3 +288,74 @@ def test_a_softer_storey_is_found_in_closed_loop_and_most_of_the_gap_closes(tmp_
     assert found.nominal > 0.05
     assert found.closed > 0.7
     assert None not in (found.retuned, found.randomised, found.blind, found.direct)
+
+
+def test_one_motion_has_no_interval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = Study("constant", 0.5, 0.004, (replace(row("saturation", ()), interval=None),))
+    assert gap_rows(found)[0][-1] == "one motion: none"
+    monkeypatch.setattr(sys.modules["mrdamp.gap.study"], "diagnose", lambda case, jobs: answer(nominal_frame(), ()))
+    monkeypatch.setattr(Scenario, "tune", lambda scenario, plants, site, progress=None: Constant(1.0))
+    options = Options("constant:value=1", effects=("saturation",), loads=1, draws=1)
+    (kept,) = study(options, tmp_path).rows
+    assert kept.interval is None
+    assert study(options, tmp_path).rows == (kept,)
+
+
+def test_a_motion_is_the_same_in_another_process() -> None:
+    """A tuning over processes scores copies of the motions."""
+    scenario = Scenario(nominal_frame(), "constant:value=1", 1, 1, 1)
+    copy = pickle.loads(pickle.dumps(scenario))
+    assert copy.score([copy.criteria(copy.nominal, Constant(1.0), copy.loads[0])]) == scenario.score(
+        [scenario.criteria(scenario.nominal, Constant(1.0), scenario.loads[0])]
+    )
+
+
+def answer(corrected: Model, drawn: tuple[Model, ...], named: tuple[Effect, ...] = ()) -> SimpleNamespace:
+    """What is read of a diagnosis."""
+    verdict = "effect" if named else "none"
+    effects = [SimpleNamespace(effect=e.name, place=e.place) for e in named]
+    return SimpleNamespace(
+        verdict=verdict, effects=effects, corrected=corrected, drawn=drawn, sentence="Said.", to_dict=dict
+    )
+
+
+def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motion: GroundMotion
+) -> None:
+    """The figures are those of runs in the simulators; the intervals contain what the draws give."""
+    nominal = nominal_frame()
+    softer = [
+        replace(nominal, effects=(Effect("storey_stiffness", {"e": e}, 1),)) for e in (-0.3, -0.28, -0.32)
+    ]
+    given = answer(softer[0], tuple(softer[1:]), softer[0].effects)
+    monkeypatch.setattr("mrdamp.gap.measured.diagnose", lambda case, jobs: given)
+    case = SimpleNamespace(name="rig", model=nominal, records=())
+    found = measured.of_case(Options("constant:value=1", loads=1), case, tmp_path)  # type: ignore[arg-type]
+    assert (found.verdict, found.named) == ("effect", ("storey_stiffness@1",))
+    load = unseen_motions()[0].compressed(TIME_COMPRESSION)
+    peaks = [np.abs(run_frame(m, load, Constant(1.0)).drift).max() for m in (nominal, *softer)]
+    scenario = Scenario(nominal, "constant:value=1", 1, 1, 1)
+    before, after = (scenario.criteria(m, Constant(1.0), scenario.loads[0]) for m in (nominal, softer[0]))
+    assert before.peak_drift.max() == pytest.approx(peaks[0])
+    errors = [
+        abs(np.max(getattr(before, name)) / np.max(getattr(after, name)) - 1)
+        for name in ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
+    ]
+    assert found.error == pytest.approx(np.mean(errors))
+    assert found.kept_interval is not None
+    assert found.kept_interval[0] < found.kept < found.kept_interval[1]
+    assert found.retuned is None, "a controller with options is left as it is"
+    assert ("diagnosis", "storey_stiffness@1") in measured.rows(found)
+    assert Model.read(tmp_path / "corrected.json").effects == softer[0].effects
+
+
+def test_frames_that_a_gap_study_cannot_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nominal, ones = nominal_frame(), np.ones(2)
+    small = replace(nominal, structure=ShearFrame(ones, ones, ones, (0, 1)), name="small")
+    small.write(tmp_path / "small.json")
+    assert main(["gap", "--model", str(tmp_path / "small.json"), "-o", str(tmp_path / "out")]) != 0
+    assert "three storeys" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    case = SimpleNamespace(name="bench", model=replace(nominal, rig="damper", structure=None), records=())
+    with pytest.raises(InputError, match="damper"):
+        measured.of_case(Options(), case, tmp_path)  # type: ignore[arg-type]
