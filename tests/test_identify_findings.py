@@ -15,7 +15,6 @@ from mrdamp import sets
 from mrdamp.cli import main
 from mrdamp.identify import Fit, identify
 from mrdamp.identify.findings import findings
-from mrdamp.identify.fit import thinned
 from mrdamp.identify.intervals import intervals
 from mrdamp.model import Model
 from mrdamp.records import Record
@@ -130,15 +129,12 @@ def test_predict_tells_what_it_clamps(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_long_records_are_fitted_with_all_of_their_motion() -> None:
-    # 11 records at 5 kHz, as a data logger writes them: more than the last fit takes at its full rate.
+    # 11 records at 5 kHz, as a data logger writes them.
     train = rig_tests("bouc_wen", dt=2e-4, duration=3.0)
     train += [
         replace(r, name=f"{r.name} again") for r in rig_tests("bouc_wen", dt=2e-4, duration=3.0, seed=1)[:2]
     ]
-    fit, lines = said(train)
-    assert f"fitted at {fit.thinned:g} of 5000 samples a second" in lines
-    for before, after in zip(train, thinned(train), strict=True):
-        assert after.duration == pytest.approx(before.duration, rel=1e-3)
+    fit, _ = said(train)
     p = fit.model.parameters
     assert fit.train_nrmse == pytest.approx(0.01, rel=0.1)
     for name in ("beta", "k0", "c0a"):  # 800, 500, 650

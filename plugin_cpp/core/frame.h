@@ -15,8 +15,8 @@ namespace mrdamp {
 // temperature.
 inline int FrameColumns(int storeys) { return 2 * storeys + 7; }
 
-// Coordinates: the floors' displacements relative to the ground, then those of a foundation that moves. Load: the ground's acceleration. Elements: the
-// dampers, between pairs of floors, then the nonlinear storeys.
+// Coordinates: the floors' displacements relative to the ground, then those of a foundation that moves. Load: the
+// ground's acceleration. Elements: the dampers, between pairs of floors, then the nonlinear storeys.
 struct FrameSystem {
   LinearSystem system;
   std::vector<Storey> storeys;

@@ -15,7 +15,6 @@ from mrdamp.identify.fit import (
     model_of,
     pooled,
     simulate,
-    thinned,
 )
 
 __all__ = [
@@ -31,5 +30,4 @@ __all__ = [
     "model_of",
     "pooled",
     "simulate",
-    "thinned",
 ]

@@ -24,7 +24,7 @@ _LAGS = 0.003, 0.01, 0.03, 0.1
 
 def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> list[str]:
     """A line for each; empty where there is nothing to say."""
-    lines = [*_limits(fit), *_one_command(fit.model, train), *_thinned(fit, train)]
+    lines = [*_limits(fit), *_one_command(fit.model, train)]
     lines += [f"{record.label}: {said}" for record in held_out if (said := clamped(fit.model, record))]
     residuals = [_residual(fit.model, record, fit.started.get(record.name, 0.0)) for record in train]
     left = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
@@ -57,18 +57,9 @@ def _one_command(model: Model, train: Sequence[Record]) -> list[str]:
     ]
 
 
-def _thinned(fit: Fit, train: Sequence[Record]) -> list[str]:
-    if not fit.thinned:
-        return []
-    rates = sorted({round(1 / record.sample_time) for record in train})
-    return [
-        f"fitted at {fit.thinned:g} of {', '.join(map(str, rates))} samples a second; errors are of all samples"
-    ]
-
-
 def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
     """What the slow state at the start of records that begin in motion is worth."""
-    led = [record for record in train if record.name in fit.started]
+    led = [record for record in train if fit.started.get(record.name)]
     if not led:
         return []
     both = [
@@ -79,8 +70,6 @@ def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
         )
         for on in (0, 1)
     ]
-    if both[1] > 0.9 * both[0]:
-        return []
     return [
         f"{len(led)} records begin in motion, with a slow state (x - y) that is not measured: {both[0]:.3g} N"
         f" without it, {both[1]:.3g} N with it as fitted; a prediction cannot know it"

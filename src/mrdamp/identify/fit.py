@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -26,14 +25,13 @@ Progress = Callable[[str, float], None]
 
 #: Samples that the starts are compared on; where a set is longer, each record gives its liveliest part.
 _SEARCH_SAMPLES = 6_000
-#: Samples beyond which the last fit takes records at a lower rate, if their motion allows it: so many samples in a
-#: cycle below which lies this share of the velocity's power, and so many Hz at least, for a driver's lag.
-_FIT_SAMPLES = 60_000
-_PER_CYCLE, _BAND, _SLOWEST = 50, 0.999, 500.0
 #: Steps of one local fit, in the search and in the last fit.
 _SEARCH_STEPS, _FIT_STEPS = 20, 30
 #: The second best end of the search is continued if its cost is within this factor of the best one's.
 _CLOSE = 1.15
+#: The starts of records that begin in motion are kept as fitted if the cost without them is larger by this: a tenth of
+#: the error. Else they stand in for what the law lacks, and a prediction does not have them.
+_PAYS = 1.23
 #: s, the chain's inner step in the search and in the last fit.
 _SEARCH_SUBSTEP, _FIT_SUBSTEP = 1e-3, 5e-4
 
@@ -57,8 +55,6 @@ class Fit:
     evaluations: int
     #: Requested effects that these records cannot show, and that are left out of the fit.
     left_out: tuple[str, ...] = ()
-    #: Hz, of the last fit where it took records at a lower rate; 0 where it took all samples.
-    thinned: float = 0.0
     #: The search that found it and the point it found, for intervals; not kept in files.
     space: Space | None = field(default=None, compare=False, repr=False)
     point: tuple[float, ...] = field(default=(), compare=False, repr=False)
@@ -289,13 +285,17 @@ def identify(
     # A second one that is close is also continued with more data, as a short part may favour the wrong one.
     found.sort(key=lambda item: item[:2])
     last = [item for item in found[:2] if item[0] <= _CLOSE * found[0][0]]
-    full = Problem(search, thinned(train), threads, hold=first_hold)
-    final = []
-    for count, (_, order, point) in enumerate(last):
+    full = Problem(search, train, threads, hold=first_hold)
+    ways = [freed for freed in (True, False) if freed <= bool(full.free)]
+    ends: dict[bool, tuple[float, int, Array]] = {}
+    for count, (freed, (_, order, point)) in enumerate(product(ways, last)):
         if progress:
-            progress(f"final fit {count + 1} of {len(last)}", 0.7 + 0.15 * count)
-        final.append(descend(full, full.begin(point[:n]), _FIT_STEPS, order))
-    reached, _, best = min(final, key=lambda item: item[:2])
+            progress(f"final fit {count + 1} of {len(ways) * len(last)}", 0.7 + 0.07 * count)
+        full.freed = freed
+        end = descend(full, full.begin(point[:n]), _FIT_STEPS, order)
+        ends[freed] = min(ends.get(freed, end), end, key=lambda item: item[:2])
+    full.freed = True in ends and ends[False][0] > _PAYS * ends[True][0]
+    reached, _, best = ends[full.freed]
     if hold is None and varying:
         full.hold = not first_hold
         other = descend(full, best, _FIT_STEPS)
@@ -321,18 +321,10 @@ def identify(
         starts,
         problem.evaluations + full.evaluations,
         tuple(extra for extra in requested if extra not in extras),
-        _rate(full, train),
         search,
         tuple(float(p) for p in best[:n]),
         {train[k].name: full.started(best)[k] for k, led in enumerate(full.led) if led},
     )
-
-
-def _rate(problem: Problem, train: Sequence[Record]) -> float:
-    """Hz, the lowest rate of a problem whose records have fewer samples than they were measured with; else 0."""
-    rates = [r.sample_time for r, _, _ in problem.records]
-    less = any(dt > 1.5 * record.sample_time for dt, record in zip(rates, train, strict=True))
-    return round(1 / max(rates), 3) if less else 0.0
 
 
 def compare_dependences(
@@ -413,24 +405,6 @@ def excerpts(records: Sequence[Record], most: int) -> list[Record]:
         velocity = record.velocity()
         part = _window(record, velocity, keep)
         out.append(record.part(record.time[part.start], record.time[part.stop - 1]))
-    return out
-
-
-def thinned(records: Sequence[Record], most: int = _FIT_SAMPLES) -> list[Record]:
-    """The records, at a lower rate where they have more samples together and their motion needs fewer.
-
-    A record is low-passed and resampled to what `_PER_CYCLE` and `_SLOWEST` leave, and no further than `most` asks for.
-    """
-    total = sum(record.n for record in records)
-    if total <= most:
-        return list(records)
-    out = []
-    for record in records:
-        power = np.abs(np.fft.rfft(record.velocity() * np.hanning(record.n))) ** 2
-        share = np.searchsorted(np.cumsum(power), _BAND * power.sum()) / (record.n * record.sample_time)
-        needed = max(_PER_CYCLE * share, _SLOWEST)
-        factor = min(math.floor(1 / (record.sample_time * needed)), math.ceil(total / most))
-        out.append(record.resample(factor * record.sample_time) if factor > 1 else record)
     return out
 
 

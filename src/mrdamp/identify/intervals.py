@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from mrdamp.errors import InputError
-from mrdamp.identify import Fit, Problem, simulate, thinned
+from mrdamp.identify import Fit, Problem, simulate
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.model import core
 from mrdamp.model.core import Array
@@ -74,7 +74,7 @@ def intervals(
     """
     if fit.space is None:
         raise InputError("this fit holds no search space (it was read from a file); fit again for intervals")
-    problem = Problem(fit.space, thinned(train), 1)
+    problem = Problem(fit.space, train, 1)
     n, point = len(fit.point), _whole(fit, problem)
     parts = _blocks(problem, block)
     residual = problem.residuals(point[None])[0]
@@ -83,7 +83,7 @@ def intervals(
     counts = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), resamples)
     if refit:
         found = joblib.Parallel(n_jobs=workers)(
-            joblib.delayed(_refitted)(fit, thinned(train), parts, row, point) for row in counts
+            joblib.delayed(_refitted)(fit, train, parts, row, point) for row in counts
         )
     else:
         normal = [(jacobian[p].T @ jacobian[p], jacobian[p].T @ residual[p]) for p in parts]
@@ -100,6 +100,7 @@ def _whole(fit: Fit, problem: Problem) -> Array:
     records = [record for record, _, _ in problem.records]
     problem.hold = bool(fit.model.hold)
     problem.led = [record.name in fit.started for record in records]
+    problem.freed = problem.freed and any(fit.started.values())
     point = problem.begin(np.asarray(fit.point))
     for i, k in enumerate(problem.free):
         point[len(fit.point) + i] += fit.started[records[k].name] / (
