@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -66,7 +67,7 @@ def test_soil_that_sways_and_rocks_is_no_storey() -> None:
     found = diagnose(read_case(SOIL), jobs=2)
     assert found.verdict == "unknown"
     assert found.outside is not None
-    assert found.outside["cause"] == "foundation_sway_and_rock"
+    assert (found.outside["cause"], found.outside["form"]) == ("foundation", "that sways and rocks")
     assert found.outside["gap"] < 1.2 * found.gap.noise_floor
     parameters = found.outside["parameters"]
     assert parameters["sway_stiffness"] == pytest.approx(4e6, rel=0.1)
@@ -87,6 +88,13 @@ def test_a_frame_of_which_only_the_force_is_measured(measured: dict[str, Record]
     page(found, case.model, case.records).write(tmp_path / "index.html")
     text = (tmp_path / "index.html").read_text()
     assert "Where in the chain" not in text, "there is no gap that could lie anywhere"
+
+
+def test_a_right_simulator_is_right_without_a_repeat_too(measured: dict[str, Record]) -> None:
+    case = replace(case_of(believed(), measured), repeats=())
+    found = diagnose(case)
+    assert (found.verdict, found.effects) == ("none", ())
+    assert not any("does not repeat" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(("rival", "tied"), [(1.2, True), (58.0, False)])

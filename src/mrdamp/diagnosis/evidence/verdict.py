@@ -90,7 +90,8 @@ def decide(
     """The verdict over fits, one of which is the nominal simulator (no causes, not free).
 
     floor: cost of the noise. rivals: fits of causes outside the catalogue; if one of them has more evidence
-    than all sets of the catalogue, the answer is `unknown` and the chosen fit is the catalogue's best.
+    than all sets of the catalogue, the answer is `unknown` and the chosen fit is the catalogue's best. It is named as
+    a hint if it leaves no more than that.
     steady: False if two runs of one test differ by more than their noise, which neither `none` nor
     `parameters` explains. inexact: no fit comes near the noise, so that a cause has to be established against
     every other explanation. own: cost of the nominal simulator on the rig's baseline, if there is one; a gap
@@ -135,8 +136,9 @@ def decide(
         mass = float(np.sum(np.exp(other - scores.max())))
         rival = mass / (mass + float(np.sum(np.exp(scores - scores.max()))))
         unknown = rival + (1 - rival) * unknown
-        if rival > 0.5:
-            outside = rivals[int(np.argmax(other))].index
+        nearest = rivals[int(np.argmax(other))]
+        if rival > 0.5 and nearest.cost <= chosen.cost:
+            outside = nearest.index
     decided = unknown
     if inexact:
         probabilities, unknown = _stated(scores, other, fits.index(nominal))

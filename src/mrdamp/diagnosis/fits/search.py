@@ -183,8 +183,8 @@ class Search(FitTable):
         return any(self.solved(f) for f in self.rivals)
 
     def outside(self) -> None:
-        """Fits causes outside the catalogue, those with the largest predicted gain, with fixed and free
-        nominal parameters; only once."""
+        """Fits causes outside the catalogue, those with the largest predicted gain and the best one in all its forms,
+        with fixed and free nominal parameters; only once."""
         if self._rivals_fitted:
             return
         self._rivals_fitted = True
@@ -192,13 +192,21 @@ class Search(FitTable):
         ranked = worth_a_look(screen(self, fixed_law, self.problem.rig.rivals), fixed_law.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
         tasks = [(*self.start_from(fixed_law, p.term, p.start, p.by), None, np.inf) for p in chosen]
-        self.rivals = [f for f in self.map(self.tried, tasks) if f is not None]
-        self.rivals.sort(key=lambda f: (f.cost, f.hypothesis.name))
+        self.rivals = self._by_cost(self.map(self.tried, tasks))
+        if self.rivals and not self.solved(self.rivals[0]):
+            (best,) = self.rivals[0].hypothesis.terms
+            others = [t for t in self.problem.rig.rivals if t.cause == best.cause and t.name != best.name]
+            tasks = [(*self.start_from(fixed_law, t, 0), None, np.inf) for t in others]
+            self.rivals = self._by_cost([*self.rivals, *self.map(self.tried, tasks)])
         tasks = []
         for found in self.rivals[: self.limits.freed]:
             free = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
             tasks.append((free, np.concatenate([np.zeros(len(free.nominal)), found.point]), None, np.inf))
         self.rivals += [f for f in self.map(self.tried, tasks) if f is not None]
+
+    @staticmethod
+    def _by_cost(found: Sequence[Fit | None]) -> list[Fit]:
+        return sorted((f for f in found if f is not None), key=lambda f: (f.cost, f.hypothesis.name))
 
     def extend(self, free: bool, depth: int, limits: Limits | None = None) -> None:
         """Adds a cause to the best sets of one fewer. limits: numbers of causes and forms; None: the search's

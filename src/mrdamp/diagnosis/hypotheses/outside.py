@@ -33,16 +33,15 @@ PLAIN: Mapping[str, str] = {
     "storey_crack": "a crack that opens and closes",
     "storey_yield": "a spring that yields",
     "storey_hardening": "a spring that hardens or softens with the drift",
-    "foundation_sway": "a foundation that sways",
-    "foundation_rock": "a foundation that rocks",
-    "foundation_sway_and_rock": "a foundation that sways and rocks",
+    "foundation": "a foundation",  # with its form
     "ground_delay": "a ground acceleration that is recorded late or early",
 }
 
 
 def plain(term: Term) -> str:
     """Description of a rival, with its storey."""
-    return PLAIN[term.effect] + ("" if term.place is None else f" in storey {term.place}")
+    words = f"{PLAIN[term.effect]} {term.form}" if term.effect == "foundation" else PLAIN[term.effect]
+    return words + ("" if term.place is None else f" in storey {term.place}")
 
 
 def command_rivals(s: Sizes) -> tuple[Term, ...]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.terms import Term, linear, positive
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Term, linear, positive
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.structures import ShearFrame
 
@@ -46,7 +46,8 @@ def storey_rivals(s: ShearFrame, places: Iterable[int], drift: Array, largest: A
 
 def base_rivals(s: ShearFrame, sample_time: float) -> tuple[Term, ...]:
     """Rivals of the whole frame: its foundation and its ground channel. sample_time (s): of the records."""
-    starts, parts = {}, {}
+    starts: dict[str, tuple[float, ...]] = {}
+    parts: dict[str, tuple[Coordinate, ...]] = {}
     whole, n = float(np.sum(s.mass)), s.storeys
     # A push at the top moves the top alike by both.
     sizes = {"sway": (float(s.mass[0]), 1.0, whole), "rock": (whole, n**2, whole * n**2 / 3)}
@@ -59,17 +60,14 @@ def base_rivals(s: ShearFrame, sample_time: float) -> tuple[Term, ...]:
             for name, (size, low, high) in ranges.items()
         )
         starts[how] = mass, k, c
-    return (
-        Term("foundation_sway", "structure", parts["sway"], (starts["sway"],)),
-        Term("foundation_rock", "structure", parts["rock"], (starts["rock"],)),
-        Term(
-            "foundation_sway_and_rock",
-            "structure",
-            (*parts["sway"], *parts["rock"]),
-            ((*starts["sway"], *starts["rock"]),),
-        ),
-        ground_delay(sample_time),
-    )
+    both = (*parts["sway"], *parts["rock"]), (*starts["sway"], *starts["rock"])
+    forms = {
+        "that sways": (parts["sway"], starts["sway"]),
+        "that rocks": (parts["rock"], starts["rock"]),
+        "that sways and rocks": both,
+    }
+    foundations = [Term("foundation", "structure", c, (start,), form=form) for form, (c, start) in forms.items()]
+    return (*foundations, ground_delay(sample_time))
 
 
 def ground_delay(sample_time: float) -> Term:

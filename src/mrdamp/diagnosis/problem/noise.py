@@ -55,18 +55,21 @@ def repeatable(noise: Noise, case: Case, rig: Rig, block: int = 1) -> tuple[Nois
     """The noise, limited to that of the high band if two runs of a test differ by more, and notes on what
     does not repeat.
 
-    A change from run to run is a gap and not noise. case: as measured. block: number of samples that the rig
-    averages.
+    A change from run to run is a gap and not noise. Without a repeat the noise is that of the high band. case: as
+    measured. block: number of samples that the rig averages; the high band of averages would contain the motion.
     """
     levels, notes = noise.levels.copy(), []
+    white = np.array([np.median([noise_level(r.channel(name)) for r in case.records]) for name in rig.channels])
+    white /= np.sqrt(block)
+    if noise.source != "repeat":
+        return replace(noise, levels=white, varying=white), []
     for c, name in enumerate(rig.channels):
-        white = float(np.median([noise_level(r.channel(name)) for r in case.records])) / np.sqrt(block)
-        if noise.varying[c] > REPEATS * white > 0:
-            ratio = noise.varying[c] / white
+        if noise.varying[c] > REPEATS * white[c] > 0:
+            ratio = noise.varying[c] / white[c]
             notes.append(
                 f"{name} does not repeat: two runs of one test differ by {ratio:.1f} times its noise"
             )
-            levels[c] = white
+            levels[c] = white[c]
     return replace(noise, levels=levels, steady=not notes), notes
 
 

@@ -211,7 +211,7 @@ def table(d: Diagnosis) -> str:
         lines.append(f"  {one} and {other} differ by {percent(row['difference'])}{cause} (noise {noise})")
     if d.outside is not None:
         numbers = ", ".join(number(name, value, None) for name, value in d.outside["parameters"].items())
-        lines.append(f"  outside the catalogue: {d.outside['cause']}   {numbers}")
+        lines.append(f"  outside the catalogue: {d.outside['cause']} {d.outside['form']}   {numbers}")
     for tie in d.indistinguishable:
         lines.append(f"  not distinguishable with these records: {', '.join(tie)}")
     if d.corrections:
