@@ -120,6 +120,7 @@ std::unique_ptr<DamperInstance> DamperInstance::Make(const mjModel* m, int insta
   // The engine gives no length along a site's own axes: it is the path of the velocity then.
   made->integrate_ = transmission == mjTRN_SITE && m->actuator_trnid[2 * a + 1] < 0;
   made->output_ = m->actuator_outadr[a];
+  made->turns_ = !joint && !(transmission == mjTRN_TENDON && m->wrap_type[m->tendon_adr[target]] == mjWRAP_JOINT);
   std::string why;
   if (!made->Parse(m, &why)) {
     *error = who + ": " + why;
@@ -230,6 +231,22 @@ double DamperInstance::Trial(double v, double h) {
   return o.force;
 }
 
+double DamperInstance::Turning(const mjModel* m, const mjData* d) {
+  if (!turns_ || !(Mass() > 0)) return 0;
+  constexpr double kAhead = 1e-7;  // s
+  if (!ahead_) ahead_.reset(mj_makeData(m));
+  mjData* a = ahead_.get();
+  mju_copy(a->qpos, d->qpos, m->nq);
+  mju_copy(a->mocap_pos, d->mocap_pos, 3 * m->nmocap);
+  mju_copy(a->mocap_quat, d->mocap_quat, 4 * m->nmocap);
+  mj_integratePos(m, a->qpos, d->qvel, kAhead);
+  mj_kinematics(m, a);
+  mj_comPos(m, a);
+  mj_tendon(m, a);
+  mj_transmission(m, a);
+  return (Along(a, output_, d->qvel) - v_) / kAhead;
+}
+
 bool DamperInstance::Acts(const mjModel* m) const {
   const int group = m->actuator_group[actuator_];
   const bool off = group >= 0 && group < 31 && (m->opt.disableactuator & (1 << group));
@@ -264,7 +281,8 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     if (!p->Acts(m)) continue;
     acting_.push_back(p);
     p->force_ = explicit_step ? p->seen_.force : p->start_.force;
-    mass |= RodMass(p->damper_.p, p->mount_) > 0;
+    p->turn_ = p->Mass() * p->Turning(m, d);
+    mass |= p->Mass() > 0;
   }
   const std::size_t n = acting_.size();
   if (n > 0 && (!explicit_step || mass)) {
@@ -281,8 +299,9 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
     do {
       for (std::size_t k = 0; k < n; k++) {
         DamperInstance* p = acting_[k];
+        const Observation& now = explicit_step ? p->seen_ : p->start_;
         mobility_.Respond(m, d, p->output_, &p->response_);
-        step_[k] = {p->v_, p->v_ + h * p->response_.free, p->start_.force, p->start_.slope, RodMass(p->damper_.p, p->mount_), p->response_.bare,
+        step_[k] = {p->v_, p->v_ + h * p->response_.free, now.force, now.slope, p->Mass(), p->response_.bare,
                     [p](double v, double part) { return p->Trial(v, part); }};
       }
       for (std::size_t k = 0; k < n; k++) {
@@ -290,15 +309,11 @@ void DamperInstance::Compute(const mjModel* m, mjData* d) {
           weight_[k * n + j] = j == k ? responses_[k]->own : mobility_.Weight(*responses_[k], *responses_[j]);
         }
       }
-      if (!explicit_step) {
-        SolveStep(h, step_, weight_, &forces_);
-        continue;
-      }
-      // Runge-Kutta's stages take the present force; of it the moving mass alone needs the acceleration.
       for (std::size_t k = 0; k < n; k++) {
-        const double a = (step_[k].free - step_[k].velocity) / h - weight_[k * n + k] * step_[k].force;
-        forces_[k] = step_[k].force + step_[k].mass * a / (1 + weight_[k * n + k] * step_[k].mass);
+        for (std::size_t j = 0; j < n; j++) step_[k].free -= h * weight_[k * n + j] * acting_[j]->turn_;
       }
+      (explicit_step ? PresentForces : SolveStep)(h, step_, weight_, &forces_);
+      for (std::size_t k = 0; k < n; k++) forces_[k] += acting_[k]->turn_;
     } while (!mobility_.Arrived(m, d, responses_, forces_));
     for (std::size_t k = 0; k < n; k++) acting_[k]->force_ = forces_[k];
   }

@@ -33,7 +33,7 @@ class DamperInstance {
   void Visualize(const mjModel* m, const mjData* d, mjvScene* scene) const;
 
   // Input of the force sensor; `a` is the acceleration along the actuator.
-  double Force(double a) const { return seen_.force + RodMass(damper_.p, mount_) * a; }
+  double Force(double a) const { return seen_.force + Mass() * a + turn_; }
   const Observation& seen() const { return seen_; }
   const Damper& damper() const { return damper_; }
   double length() const { return x_; }
@@ -74,6 +74,18 @@ class DamperInstance {
   double jump_ = 0;               // of an inner rate with the command
   double force_ = 0;
   OutputResponse response_;
+
+  // Of a moving mass, along a transmission whose moment changes with the motion.
+  struct DeleteData {
+    void operator()(mjData* d) const { mj_deleteData(d); }
+  };
+  bool turns_ = false;
+  double turn_ = 0;  // N, the mass times the acceleration of the length at constant velocities
+  std::unique_ptr<mjData, DeleteData> ahead_;
+
+  double Mass() const { return RodMass(damper_.p, mount_); }
+  // m/s2, that acceleration: the change of the moment, by the positions a tenth of a microsecond ahead.
+  double Turning(const mjModel* m, const mjData* d);
 
   // Of the first damper, which solves for all.
   Mobility mobility_;

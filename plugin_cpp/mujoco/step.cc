@@ -149,6 +149,20 @@ bool Newton(double h, const std::vector<StepDamper>& d, const std::vector<double
 
 }  // namespace
 
+void PresentForces(double h, const std::vector<StepDamper>& d, const std::vector<double>& w, std::vector<double>* force) {
+  const int n = static_cast<int>(d.size());
+  std::vector<double> matrix(static_cast<std::size_t>(n) * n), a(n);
+  for (int k = 0; k < n; k++) {
+    a[k] = (d[k].free - d[k].velocity) / h;
+    for (int j = 0; j < n; j++) {
+      a[k] -= w[k * n + j] * d[j].force;
+      matrix[k * n + j] = (k == j) + w[k * n + j] * d[j].mass;
+    }
+  }
+  Eliminate(&matrix, &a);
+  for (int k = 0; k < n; k++) (*force)[k] = d[k].force + d[k].mass * a[k];
+}
+
 void SolveStep(double h, const std::vector<StepDamper>& d, const std::vector<double>& w, std::vector<double>* force) {
   const int n = static_cast<int>(d.size());
   if (n == 1) {

@@ -22,6 +22,10 @@ struct StepDamper {
 // Mean forces (n) over a step of h with mobility w (n x n, 1/kg, row-major): velocities end at free - h w F.
 void SolveStep(double h, const std::vector<StepDamper>& dampers, const std::vector<double>& w, std::vector<double>* force);
 
+// The forces (n) at the present for Runge-Kutta's stages; of them the moving masses alone need the acceleration.
+void PresentForces(double h, const std::vector<StepDamper>& dampers, const std::vector<double>& w,
+                   std::vector<double>* force);
+
 }  // namespace mrdamp
 
 #endif  // MRDAMP_MUJOCO_STEP_H_
