@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mrdamp import cli
+from mrdamp import cli, sets
 from mrdamp.demo import run as demo
+from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import embedded, read_record
 from mrdamp.simulation.predict import played
@@ -173,3 +175,38 @@ def test_the_demo_runs_and_goes_on_where_it_was(
     assert cli.main(arguments) == 0
     assert capsys.readouterr().out.splitlines()[:2] == said.splitlines()[:2]
     assert Model.read(tmp_path / "out" / "frame" / "model.json").rig == "frame"
+
+
+@pytest.mark.parametrize("where", ["here.json", "here.json/below"])
+def test_a_folder_that_cannot_be_made_is_one_line(
+    where: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "here.json"
+    found = sets.load("dyke1996_3kN")
+    Model(found.law, dict(found.parameters)).write(model)
+    assert cli.main(["mjcf", str(model), "-o", str(tmp_path / where)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "here.json" in said
+
+
+def test_a_negative_seed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["identify", "records", "--seed", "-1"])
+    assert "allowed: 0 or more" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"effects": [{"name": "driver_lag", "parameters": {"tau": 0.01}}] * 2}, "driver_lag stands there twice"),
+        ({"structure": {"mass_kg": [1.0]}}, "allowed: rig 'frame'"),
+        ({"parameters": {"c0a": 10**400}}, "allowed: a finite number"),
+    ],
+)
+def test_a_model_file_that_says_two_things(change: dict[str, Any], said: str) -> None:
+    found = sets.load("dyke1996_3kN")
+    data = Model(found.law, dict(found.parameters)).to_dict()
+    data["model"] |= change
+    with pytest.raises(InputError, match=said):
+        Model.from_dict(data)

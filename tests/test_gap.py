@@ -315,8 +315,9 @@ def answer(corrected: Model, drawn: tuple[Model, ...], named: tuple[Effect, ...]
     verdict = "effect" if named else "none"
     effects = [SimpleNamespace(effect=e.name, place=e.place) for e in named]
     return SimpleNamespace(
-        verdict=verdict, effects=effects, corrected=corrected, drawn=drawn, sentence="Said.", to_dict=dict
-    )
+        verdict=verdict, effects=effects, corrected=corrected, drawn=drawn, sentence="Said.", to_dict=dict,
+        gap=SimpleNamespace(corrected=0.02),
+    )  # fmt: skip
 
 
 def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
@@ -346,6 +347,8 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     assert found.kept_interval[0] < found.kept < found.kept_interval[1]
     assert found.retuned is None, "a controller with options is left as it is"
     assert ("diagnosis", "storey_stiffness@1") in measured.rows(found)
+    assert "check" not in dict(measured.rows(found))
+    assert "not the rig" in dict(measured.rows(replace(found, verdict="unknown", named=())))["check"]
     assert Model.read(tmp_path / "corrected.json").effects == softer[0].effects
 
 

@@ -15,7 +15,7 @@ from mrdamp import sets
 from mrdamp.cli import main
 from mrdamp.identify import Fit, identify
 from mrdamp.identify.findings import findings
-from mrdamp.identify.intervals import intervals
+from mrdamp.identify.intervals import channel_findings, intervals
 from mrdamp.model import Model
 from mrdamp.records import Record
 from record_tables import write
@@ -29,14 +29,14 @@ def said(train: Sequence[Record], held_out: Sequence[Record] = (), **options: ob
     return fit, "\n".join(findings(fit, train, held_out))
 
 
-def varying(lag: float) -> list[Record]:
-    """A command that jumps while the rod moves, with a lag of the driver (s)."""
+def varying(lag: float, delay: float = 0.0) -> list[Record]:
+    """A command that jumps while the rod moves, with a lag of the driver and a delay of the command (s)."""
     out = []
     for k, (amplitude, frequency) in enumerate(((0.006, 2.0), (0.012, 1.0))):
         t: Array = np.asarray(DT * np.arange(4001), dtype=np.float64)
         rng = np.random.default_rng(k)
         command = random_steps(0.0, 1.0, 0.237, 17, seed=k)
-        p = TRUE["bouc_wen"] | {"driver_lag_tau": lag}
+        p = TRUE["bouc_wen"] | {"driver_lag_tau": lag, "command_delay_d": delay}
         motion = sine(amplitude, frequency)
         force = simulate("bouc_wen", p, motion, t, command)["force"]
         force += 0.01 * np.std(force) * rng.standard_normal(len(t))
@@ -66,6 +66,24 @@ def test_a_driver_lag_that_was_not_fitted_is_told() -> None:
     assert "a lag of the driver of about 30 ms" in lines
     assert "driver" not in said(varying(0.03), extras=("offset", "driver_lag"))[1]
     assert "driver" not in said(varying(0.0))[1]
+
+
+def test_a_delay_that_was_fitted_as_a_lag_is_told_and_parted() -> None:
+    train = varying(0.008, 0.004)
+    assert "a delay of the command of about" in said(train, extras=("offset", "driver_lag"))[1]
+    fit, lines = said(train, extras=("offset", "driver_lag", "command_delay"))
+    assert "delay of the command" not in lines
+    assert fit.model.attributes["driver_lag_tau"] == pytest.approx(0.008, rel=0.02)
+    assert fit.model.attributes["command_delay_d"] == pytest.approx(0.004, rel=0.02)
+
+
+def test_what_is_left_by_chance_is_a_small_share() -> None:
+    """Records without a delay of the force; a delay of 2 ms is most of what is left."""
+    train = rig_tests("bouc_wen")
+    fit, _ = said(train)
+    assert max(c.delay_share for c in channel_findings(fit, train)) < 0.05
+    late = [r.with_channels({"force_N": np.roll(r.channel("force_N"), 2)}) for r in train]
+    assert np.median([c.delay_share for c in channel_findings(fit, late)]) > 0.2
 
 
 def test_noise_of_the_displacement_is_told() -> None:

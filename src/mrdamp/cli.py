@@ -43,6 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (InputError, EngineError) as error:
         print(f"mrdamp: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
+    except (FileExistsError, NotADirectoryError, PermissionError, FileNotFoundError, IsADirectoryError) as error:
+        print(f"mrdamp: {error.filename}: {error.strerror}; give another file or folder", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("mrdamp: interrupted; run the same command again to go on", file=sys.stderr)
         return 130

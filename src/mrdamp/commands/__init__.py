@@ -12,6 +12,14 @@ Run = Callable[[argparse.Namespace], int]
 HOLD = {"yes": True, "no": False}
 
 
+def seed(text: str) -> int:
+    """Argparse type of a seed."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value}; allowed: 0 or more")
+    return value
+
+
 def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
     """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed."""
     p: argparse.ArgumentParser = commands.add_parser(

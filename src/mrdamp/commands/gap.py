@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import add_command, seed
 from mrdamp.commands.output import progress_bar, save_picture
 from mrdamp.errors import InputError
 
@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     p.add_argument(
         "--draws", type=int, default=3, help="simulators of a randomised tuning (default: %(default)s)"
     )
-    p.add_argument("--seed", type=int, default=1)
+    p.add_argument("--seed", type=seed, default=1)
     p.add_argument(
         "--jobs", type=int, default=2, help="processes; the answer is the same (default: %(default)s)"
     )

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import HOLD, add_command
+from mrdamp.commands import HOLD, add_command, seed
 from mrdamp.commands.calibrate import add_calibrate
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
@@ -115,7 +115,7 @@ def _add_records(p: argparse.ArgumentParser) -> None:
         "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
     )
     p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
-    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("--seed", type=seed, default=0)
 
 
 def _add_json(p: argparse.ArgumentParser) -> None:
@@ -302,6 +302,10 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     return of_by_command(found)
 
 
+#: Share of the squared residual from which on an offset or delay that is left is printed: less is chance or form.
+_MATERIAL = 0.05
+
+
 def _found(
     fit: Fit, left_over: Sequence[ChannelFinding], records: Sequence[Record], checks: Sequence[str]
 ) -> None:
@@ -317,14 +321,15 @@ def _found(
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),
         ("channel_shift_d", "ms", 1e3, "displacement late (+) or early (-) against the force"),
         ("driver_lag_tau", "ms", 1e3, "lag of the driver"),
+        ("command_delay_d", "ms", 1e3, "delay of the command"),
     ):
         if name in attributes:
             print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
     for c in left_over:
         left = []
-        if abs(c.offset) > 3 * c.offset_error:
+        if c.offset_share > _MATERIAL and abs(c.offset) > 3 * c.offset_error:
             left.append(f"offset {c.offset:.3g} +- {1.96 * c.offset_error:.2g} N")
-        if abs(c.delay) > 3 * c.delay_error:
+        if c.delay_share > _MATERIAL and abs(c.delay) > 3 * c.delay_error:
             left.append(f"delay of the force {1e3 * c.delay:.3g} +- {1.96e3 * c.delay_error:.2g} ms")
         if left:
             print(f"  remains in {c.record}: {', '.join(left)}")

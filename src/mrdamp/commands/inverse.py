@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import add_command, seed
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def add_to(commands: Any) -> None:
     p.add_argument("--band", nargs=2, type=float, default=(0.5, 5.0), metavar=("LOW", "HIGH"),
                    help="its frequencies with --stroke, Hz (default: 0.5 5)")  # fmt: skip
     p.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)s)")
-    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("--seed", type=seed, default=0)
     p.add_argument("--workers", type=int, default=1, help="processes for the network; the answer is the same")
     p.add_argument("--command-unit", choices=("A", "V"), help="(default: that of a parameter set, else A)")
     p.add_argument("--picture", type=Path, help="tracks of a force between the extremes (.svg, .png or .pdf)")

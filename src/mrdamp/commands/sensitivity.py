@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mrdamp.commands import add_command
+from mrdamp.commands import add_command, seed
 from mrdamp.commands.output import progress_bar
 from mrdamp.errors import InputError
 
@@ -35,7 +35,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("--jobs", type=int, default=1, help="diagnoses at a time (default: %(default)s)")
     p.add_argument(
-        "--seed", type=int, default=0, help="of the effects' sides and shapes (default: %(default)s)"
+        "--seed", type=seed, default=0, help="of the effects' sides and shapes (default: %(default)s)"
     )
 
 

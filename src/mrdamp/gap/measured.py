@@ -26,16 +26,18 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class CaseGap:
-    """verdict, named: of the diagnosis. error: of the nominal simulator in the controller's criteria, mean relative,
-    against the corrected one. Scores (as in `Row`): promised, of the controller tuned on the nominal simulator, there;
-    kept, of the same in the corrected one; retuned, of the one tuned on the corrected one, there; None if it is not
-    tuned. Intervals: 2.5 and 97.5 % over the drawn simulators in place of the corrected one; None without any.
+    """verdict, named: of the diagnosis; gap: of the corrected simulator. error: of the nominal simulator in the
+    controller's criteria, mean relative, against the corrected one. Scores (as in `Row`): promised, of the controller
+    tuned on the nominal simulator, there; kept, of the same in the corrected one; retuned, of the one tuned on the
+    corrected one, there; None if it is not tuned. Intervals: 2.5 and 97.5 % over the drawn simulators in place of the
+    corrected one; None without any.
     """
 
     case: str
     controller: str
     verdict: str
     named: tuple[str, ...]
+    gap: float
     error: float
     error_interval: Interval | None
     promised: float
@@ -78,6 +80,7 @@ def of_case(
         options.controller,
         found.verdict,
         tuple(e.effect if e.place is None else f"{e.effect}@{e.place}" for e in found.effects),
+        found.gap.corrected,
         _error(before, after),
         _interval([_error(before, other) for other in others]),
         scenario.score(before),
@@ -99,10 +102,13 @@ def rows(found: CaseGap) -> list[tuple[str, str]]:
     """What is printed: name and value."""
     said = [
         ("diagnosis", " + ".join(found.named) or found.verdict),
+        ("gap of the corrected simulator", f"{100 * found.gap:.1f} % of the records"),
         ("error of the nominal simulator", _said(100 * found.error, found.error_interval, 100, " %")),
         ("score promised by the nominal simulator", f"{found.promised:.3f}"),
         ("score in the corrected one", _said(found.kept, found.kept_interval)),
     ]
+    if found.verdict == "unknown":
+        said.append(("check", "the cause is not known: the corrected simulator is not the rig, and no figure is its"))
     if found.retuned is not None:
         said.append(("tuned again on the corrected one", _said(found.retuned, found.retuned_interval)))
     return said

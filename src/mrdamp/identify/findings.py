@@ -16,10 +16,12 @@ from mrdamp.simulation.predict import BEYOND, clamped
 
 #: Share of its range next to an end within which a coordinate has reached it.
 _AT_LIMIT = 1e-3
-#: A lag of the driver or noise of the displacement is told where it is worth this share of the remaining error.
-_WORTH = 0.3
-#: s, lags that are tried.
+#: Shares of the remaining error that are told: what a lag of the driver would take off, what parting a fitted lag into
+#: lag and delay would, what noise of the displacement makes. Below, intervals of exact laws held the truth.
+_WORTH, _WORTH_PARTING, _WORTH_NOISE = 0.3, 0.15, 0.15
+#: s, lags that are tried; shares of a fitted lag that are tried as a delay.
 _LAGS = 0.003, 0.01, 0.03, 0.1
+_SPLITS = 0.2, 0.35, 0.5, 0.7
 
 
 def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> list[str]:
@@ -77,24 +79,37 @@ def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:
 
 
 def _lag(fit: Fit, train: Sequence[Record]) -> list[str]:
-    """A lag of the driver that was not fitted along, by trying it on the law as it is."""
+    """A lag of the driver or a delay of the command that was not fitted along, by trying it on the law as it is."""
     moved = [
         r for r in train if float(np.ptp(r.command)) > BEYOND * max(float(np.abs(r.command).max()), 1e-12)
     ]
-    if not moved or any(e.name == "driver_lag" for e in fit.model.effects):
+    effects = {e.name: e for e in fit.model.effects}
+    if not moved or "command_delay" in effects:
         return []
-    own = float(np.sqrt(np.mean(np.concatenate([_residual(fit.model, r) for r in moved]) ** 2)))
-    best = (own, 0.0)
-    for tau in _LAGS:
-        lagged = fit.model.with_effects((*fit.model.effects, Effect("driver_lag", {"tau": tau})))
-        best = min(
-            best, (float(np.sqrt(np.mean(np.concatenate([_residual(lagged, r) for r in moved]) ** 2))), tau)
-        )
-    if best[0] > (1 - _WORTH) * own:
+    fitted = effects.pop("driver_lag", None)
+    tried = [(tau, 0.0) for tau in _LAGS]
+    if fitted is not None:
+        tried = [
+            ((1 - share) * fitted.parameters["tau"], share * fitted.parameters["tau"]) for share in _SPLITS
+        ]
+
+    def error(model: Model) -> float:
+        return float(np.sqrt(np.mean(np.concatenate([_residual(model, r) for r in moved]) ** 2)))
+
+    own, best = error(fit.model), (np.inf, 0.0, 0.0)
+    for tau, d in tried:
+        more = [Effect("driver_lag", {"tau": tau}), *([Effect("command_delay", {"d": d})] if d else [])]
+        best = min(best, (error(fit.model.with_effects((*effects.values(), *more))), tau, d))
+    left, tau, d = best
+    if left > (1 - (_WORTH if fitted is None else _WORTH_PARTING)) * own:
         return []
+    what = f"a lag of the driver of about {1e3 * tau:.3g} ms"
+    if d:
+        what = f"a delay of the command of about {1e3 * d:.2g} ms before {what}"
+    extras = "driver_lag command_delay" if d else "driver_lag"
     return [
-        f"a lag of the driver of about {1e3 * best[1]:g} ms would take the error under a changing command from"
-        f" {own:.3g} to {best[0]:.3g} N: fit again with --extras offset driver_lag"
+        f"{what} would take the error under a changing command from {own:.3g} to {left:.3g} N: fit again with"
+        f" --extras offset {extras}"
     ]
 
 
@@ -110,10 +125,19 @@ def _motion(fit: Fit, train: Sequence[Record], left: float) -> list[str]:
         again = simulate(fit.model, record.with_channels({"displacement_m": disturbed}))
         squares.append(float(np.mean((again - simulate(fit.model, record)) ** 2)))
         levels.append(level)
-    carried = float(np.sqrt(np.mean(squares)))
-    if carried < _WORTH * left:
+    carried = float(np.sqrt(np.median(squares)))  # noise may change how a record is led into
+    if carried < _WORTH_NOISE * left:
         return []
     return [
         f"noise or steps of the displacement, {1e6 * np.median(levels):.2g} um, are {carried:.3g} N of the simulated"
-        f" force (error {left:.3g} N): parameters are biased by it; fit again with --cutoff HZ"
+        f" force (error {left:.3g} N): parameters may be biased by it; compare with --cutoff {_cutoff(train):.2g}"
     ]
+
+
+def _cutoff(train: Sequence[Record]) -> float:
+    """Hz, ten times the frequency below which the motion lies: a loop needs its harmonics."""
+    bands = []
+    for record in train:
+        power = np.abs(np.fft.rfft(record.displacement - np.mean(record.displacement))) ** 2
+        bands.append(np.searchsorted(np.cumsum(power), 0.99 * power.sum()) / record.duration)
+    return 10 * float(np.max(bands))

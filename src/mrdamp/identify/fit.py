@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from mrdamp.errors import InputError
-from mrdamp.identify.laws import DEPENDENCES, Scales, Space, dependence_for, space
+from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.identify.start import is_led, skipped
 from mrdamp.model import Model, core, effects_from
@@ -256,7 +256,7 @@ def identify(
     if scales.levels == 1:
         extras = [extra for extra in extras if extra != "saturation"]
     if all(np.ptp(record.command) < 1e-3 * scales.command for record in train):
-        extras = [extra for extra in extras if extra != "driver_lag"]  # nothing would show it
+        extras = [extra for extra in extras if extra not in OF_COMMAND]  # nothing would show it
     search = space(law, scales, extras, dependence)
     check_size(train, len(search.coordinates))
     threads = threads or os.cpu_count() or 1

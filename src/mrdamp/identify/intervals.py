@@ -46,7 +46,7 @@ class Interval:
 class ChannelFinding:
     """Information of a record's residual on its channels: force offset (N) and delay of the force (s), left over.
 
-    Both with a standard error that allows for correlated residuals.
+    Both with a standard error that allows for correlated residuals, and with their share of the squared residual.
     """
 
     record: str
@@ -54,6 +54,8 @@ class ChannelFinding:
     offset_error: float
     delay: float
     delay_error: float
+    offset_share: float = 1.0
+    delay_share: float = 1.0
 
 
 def intervals(
@@ -127,9 +129,9 @@ def channel_findings(fit: Fit, records: Sequence[Record]) -> tuple[ChannelFindin
         scores = [columns[p].T @ left[p] for p in np.array_split(np.arange(record.n), 10)]
         covariance = inverse @ sum(np.outer(s, s) for s in scores) @ inverse
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        out.append(
-            ChannelFinding(record.name, float(found[0]), float(error[0]), float(found[1]), float(error[1]))
-        )
+        numbers = [float(x) for pair in zip(found, error, strict=True) for x in pair]
+        shares = np.mean((columns * found) ** 2, axis=0) / np.mean(residual**2)
+        out.append(ChannelFinding(record.name, *numbers, *map(float, shares)))
     return tuple(out)
 
 

@@ -24,11 +24,13 @@ from mrdamp.records import Record
 DEPENDENCES = {"constant": 1, "linear": 2, "quadratic": 3, "saturating": 3, "quadratic_saturating": 4}
 _KNOTS = {"quadratic": 3, "quadratic_saturating": 4}
 
-#: Effects that a plain identification may fit along with the law: sensor or preload offset, driver lag, saturation.
-EXTRAS = ("offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
+#: Effects that a plain identification may fit along with the law.
+EXTRAS = ("offset", "driver_lag", "command_delay", "saturation", "gas_spring", "channel_shift")
+#: Of these, what only commands that vary show.
+OF_COMMAND = ("driver_lag", "command_delay")
 
-#: s, the most that a displacement channel may be late or early.
-_SHIFT = 0.02
+#: s, the most that a displacement channel may be late or early, and a command late.
+_SHIFT, _DELAY = 0.02, 0.1
 #: Share of the largest command by which commands must differ to count as two.
 _SAME_COMMAND = 0.02
 
@@ -318,6 +320,7 @@ def space(
     known = {
         "offset": Coordinate("gas_spring_f0", 0.0, -2 * scales.force, 2 * scales.force),
         "driver_lag": Coordinate("driver_lag_tau", 0.005, 1e-4, 0.2, log=True),
+        "command_delay": Coordinate("command_delay_d", 0.002, 0.0, _DELAY),
         "saturation": Coordinate(
             "saturation_i_s", scales.command, 0.1 * scales.command, 20 * scales.command, log=True
         ),
@@ -327,7 +330,7 @@ def space(
     for extra in extras:
         if extra not in known:
             raise InputError(f"'{extra}' cannot be fitted along; allowed: {', '.join(known)}")
-        if scales.levels > 1 or extra not in ("driver_lag", "saturation"):
+        if scales.levels > 1 or extra not in (*OF_COMMAND, "saturation"):
             plain = (*plain, known[extra])
     knots = scales.knots(dependence)
     rate = None

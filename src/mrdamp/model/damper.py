@@ -111,7 +111,7 @@ class Model:
         for key, value in effect.parameters.items():
             if key not in known:
                 raise InputError(f"{where}: parameter '{key}' is unknown; allowed: {', '.join(known)}")
-            if not isinstance(value, int | float) or not np.isfinite(value):
+            if not isinstance(value, int | float) or not abs(value) < np.inf:
                 raise InputError(f"{where}: parameter '{key}' is {value!r}; allowed: a finite number")
 
     @property
@@ -266,7 +266,11 @@ class Model:
             raise InputError(f"{where}: no 'law'; allowed: {', '.join(core.laws())}")
         parameters = _numbers(body.get("parameters", {}), f"{where}: parameters")
         effects = tuple(_effect(item, where) for item in body.get("effects", ()))
-        rig = data.get("rig", "damper")
+        if repeated := {e.name for e in effects if sum((o.name, o.place) == (e.name, e.place) for o in effects) > 1}:
+            raise InputError(f"{where}: effect {', '.join(sorted(repeated))} stands there twice; allowed: once")
+        rig = data.get("rig", "frame" if "structure" in body else "damper")
+        if rig == "damper" and "structure" in body:
+            raise InputError(f"{where}: rig is 'damper' and the model has a structure; allowed: rig 'frame'")
         structure = None
         if rig == "frame":
             structure = ShearFrame.from_dict(
@@ -347,6 +351,6 @@ def _numbers(values: Any, where: str) -> dict[str, float]:
     if not isinstance(values, Mapping):
         raise InputError(f"{where}: an object of numbers is needed, got {values!r}")
     for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < np.inf:
             raise InputError(f"{where}: '{key}' is {value!r}; allowed: a finite number")
     return {key: float(value) for key, value in values.items()}

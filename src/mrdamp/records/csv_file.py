@@ -6,6 +6,7 @@ other columns may hold anything.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 
@@ -107,9 +108,13 @@ def uniform_step(file: str, time: Array, first_line: int = 2) -> float:
 def render(columns: Mapping[str, Array], digits: int = 9) -> str:
     """CSV text of equally long columns, ``digits`` significant digits; the inverse of `parse`.
 
-    Time has three digits more: a step is a small part of a time.
+    Time has three digits more, and as many as a step needs: it is a small part of a time, of an epoch's above all.
     """
-    formats = [f"%.{digits + 3 if name == 'time_s' else digits}g" for name in columns]
+    more = 3
+    if len(time := np.asarray(columns.get("time_s", ()))) > 1 and time[-1] != time[0]:
+        step = abs(float(time[-1] - time[0])) / (len(time) - 1)
+        more = min(max(more, math.ceil(math.log10(float(np.abs(time).max()) / step)) + 4 - digits), 17 - digits)
+    formats = [f"%.{digits + more if name == 'time_s' else digits}g" for name in columns]
     row = ",".join(formats)
     table = np.column_stack(list(columns.values())).tolist()
     return "\n".join([",".join(columns), *(row % tuple(values) for values in table)]) + "\n"
