@@ -258,7 +258,7 @@ def test_any_damage_is_read_or_refused(data: st.DataObject) -> None:
 
 
 def test_an_epochs_clock_keeps_its_steps() -> None:
-    t = 1.7e9 + 0.002 * np.arange(500)
+    t = np.asarray(1.7e9 + 0.002 * np.arange(500), dtype=np.float64)
     columns = {"time_s": t, "displacement_m": np.zeros(500), "command": np.zeros(500)}
     lines = record_csv.render(columns).splitlines()[1:]
     found = np.array([float(line.split(",")[0]) for line in lines])

@@ -6,6 +6,7 @@ What `case.json` (the nominal simulator) and `corrected.json` hold; see docs for
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -111,7 +112,7 @@ class Model:
         for key, value in effect.parameters.items():
             if key not in known:
                 raise InputError(f"{where}: parameter '{key}' is unknown; allowed: {', '.join(known)}")
-            if not isinstance(value, int | float) or not abs(value) < np.inf:
+            if not isinstance(value, int | float) or not abs(value) <= _LARGEST:
                 raise InputError(f"{where}: parameter '{key}' is {value!r}; allowed: a finite number")
 
     @property
@@ -347,10 +348,14 @@ def _effect(item: Any, where: str) -> Effect:
     )
 
 
+#: The largest double; an integer in JSON may be larger.
+_LARGEST = sys.float_info.max
+
+
 def _numbers(values: Any, where: str) -> dict[str, float]:
     if not isinstance(values, Mapping):
         raise InputError(f"{where}: an object of numbers is needed, got {values!r}")
     for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < np.inf:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST:
             raise InputError(f"{where}: '{key}' is {value!r}; allowed: a finite number")
     return {key: float(value) for key, value in values.items()}
