@@ -146,7 +146,7 @@ TEST(AFrameIsChecked) {
   const auto refused = [&](int storeys, int from, int to, int n = 10, double dt = 1e-3) {
     const mrdamp_frame f{storeys, mass, stiffness, damping, friction, from, to,
                          nullptr,  nullptr, nullptr,   nullptr, nullptr, nullptr, nullptr, one_sided, nullptr,
-                         damping2, nullptr, nullptr,   ratio,    nullptr, nullptr};
+                         damping2, nullptr, nullptr,   ratio,    nullptr, nullptr, 0, 0, 0, 0, 0, 0};
     char err[300] = "";
     mrdamp_run_frame(0, nullptr, 1, params.data(), &f, dt, n, ground.data(), u.data(), nullptr, out.data(), err, sizeof err);
     return std::string(err);

@@ -30,7 +30,7 @@ Motion Shake(Frame f, const std::vector<check::Setting>& settings, const std::ve
   const std::vector<double> params = check::Parameters(settings), u(n, command);
   const mrdamp_frame frame{storeys, f.mass.data(), f.stiffness.data(), f.damping.data(), Or(f.friction), f.from, f.to,
                            Or(f.gain), Or(f.offset), nullptr, Or(f.lag), Or(f.lag2), Or(f.width), nullptr,
-                           Or(f.one_sided), Or(f.cubic), nullptr, nullptr, nullptr, nullptr, nullptr, nullptr};
+                           Or(f.one_sided), Or(f.cubic), nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, 0, 0, 0, 0, 0, 0};
   Motion m{storeys, n, std::vector<double>(static_cast<std::size_t>(2 * storeys + 7) * n)};
   char err[300] = "";
   const int failed = mrdamp_run_frame(mrdamp_law_find("bingham"), nullptr, 1, params.data(), &frame, dt, n, ground.data(),
