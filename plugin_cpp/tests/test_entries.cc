@@ -222,8 +222,11 @@ TEST(FramesOnThreadsDoNotChangeABit) {
   std::vector<double> params, ground(n), u(n, 1.0);
   std::size_t size = 0;
   for (int k = 0; k < sets; k++) {
-    frames.push_back({1 + k % 3, mass, stiffness, damping, k % 2 ? friction : nullptr, 0, 1, nullptr, nullptr, nullptr, nullptr,
-                      nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr});
+    mrdamp_frame f{};
+    f.storeys = 1 + k % 3;
+    f.mass = mass, f.stiffness = stiffness, f.damping = damping, f.friction = k % 2 ? friction : nullptr;
+    f.damper_to = 1;
+    frames.push_back(f);
     const std::vector<double> one = Parameters(And(kSpencer, {{"c0a", 1000.0 + 100 * k}}));
     params.insert(params.end(), one.begin(), one.end());
     size += static_cast<std::size_t>(2 * (1 + k % 3) + 7) * n;
