@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from benchmarks.result import Figure, Section, of_ratio
 from benchmarks.timing import Effort, clock, interleave, ratio
-from mrdamp.identify import Problem, descend, excerpts, identify
+from mrdamp.identify import Problem, descend, identify
+from mrdamp.identify.excerpts import excerpts
 from mrdamp.identify.laws import PARAMETRIC, Scales, space
 from mrdamp.model import core
 from mrdamp.model.core import Array

@@ -50,7 +50,7 @@ def scene(
     [
         (TIED, 'tendon="t"'),
         (CRANK, 'cranksite="end" slidersite="rail" cranklength=".6"'),
-        (CRANK, 'site="end" gear="1 0 1 0 0 0"'),
+        (PENDULUM, 'site="end" gear="1 0 1 0 0 0"'),
     ],
     ids=["tendon", "slider-crank", "site"],
 )
@@ -60,7 +60,7 @@ def test_a_moving_mass_keeps_its_energy(
     """Without damping, kinetic energy of the bodies and m (dL/dt)^2 / 2 of the mass."""
     m = mujoco.MjModel.from_xml_string(scene(body, along, 1.0, integrator, step))
     d = mujoco.MjData(m)
-    d.qpos[0], d.qvel[0] = (-0.5, 2.0) if body is TIED else (0.4, 6.0)
+    d.qpos[:], d.qvel[:] = {TIED: (-0.5, 2.0), CRANK: (0.4, 6.0), PENDULUM: ((0.8, 0.5), (1.0, -2.0))}[body]
 
     def energy() -> float:
         mujoco.mj_forward(m, d)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from mrdamp.errors import InputError
+from mrdamp.identify.excerpts import excerpts
 from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.identify.start import is_led, skipped
@@ -389,31 +390,3 @@ def descend(problem: Problem, start: Array, most: int, order: int = 0) -> tuple[
         gtol=1e-9,
     )
     return float(solution.cost), order, solution.x
-
-
-def excerpts(records: Sequence[Record], most: int) -> list[Record]:
-    """The records, or of each its liveliest part where they are too long together; no record under 200 samples.
-
-    For a search alone: a part begins in a state that is only nearly known.
-    """
-    total = sum(record.n for record in records)
-    if total <= most:
-        return list(records)
-    out = []
-    for record in records:
-        keep = max(most / total * record.duration, 200 * record.sample_time)
-        velocity = record.velocity()
-        part = _window(record, velocity, keep)
-        out.append(record.part(record.time[part.start], record.time[part.stop - 1]))
-    return out
-
-
-def _window(record: Record, velocity: Array, duration: float) -> slice:
-    """So many seconds of a record where the command and the motion vary most."""
-    count = min(record.n, max(3, round(duration / record.sample_time)))
-    if count >= record.n:
-        return slice(0, record.n)
-    energy = np.concatenate([[0.0], np.cumsum(velocity**2)])
-    inside = energy[count:] - energy[:-count]
-    begin = int(np.argmax(inside >= 0.98 * inside.max()))
-    return slice(begin, begin + count)

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import rms
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, positive
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
 
@@ -128,3 +129,14 @@ def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, flo
         shear.append(rms(np.sum([s.mass[k - 1] * x for k, x in zip(floors, a, strict=True)], axis=0)))
         acceleration.append(rms(np.asarray(a[0])))
     return float(np.mean(shear)), float(np.mean(acceleration))
+
+
+def placed_effects(settings: Mapping[str, float]) -> list[Effect]:
+    """Effects with a place, from settings `EFFECT_PARAMETER@PLACE`."""
+    found: dict[tuple[str, int], dict[str, float]] = {}
+    for key, value in settings.items():
+        head, _, place = key.partition("@")
+        for name in (*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS):
+            if place and head.startswith(f"{name}_"):
+                found.setdefault((name, int(place)), {})[head.removeprefix(f"{name}_")] = value
+    return [Effect(name, parameters, place) for (name, place), parameters in found.items()]

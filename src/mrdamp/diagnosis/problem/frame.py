@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
-from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, structure_coordinates
+from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, placed_effects, structure_coordinates
 from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shaken, storey_rivals
@@ -21,7 +21,7 @@ from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.errors import InputError
-from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, core, effects_from
+from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.records import Record
 from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before_jumps
@@ -390,14 +390,3 @@ def averaged(record: Record, block: int) -> Record:
 
 #: `Model.frame` requires a law, on which the frame does not depend.
 _NO_DAMPER = dict.fromkeys(("c0a", "c0b", "fya", "fyb", "v_ref"), 0.0)
-
-
-def placed_effects(settings: Mapping[str, float]) -> list[Effect]:
-    """Effects with a place, from settings `EFFECT_PARAMETER@PLACE`."""
-    found: dict[tuple[str, int], dict[str, float]] = {}
-    for key, value in settings.items():
-        head, _, place = key.partition("@")
-        for name in (*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS):
-            if place and head.startswith(f"{name}_"):
-                found.setdefault((name, int(place)), {})[head.removeprefix(f"{name}_")] = value
-    return [Effect(name, parameters, place) for (name, place), parameters in found.items()]
