@@ -188,7 +188,7 @@ def test_neutral_values_change_nothing(base: str) -> None:
     off = {
         "remanence_d": 0.7, "heating_capacity": 3.0, "heating_loss": 2.0, "asymmetry_width": 0.1,
         "shear_thinning_v_s": 0.03, "shear_thinning_shape": 1.0, "shear_thinning_series": 1.0,
-        "trapped_gas_s_g": 0.02, "trapped_gas_direction": -1.0, "trapped_gas_secant": 1.0,
+        "trapped_gas_s_g": 0.02, "trapped_gas_direction": -1.0,
         "asymmetry_travel": 1e-3, "mount_compliance_friction": 20.0, "mount_compliance_slide": 1e-4,
         "mount_compliance_loss": 1.0, "mount_compliance_time": 0.1, "mount_compliance_stop": 1e-5,
         "gas_spring_k2": 5.0, "seal_friction_breakaway": 3.0, "seal_friction_v_s": 0.1,

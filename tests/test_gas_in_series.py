@@ -75,35 +75,6 @@ def test_gas_on_both_sides_is_a_spring_ahead_of_the_fluid(k: float) -> None:
     assert rms(simulated(trapped_gas_direction=0.0, mount_compliance_k=4e4) - y) > 0.02 * rms(y)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0, 0.0])
-def test_fluid_gives_way_by_its_secant(side: float) -> None:
-    """q' = v (1 - f / F), F the force of all of the motion, which has a yield force here."""
-    law = {**LAW, "fya": 80.0}
-
-    def flow(v: float) -> float:
-        return float(C * v + 80.0 * np.tanh(v / LAW["v_ref"]))
-
-    def rate(t: float, y: np.ndarray) -> list[float]:
-        v = 0.01 * OMEGA * np.cos(OMEGA * t)
-        q, full = y[0], max(abs(flow(v)), 0.05 * FORCE)
-        found = abs(v) * (np.sign(v) - np.sign(q) * gas(abs(q)) / full)
-        return [0.0 if side * q < 0 and side * found < 0 else found]
-
-    q = solve_ivp(rate, (0, T[-1]), [0.0], t_eval=T, max_step=5e-4, rtol=1e-8, atol=1e-12).y[0]
-    carried = np.sign(q) * [gas(abs(k)) for k in q]
-    away = [flow(v) if side * v < 0 else 0.0 for v in V]
-    expected = np.where(side * q < 0, 0.0, carried) + away
-
-    def error(**other: float) -> float:
-        changed = law | GAS | {"trapped_gas_direction": side, "trapped_gas_secant": 1.0} | other
-        force = core.run("bingham", changed, DT, X, V, columns=("force",))["force"]
-        return rms(force - expected) / rms(expected)
-
-    assert error() < 0.01
-    assert error(trapped_gas_secant=0.0) > 0.03
-    assert error(trapped_gas_shape=1.5 * EXPONENT) > 0.02
-
-
 @pytest.mark.parametrize("law", [LAW, {**LAW, "fya": 200.0, "v_ref": 0.0}])
 def test_step_of_the_chain_matters_little(law: dict[str, float]) -> None:
     """Dry friction too: where the rod turns the fluid sticks and the gas gives."""

@@ -145,6 +145,9 @@ void Assembly::Step(const double* load0, const double* load1, const double* u0, 
   const int count = static_cast<int>(elements.size()), n = linear_.n(), dampers = static_cast<int>(sites.size());
   const double h = linear_.h();
   linear_.Free(q.data(), load0, load1, free_.data());
+  for (int k = 0; k < dampers; k++) {
+    if (sites[k].state.s.line && CurrentJumps(*sites[k].d)) Command(k, u0[k]);
+  }
   for (Element& e : elements) e.next = e.force;
   std::fill(blend_.begin(), blend_.end(), 0.0);
   for (int sweep = 0; sweep < (count > 1 ? 40 : 1); sweep++) {

@@ -25,12 +25,13 @@ namespace {
 // A piece of piston motion: velocities at its ends with a path of their mean.
 struct Piece {
   double x, va, vb, dt;
+  Pace pace = {};
   double path() const { return 0.5 * (va + vb) * dt; }
 };
 
-// Pieces of a step, none longer than asked for; behind a mount the piston's own motion asks for shorter ones.
+// Pieces of a step, none longer than asked for.
 int Pieces(const Damper& d, double dt) {
-  const double n = dt / d.p.substep * (HasMount(d.p) ? 2 : 1);
+  const double n = dt / d.p.substep;
   return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
@@ -44,8 +45,6 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
     return PlateRest(p, p.asymmetry_force > 0 ? ForceOfLaw(d, *s, field, x, v).fluid : 0, v);
   };
   const double plate = HasTimedPlate(p) ? rest(field0, m.x, m.va) : 0;
-  double slope, spring;
-  const double flow = HasSecantPocket(p) ? FlowForce(d, *s, field0, m.x, m.va, &slope, &spring) : 0;
   if (d.law == Law::kNarx) {
     const double end = c.time + m.dt, sample = d.net->sample_time;
     for (double k = s->past->count + 1; k * sample <= end + 1e-9 * sample; k += 1) {
@@ -56,7 +55,7 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
   } else if (d.law != Law::kBingham) {
     // Where a step solves for the rate at its end, the coefficients are those of the end.
     const bool end = d.law == Law::kHyperbolicTangent;
-    const Coefficients k = Evaluate(p, d.law, FluidAt(d, c, end ? field1 : 0.5 * (field0 + field1)), end ? m.vb : mean);
+    const Coefficients k = Evaluate(p, d.law, FluidAt(d, c, end ? field1 : 0.5 * (field0 + field1)), end ? m.vb : mean, m.pace.turned);
     if (d.law == Law::kBoucWen) {
       c.z = BoucWen::Step(p, k, c.z, m.va, m.vb, m.dt);
     } else if (d.law == Law::kHyperbolicTangent) {
@@ -69,24 +68,36 @@ void FluidPiece(const Damper& d, State* s, const Piece& m, double field0, double
   if (p.asymmetry_travel > 0) c.plate = FollowPlate(p, c.plate, path);
   if (HasTimedPlate(p)) c.plate = Lag(c.plate, plate, rest(field1, m.x + path, m.vb), p.asymmetry_time, m.dt);
   if (HasTrappedGas(p)) c.stroke.Follow(m.x + path, p, m.dt);
-  if (HasSecantPocket(p)) {
-    const double to = FlowForce(d, *s, field1, m.x + path, m.vb, &slope, &spring);
-    c.gas.Press(p, flow * to > 0 ? 0.5 * (flow + to) : to, path);
-  }
   if (p.heating_kappa != 0 || p.heating_kappa_yield != 0) {
-    const double fluid = FluidForce(d, *s, field1, m.x + path, m.vb, &slope, &spring);
+    double slope, spring;
+    const double fluid = FluidForce(d, *s, field1, m.x + path, m.vb, &slope, &spring, m.pace);
     const Rise rise = Heat(p, {c.heat, c.body}, std::fabs(fluid * m.vb), m.dt);
     c.heat = rise.fluid;
     c.body = rise.body;
   }
 }
 
-// Nodes of the two-stage SDIRK that steps what is in series: each stage is an implicit Euler step of kGamma dt.
-constexpr double kGamma = 0.29289321881345248;  // 1 - 1/sqrt(2)
+// The three-stage SDIRK of third order (Alexander 1977, doi:10.1137/0714068) steps what is in series: each stage is an
+// implicit Euler step of kGamma dt. Rows: the weights of the stages before; kNode: times of the stages.
+constexpr int kStages = 3;
+constexpr double kGamma = 0.43586652150845967;
+constexpr double kNode[kStages] = {kGamma, 0.5 * (1 + kGamma), 1};
+constexpr double kWeight[kStages][2] = {
+    {0, 0}, {0.5 * (1 - kGamma), 0}, {-0.25 * (6 * kGamma * kGamma - 16 * kGamma + 1), 0.25 * (6 * kGamma * kGamma - 20 * kGamma + 5)}};
+
+// A value whose rates are those of the stages: without the implicit part of the stage k.
+double Known(double start, const double* rate, int k, double dt) {
+  for (int j = 0; j < k; j++) start += dt * kWeight[k][j] * rate[j];
+  return start;
+}
+
+// Its error in a step: against the rule of second order of the first two stages.
+double Doubt(const double* rate, double dt) { return kGamma * dt * std::fabs(rate[0] - 2 * rate[1] + rate[2]); }
 
 // A stage of that: dt from the last one to this one, h the implicit part of it, `gas` the pocket's stretch without that.
 struct Stage {
   double dt, h, gas;
+  Pace pace;
 };
 
 // The fluid behind a pocket of gas over a stage of piston motion that ends at x with velocity v: where the gas carries
@@ -106,9 +117,9 @@ void PocketStage(const Damper& d, State* s, double x, double v, const Stage& g, 
     gas.rate = tried = rate;
     gas.flow = v - share * rate;
     const Piece piece{0, start.gas.flow, gas.flow, g.dt};
-    FluidPiece(d, s, {x - piece.path(), piece.va, piece.vb, g.dt}, from, to, near);
+    FluidPiece(d, s, {x - piece.path(), piece.va, piece.vb, g.dt, g.pace}, from, to, near);
     double spring;
-    wanted = PocketStretch(p, FluidForce(d, *s, to, x, gas.flow, &own, &spring));
+    wanted = PocketStretch(p, FluidForce(d, *s, to, x, gas.flow, &own, &spring, g.pace));
     return left = g.gas + g.h * rate - wanted;
   };
   const double tolerance = 1e-7 * std::fmax(p.trapped_gas_s_g - std::fabs(start.gas.stretch), 1e-6 * p.trapped_gas_s_g);
@@ -131,7 +142,7 @@ double InnerJump(const Damper& d, const ChainState& c, double x, double v, doubl
 
 void FollowSeal(const Params& p, ChainState* c, const Piece& m) {
   if (!(p.seal_friction_coulomb > 0)) return;
-  c->bristle = SealFriction::Follow(c->bristle, m.path(), SealLimit(p, 0.5 * (m.va + m.vb)), SealSigma(p));
+  c->bristle = SealFriction::Follow(c->bristle, m.path(), SealLimit(p, Either(m.pace.slip, 0.5 * (m.va + m.vb))), SealSigma(p));
 }
 
 // Fluid and mechanics over a piece of piston motion, without and with a pocket of gas between them.
@@ -140,41 +151,96 @@ void PistonPiece(const Damper& d, State* s, const Piece& m, double field0, doubl
   FollowSeal(d.p, &s->c, m);
 }
 
-void PocketPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
-  const double h = kGamma * m.dt, v_mid = m.va + kGamma * (m.vb - m.va), x_mid = m.x + 0.5 * (m.va + v_mid) * h;
-  const double field_mid = field0 + kGamma * (field1 - field0), before = s->c.gas.stretch;
-  PocketStage(d, s, x_mid, v_mid, {h, h, before}, field0, field_mid);
-  const double base = before + (m.dt - h) * (s->c.gas.stretch - before) / h;
-  PocketStage(d, s, m.x + m.path(), m.vb, {m.dt - h, h, base}, field_mid, field1);
-  FollowSeal(d.p, &s->c, m);
+// True if friction falls with the velocity behind a mount: a jump of the damper's force may then make it slip.
+bool MaySlip(const Params& p) { return p.seal_friction_coulomb > 0 && p.seal_friction_breakaway > 1 && !(PistonMass(p) > 0); }
+
+// The piston's velocity just after a jump of the field, where all states are still as they were.
+double JumpedVelocity(const Damper& d, const State& s, double rod, double field) {
+  const ChainState& c = s.c;
+  const double mount = c.rubber.Force(d.p, rod - c.piston), tolerance = 1e-6 * std::fabs(mount) + 1e-7;
+  double slope;
+  const auto left = [&](double v) { return PistonForce(d, s, field, c.piston, v, &slope, {v, c.piston_velocity}) - mount; };
+  left(c.piston_velocity);
+  return SolveIncreasing(left, c.piston_velocity, std::fmax(slope, 1e-3), tolerance);
 }
 
-// The piston behind the mount over a piece of rod motion: two-stage SDIRK for its position, each stage the balance
-// of the damper with the mount's spring. The law is stepped from stage to stage.
-void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
-  const Params& p = d.p;
-  const double x0 = s->c.piston, v0 = s->c.piston_velocity, h = kGamma * m.dt;
-  const double mass = PistonMass(p);
-  const double field_mid = field0 + kGamma * (field1 - field0);
-  NarxHistory past;
+// Force (N) that a law settles at, a measure of its size.
+double Yield(const Damper& d, const ChainState& c, double field) {
+  if (d.law == Law::kNarx) return d.net->force_scale;
+  const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), 0);
+  const bool hysteresis = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
+  return k.yield * (hysteresis ? std::pow(d.p.A / (k.beta + k.gamma), 1 / d.p.n) : 1) + d.p.seal_friction_coulomb;
+}
 
-  // Leaves in s the state after dt of piston motion from x_from, at whose end the piston stands at base + h v with
-  // the velocity v that balances the mount at `rod`; returns v.
-  const auto stage = [&](double x_from, double dt, double base, double base_velocity, double rod, double from,
-                         double to, double guess, double gas) {
+// What is in series is stepped again in halves where the error of a piece is above kAllowed of the law's yield force: at
+// .01 of it a mount alone costs what two fixed pieces did, with the same error. Friction that falls with the velocity and
+// rattling masses go on from an error: kStrict of that. A mass on its mount turns by kTurn (rad) a piece at most. Set on
+// the draws of benchmarks/convergence.py; smaller ones cost up to ten times as much there and change few answers.
+constexpr double kAllowed = 1e-2, kStrict = 0.1, kTurn = 0.1;
+constexpr int kDeepest = 7, kDeepestSlip = 10;  // halvings
+
+// Steps over a piece, or over both halves of it where its error is above what is allowed, and so on.
+template <class Step>
+void Refine(const Damper& d, State* s, const Piece& m, double field0, double field1, int depth, Step&& step) {
+  const ChainState start = s->c;
+  NarxHistory past;
+  if (s->past) past = *s->past;
+  const double error = step(m, field0, field1);
+  const double allowed = kAllowed * (MaySlip(d.p) || PistonMass(d.p) > 0 ? kStrict : 1);
+  if (depth == 0 || error <= allowed * Yield(d, start, field1)) return;
+  s->c = start;
+  if (s->past) *s->past = past;
+  const double v = 0.5 * (m.va + m.vb), field = 0.5 * (field0 + field1), half = 0.5 * m.dt;
+  const Piece first{m.x, m.va, v, half};
+  Refine(d, s, first, field0, field, depth - 1, step);
+  Refine(d, s, {m.x + first.path(), v, m.vb, half}, field, field1, depth - 1, step);
+}
+
+double PocketPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
+  const double before = s->c.gas.stretch, rise = (m.vb - m.va) / m.dt;
+  double rate[kStages], from = 0;
+  for (int k = 0; k < kStages; k++) {
+    const double to = kNode[k] * m.dt;
+    PocketStage(d, s, m.x + (m.va + 0.5 * rise * to) * to, m.va + rise * to, {to - from, kGamma * m.dt, Known(before, rate, k, m.dt), {m.va + rise * to, kUnset}},
+                field0 + (field1 - field0) * from / m.dt, field0 + (field1 - field0) * kNode[k]);
+    rate[k] = s->c.gas.rate;
+    from = to;
+  }
+  FollowSeal(d.p, &s->c, m);
+  return Doubt(rate, m.dt) / PocketGive(d.p, s->c.gas.stretch);
+}
+
+// The piston behind the mount over a piece of rod motion: its position by the rule above, each stage the balance of the
+// damper with the mount's spring. The law is stepped from stage to stage. Returns the error, N.
+double MountPiece(const Damper& d, State* s, const Piece& m, double field0, double field1) {
+  const Params& p = d.p;
+  const double x0 = s->c.piston, v0 = s->c.piston_velocity, gas0 = s->c.gas.stretch, h = kGamma * m.dt;
+  const double mass = PistonMass(p), rise_of_rod = (m.vb - m.va) / m.dt;
+  double velocity[kStages], acceleration[kStages], gas_rate[kStages], stiffest = 0, node = 0;
+  NarxHistory past;
+  for (int k = 0; k < kStages; k++) {
+    // Leaves in s the state at the stage, where the piston stands at base + h v with the velocity v that balances the mount.
     const ChainState start = s->c;
     if (s->past) past = *s->past;
+    const double at = kNode[k] * m.dt, dt = at - node, x_from = start.piston;
+    const double rod = m.x + (m.va + 0.5 * rise_of_rod * at) * at;
+    const double base = Known(x0, velocity, k, m.dt), base_velocity = Known(v0, acceleration, k, m.dt);
+    const double gas = Known(gas0, gas_rate, k, m.dt);
+    const double from = field0 + (field1 - field0) * node / m.dt, to = field0 + (field1 - field0) * kNode[k];
     const Easing over = Ease(p, dt);
     const double tolerance = 1e-6 * std::fabs(start.rubber.Force(p, rod - x_from)) + 1e-7;
+    const double guess = k == 0 ? v0 + kGamma * (m.vb - m.va) : 2 * velocity[k - 1] - (k == 1 ? v0 : velocity[0]);
+    const double before = start.piston_velocity;
+    const Pace pace{m.va + rise_of_rod * at, guess * before > 0 ? guess : before};
     double tried = guess, own = start.piston_slope;  // where the state in s stands; d(force)/dv
     const auto attempt = [&](double v) {
       const double near = s->c.r;
       s->c = start;
       if (s->past) *s->past = past;
       const double x = base + h * v;
-      const Piece piece{x_from, 2 * (x - x_from) / dt - v, v, dt};
+      const Piece piece{x_from, 2 * (x - x_from) / dt - v, v, dt, pace};
       if (HasPocket(p)) {
-        PocketStage(d, s, x, v, {dt, h, gas}, from, to);
+        PocketStage(d, s, x, v, {dt, h, gas, pace}, from, to);
         FollowSeal(p, &s->c, piece);
       } else {
         PistonPiece(d, s, piece, from, to, near);
@@ -184,7 +250,7 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     const auto damper = [&](double v) {
       const double x = attempt(v);
       // No secant: where the force jumps (trapped gas at a turn) that is a slope the next solve would not get away from.
-      const double force = PistonForce(d, *s, to, x, v, &own);
+      const double force = PistonForce(d, *s, to, x, v, &own, pace);
       tried = v;
       return force + mass * (v - base_velocity) / h;
     };
@@ -196,24 +262,46 @@ void MountPiece(const Damper& d, State* s, const Piece& m, double field0, double
     const auto balance = [&](double v, double force, double sum, double slope) {
       return MountBalance(p, start.rubber, over, view, rod - base - h * v, h, {force, sum, slope}, tolerance);
     };
-    if (!(own > 0)) PistonForce(d, *s, from, x_from, guess, &own);
-    double rise = own + mass / h;
+    if (!(own > 0)) PistonForce(d, *s, from, x_from, guess, &own, pace);
+    double rise = std::fmax(own, 0) + mass / h;
     const double v = SolveSum(damper, mount, balance, guess, &rise, tolerance);
     s->c.piston = v == tried ? base + h * v : attempt(v);
     s->c.piston_velocity = v;
     // A hysteresis bends within a step: the secant over it is the better guess for the next one.
     const bool bends = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
     s->c.piston_slope = bends ? std::fmin(std::fmax(rise - mass / h, own), 1e3 * own) : own;
+    stiffest = std::fmax(stiffest, start.rubber.Slope(p, view, 0, over));
     if (HasRubber(p)) s->c.rubber.Follow(p, rod - s->c.piston, over);
-    return v;
+    velocity[k] = v;
+    acceleration[k] = (v - base_velocity) / h;
+    gas_rate[k] = s->c.gas.rate;
+    node = at;
+  }
+  double error = stiffest * Doubt(velocity, m.dt);
+  if (mass > 0) {
+    const auto side = [&](double stretch) { return (stretch > 0) - (stretch < 0); };
+    const bool meets = side(BeyondGap(p, m.x - x0)) != side(BeyondGap(p, m.x + m.path() - s->c.piston));
+    const bool rings = s->c.piston_slope * s->c.piston_slope < stiffest * mass;
+    if (meets || (rings && stiffest * m.dt * m.dt > kTurn * kTurn * mass)) return kInf;
+  }
+  if (MaySlip(p)) {
+    const double back = velocity[0] + (velocity[0] - velocity[1]) * kNode[0] / (kNode[1] - kNode[0]);
+    error = std::fmax(error, stiffest * kGamma * m.dt * std::fabs(v0 - back));
+  }
+  return HasPocket(p) ? std::fmax(error, Doubt(gas_rate, m.dt) / PocketGive(p, s->c.gas.stretch)) : error;
+}
+
+// Where the piston rests while the rod stands at x: its springs may be preloaded.
+double Rest(const Damper& d, const State& s, double x) {
+  if (d.law == Law::kNarx) return x;
+  State at = s;
+  const auto left = [&](double piston) {
+    double slope;
+    if (d.law == Law::kHyperbolicTangent) at.c.z = piston;
+    at.c.stroke.turn = at.c.stroke.extreme = at.c.stroke.last = piston;
+    return PistonForce(d, at, FieldNow(d, s.c), piston, 0, &slope) - s.c.rubber.Force(d.p, x - piston);
   };
-  const double rod_mid = m.x + m.va * h + 0.5 * (m.vb - m.va) * kGamma * h, rod_end = m.x + m.path();
-  const double gas0 = s->c.gas.stretch;
-  const double v1 = stage(x0, h, x0, v0, rod_mid, field0, field_mid, v0 + kGamma * (m.vb - m.va), gas0);
-  const double x1 = s->c.piston, base = x0 + (m.dt - h) * v1;
-  const double base_velocity = v0 + (m.dt - h) * (v1 - v0) / h;
-  const double gas = gas0 + (m.dt - h) * (s->c.gas.stretch - gas0) / h;
-  stage(x1, m.dt - h, base, base_velocity, rod_end, field_mid, field1, v1 + (m.dt - h) * (v1 - v0) / h, gas);
+  return SolveIncreasing(left, x, MountStiffness(d.p), 1e-9 * std::fabs(left(x)) + 1e-12);
 }
 
 }  // namespace
@@ -225,9 +313,11 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   c.coil.Start(d.p, d.Clamp(u));
   c.magnet.Start(d.p, d.Acting(d.Clamp(u)));
   c.heat = c.body = d.p.heating_start;
-  c.z = d.law == Law::kHyperbolicTangent ? x : 0;
   if (d.law == Law::kModifiedBoucWen) c.r = d.p.start_r;
-  c.piston = c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
+  c.piston = x;
+  if (HasMount(d.p)) x = c.piston = Rest(d, *s, x);
+  if (d.law == Law::kHyperbolicTangent) c.z = x;
+  c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
   if (d.p.trapped_gas_direction < 0) c.stroke.pocket = PocketReach(d.p);
   c.piston_velocity = HasMount(d.p) ? 0 : v;
   c.gas.flow = c.piston_velocity;
@@ -245,46 +335,48 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
   const double shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
   const int pieces = Pieces(d, m.dt);
   const bool delayed = HasDelay(p) && s->line, mount = HasMount(p);
-  const double dt = m.dt / pieces, begin = s->c.time;
+  const bool jumps = delayed ? Jumps(p, d.hold) : d.hold;
+  const double begin = s->c.time;
   u0 = d.Clamp(u0);
   u1 = d.Clamp(u1);
-  double x = m.x0;
-  for (int k = 0; k < pieces; k++) {
-    const double a = static_cast<double>(k) / pieces, b = static_cast<double>(k + 1) / pieces;
-    double from = u0 + (u1 - u0) * a, to = u0 + (u1 - u0) * b;
-    if (delayed && p.command_delay_period > 0) {
-      from = to = Held(*s->line, p, begin + a * m.dt, begin + b * m.dt, d.hold);
+  double x = m.x0, from = 0, to;  // s of the step
+  for (int k = 0; k < pieces; from = to) {
+    const double grid = m.dt * (k + 1) / pieces;
+    double first = u0 + (u1 - u0) * from / m.dt, last;
+    to = grid;
+    if (delayed && jumps) {  // a piece ends where the command jumps
+      first = last = Arrived(*s->line, p, begin + from, d.hold);
+      const double jump = NextJump(*s->line, p, begin + from) - begin;
+      if (jump < grid - kSame) to = jump;
     } else if (delayed) {
-      from = Arrived(*s->line, p, begin + a * m.dt, d.hold);
-      to = Arrived(*s->line, p, begin + b * m.dt, d.hold);
-    }
-    ChainState& c = s->c;
-    const double field0 = FieldNow(d, c);
-    const auto drive = [&](double first, double last, double over) {
-      const double before = d.Acting(c.coil.current);
-      c.coil.Step(p, first, last, over);
-      if (p.remanence_b > 0) c.magnet.Follow(p, before, d.Acting(c.coil.current));
-    };
-    if (delayed && d.hold && !(Spread(p) > 0) && !(p.command_delay_period > 0)) {
-      // A held command may change within the piece.
-      const double late = p.command_delay_d, end = begin + b * m.dt;
-      for (double t = begin + a * m.dt, next; t < end; t = next) {
-        next = std::fmin(late + s->line->After(t - late), end);
-        if (!(next > t)) next = end;
-        const double u = s->line->At(0.5 * (t + next) - late, true);
-        drive(u, u, next - t);
-      }
+      first = Arrived(*s->line, p, begin + from, d.hold);
+      last = Arrived(*s->line, p, begin + to, d.hold);
     } else {
-      drive(from, to, dt);
+      last = u0 + (u1 - u0) * to / m.dt;
+    }
+    k += to == grid;
+    ChainState& c = s->c;
+    const double dt = to - from, before = d.Acting(c.coil.current), field0 = FieldNow(d, c);
+    const double mean = d.Acting(c.coil.Step(p, first, last, dt)), after = d.Acting(c.coil.current);
+    Magnet middle = c.magnet;
+    if (p.remanence_b > 0) {
+      middle.Follow(p, before, mean);
+      c.magnet.Follow(p, before, after);
     }
     const double field1 = FieldNow(d, c);
-    // Without a lag the current jumps with a held command at the start of the piece, not over it.
-    const bool jump = ((d.hold && !(Spread(p) > 0)) || p.command_delay_period > 0) && !HasLag(p);
-    const Piece piece{x, m.v0 + shift + (m.v1 - m.v0) * a, m.v0 + shift + (m.v1 - m.v0) * b, dt};
-    if (jump && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
-    if (mount) MountPiece(d, s, piece, jump ? field1 : field0, field1);
-    else if (HasPocket(p)) PocketPiece(d, s, piece, jump ? field1 : field0, field1);
-    else PistonPiece(d, s, piece, jump ? field1 : field0, field1, c.r);
+    // A straight field of the same mean and end: a fast lag bends it, without one it jumps at the piece's start.
+    const double start = 2 * FieldOf(p, mean, middle.branch) - field1;
+    const double va = m.v0 + shift + (m.v1 - m.v0) * from / m.dt, vb = m.v0 + shift + (m.v1 - m.v0) * to / m.dt;
+    const Piece piece{x, va, vb, dt};
+    if (jumps && !HasLag(p) && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
+    if (mount && jumps && !HasLag(p) && MaySlip(p) && field0 != start) c.piston_velocity = JumpedVelocity(d, *s, x, start);
+    if (mount || HasPocket(p)) {
+      Refine(d, s, piece, start, field1, MaySlip(p) ? kDeepestSlip : kDeepest, [&](const Piece& each, double begins, double ends) {
+        return mount ? MountPiece(d, s, each, begins, ends) : PocketPiece(d, s, each, begins, ends);
+      });
+    } else {
+      PistonPiece(d, s, piece, start, field1, c.r);
+    }
     Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
     x += piece.path();
   }
@@ -300,16 +392,12 @@ namespace {
 struct Magnetised {
   double current, field;
 };
-Magnetised Commanded(const Damper& d, const State& s, double u) {
+Magnetised Commanded(const Damper& d, const State& s, double u, Side side) {
   const Params& p = d.p;
   const ChainState& c = s.c;
   if (HasLag(p)) return {c.coil.current, FieldNow(d, c)};
   double now = d.Clamp(u);
-  if (p.command_delay_period > 0 && s.line) {
-    now = Held(*s.line, p, c.time - 0.5 * p.substep, c.time + 0.5 * p.substep, d.hold);
-  } else if (p.command_delay_d > 0 && s.line) {
-    now = Arrived(*s.line, p, c.time, d.hold);
-  }
+  if (HasDelay(p) && s.line) now = Arrived(*s.line, p, side == kBefore ? c.time - 2 * kSame : c.time, d.hold);
   const double acting = d.Acting(now);
   if (!(p.remanence_b > 0)) return {now, FieldOf(p, acting, c.magnet.branch)};
   Magnet magnet = c.magnet;
@@ -332,20 +420,20 @@ void Settle(const Damper& d, State* s, double x, double v, double u) {
   }
   if (HasPocket(d.p)) v = s->c.gas.flow;
   if (std::fabs(s->c.time - s->past->count * d.net->sample_time) > 1e-9 * d.net->sample_time) return;
-  Narx::Amend(*d.net, s->past, x, v, Commanded(d, *s, u).field);
+  Narx::Amend(*d.net, s->past, x, v, Commanded(d, *s, u, kAfter).field);
 }
 
-Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u) {
+Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u, Side side) {
   const Params& p = d.p;
   Observation o{};
   const ChainState& c = s.c;
-  const Magnetised now = Commanded(d, s, u);
+  const Magnetised now = Commanded(d, s, u, side);
   o.current = now.current;
   o.field = now.field;
   o.temperature = c.heat;
   if (HasMount(p)) {
     o.force = OnRod(p, s, c.rubber.Force(p, x - c.piston), a);
-    o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope);
+    o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope, {v, kUnset});
     o.piston = c.piston;
     o.slope = 0;
   } else {
@@ -359,15 +447,15 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
 
 double RateJump(const Damper& d, const State& s, double x, double v, double u0, double u1, double dt) {
   if (u0 == u1 || HasMount(d.p) || HasPocket(d.p)) return 0;
-  return InnerJump(d, s.c, x, v, Commanded(d, s, u0).field, Commanded(d, s, u1).field, dt);
+  return InnerJump(d, s.c, x, v, Commanded(d, s, u0, kBefore).field, Commanded(d, s, u1, kAfter).field, dt);
 }
 
 double CurrentNow(const Damper& d, const State& s, double u) {
-  return HasLag(d.p) ? s.c.coil.current : Commanded(d, s, u).current;
+  return HasLag(d.p) ? s.c.coil.current : Commanded(d, s, u, kAfter).current;
 }
 
 double RodForce(const Damper& d, const State& s, double x, double v, double a, double u) {
-  if (!HasMount(d.p)) return Observe(d, s, x, v, a, u).force;
+  if (!HasMount(d.p)) return Observe(d, s, x, v, a, u, kBefore).force;
   return OnRod(d.p, s, s.c.rubber.Force(d.p, x - s.c.piston), a);
 }
 

@@ -82,10 +82,19 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1);
 // network sample at this instant.
 void Settle(const Damper& d, State* s, double x, double v, double u);
 
-// The force in the state s, at rod displacement x, velocity v and acceleration a, with the present command u.
-Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u);
+// Of a command that jumps at an instant: as it was, as it is.
+enum Side { kBefore, kAfter };
 
-// The force alone; behind a mount it is independent of the damper's force.
+// True if the current jumps with the command: a held one without a lag.
+inline bool CurrentJumps(const Damper& d) {
+  return !HasLag(d.p) && (HasDelay(d.p) ? Jumps(d.p, d.hold) : d.hold);
+}
+
+// The force in the state s, at rod displacement x, velocity v and acceleration a, with the present command u. side: of a
+// delayed command that arrives now.
+Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u, Side side = kAfter);
+
+// The force alone, before a change of the command; behind a mount it is independent of the damper's force.
 double RodForce(const Damper& d, const State& s, double x, double v, double a, double u);
 
 // How much an inner rate that is fast against dt changes with a jump of the command from u0 to u1, within dt; the tanh

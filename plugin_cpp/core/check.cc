@@ -54,6 +54,10 @@ bool Check(const Damper& d, char* error, int error_size) {
     std::snprintf(error, error_size, "beta + gamma = %g; it must be above 0, or z grows without bound", p.beta + p.gamma);
     return false;
   }
+  if ((d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen) && p.gamma < 0) {
+    std::snprintf(error, error_size, "gamma = %g; it must be at least 0, or z grows without bound after a turn", p.gamma);
+    return false;
+  }
   if (d.law == Law::kModifiedBoucWen && !(p.c1a > 0)) {
     std::snprintf(error, error_size, "c1a = %g; it must be above 0, or no force passes", p.c1a);
     return false;

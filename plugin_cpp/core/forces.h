@@ -24,51 +24,72 @@ inline Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
 
 inline double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, d.Acting(c.coil.current), c.magnet.branch); }
 
-inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v) {
+// Velocities of what falls with the velocity, where they are not the fluid's own: in a balance that is solved for that,
+// there would be more than one solution.
+struct Pace {
+  double turned = kUnset;  // by which the direction counts
+  double slip = kUnset;    // of a seal's friction
+};
+
+inline double Either(double given, double own) { return std::isnan(given) ? own : given; }
+
+inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v, Pace pace = {}) {
   const ChainState& c = s.c;
+  const Params& p = d.p;
   if (d.law == Law::kNarx) {
     const double now = c.time / d.net->sample_time - s.past->count;
     // Rounding must not move a grid sample into the next interval, nor the start before the first one.
     const double part = now < 1e-9 ? 0 : std::min(now, 1.0);
-    const double yield = d.p.heating_kappa_yield != 0 ? std::exp(-d.p.heating_kappa_yield * c.heat) : 1;
+    const double yield = p.heating_kappa_yield != 0 ? std::exp(-p.heating_kappa_yield * c.heat) : 1;
     return {yield * Narx::Force(*d.net, *s.past, part, x, v, field), 0, 0};
   }
-  const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), v);
-  switch (d.law) {
-    case Law::kBingham: return Bingham::Force(d.p, k, v);
-    case Law::kBoucWen: return BoucWen::Force(d.p, k, c.z, x, v);
-    case Law::kHyperbolicTangent: return HyperbolicTangent::Force(d.p, k, c.z, c.r, x, v);
-    default: return ModifiedBoucWen::Force(d.p, k, c.z, c.r, x, v);
+  const Fluid fluid = FluidAt(d, c, field);
+  const auto force = [&](double at) {
+    const Coefficients k = Evaluate(p, d.law, fluid, at, pace.turned);
+    switch (d.law) {
+      case Law::kBingham: return Bingham::Force(p, k, at);
+      case Law::kBoucWen: return BoucWen::Force(p, k, c.z, x, at);
+      case Law::kHyperbolicTangent: return HyperbolicTangent::Force(p, k, c.z, c.r, x, at);
+      default: return ModifiedBoucWen::Force(p, k, c.z, c.r, x, at);
+    }
+  };
+  LawForce f = force(v);
+  // Coefficients that change with the velocity have a share in the slope.
+  const double width = VelocityWidth(p);
+  if (width < kInf) {
+    const double dv = 1e-6 * (std::fabs(v) + width);
+    f.slope = (force(v + dv).fluid - f.fluid) / dv;
   }
+  return f;
 }
 
 // Force of the fluid alone, moving at v, before any gas; the law's spring at the piston's x is returned in `spring`.
-inline double FlowForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
+inline double FlowForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring,
+                        Pace pace) {
   const Params& p = d.p;
-  LawForce f = ForceOfLaw(d, s, field, x, v);
-  double rate = 1;
-  if (p.asymmetry_travel > 0 || HasTimedPlate(p)) {
-    rate = 1 + p.asymmetry_a * s.c.plate;
-    f.fluid *= rate;
-  } else if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
-    f.fluid = AsymmetryByForce(p, f.fluid, &rate);
-  } else {
-    rate = Asymmetry(p, v);
-    f.fluid *= rate;
-  }
-  *slope = rate * f.slope;
+  const LawForce f = ForceOfLaw(d, s, field, x, v, pace);
   *spring = f.spring;
-  return f.fluid;
+  if (p.asymmetry_travel > 0 || HasTimedPlate(p)) {
+    const double factor = 1 + p.asymmetry_a * s.c.plate;
+    *slope = factor * f.slope;
+    return factor * f.fluid;
+  }
+  double rate;
+  if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
+    const double force = AsymmetryByForce(p, f.fluid, &rate);
+    *slope = rate * f.slope;
+    return force;
+  }
+  const double factor = Asymmetry(p, Either(pace.turned, v), &rate);
+  *slope = factor * f.slope + (std::isnan(pace.turned) ? rate * f.fluid : 0);
+  return factor * f.fluid;
 }
 
 // The same with the effect of gas.
-inline double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring) {
+inline double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring,
+                         Pace pace = {}) {
   const Params& p = d.p;
-  double force = FlowForce(d, s, field, x, v, slope, spring);
-  if (HasSecantPocket(p)) {
-    if (CarriedByGas(p, force)) *slope = 0;
-    return ThroughSecantPocket(p, s.c.gas, force);
-  }
+  double force = FlowForce(d, s, field, x, v, slope, spring, pace);
   if (!HasTrappedGas(p)) return force;
   Stroke stroke = s.c.stroke;
   stroke.Follow(x, p);
@@ -84,9 +105,10 @@ inline double FluidForce(const Damper& d, const State& s, double field, double x
 }
 
 // Force of damper and mechanics on the piston side of the mount, without inertia.
-inline double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope) {
+inline double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope,
+                          Pace pace = {}) {
   const Params& p = d.p;
-  double spring, fluid = FluidForce(d, s, field, x, v, slope, &spring);
+  double spring, fluid = FluidForce(d, s, field, x, v, slope, &spring, pace);
   if (HasPocket(p)) {
     // Compressed gas carries its own force at any velocity; at its stop it carries none.
     const double side = p.trapped_gas_direction;
@@ -98,7 +120,7 @@ inline double PistonForce(const Damper& d, const State& s, double field, double 
   double force = fluid + spring + GasSpring(p, x);
   if (p.seal_friction_coulomb > 0 && p.seal_friction_width > 0) {
     double own;
-    force += SealFriction::Slip(SealLimit(p, v), p.seal_friction_width, v, &own);
+    force += SealFriction::Slip(SealLimit(p, Either(pace.slip, v)), p.seal_friction_width, v, &own);
     *slope += own;
   } else if (p.seal_friction_coulomb > 0) {
     force += SealSigma(p) * s.c.bristle;

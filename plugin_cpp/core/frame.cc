@@ -166,16 +166,26 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
   std::vector<double> forces(a.elements.size()), absolute(linear.n());
   Observation seen{};
 
+  const bool jumps = damped && CurrentJumps(d);
+  const auto rates = [&] {
+    for (std::size_t j = 0; j < forces.size(); j++) forces[j] = a.elements[j].force;
+    linear.Rates(a.q.data(), forces.data(), nullptr, absolute.data());
+  };
   const auto record = [&](int k, double step) {
     double x = 0, v = 0;
-    for (std::size_t j = 0; j < forces.size(); j++) forces[j] = a.elements[j].force;
+    if (jumps && k > 0) {  // the signals just before the new command
+      rates();
+      for (int i = 0; i < n; i++) floor_sensor[i].Step(floor_params[i], absolute[i], step);
+      sensor.Step(reading, forces[0], step);
+      step = 0;
+    }
     if (damped) {
       x = a.Stroke(0);
       v = a.Velocity(0);
       seen = Observe(d, a.sites[0].state.s, x, v, a.sites[0].acceleration, u[k]);
-      forces[0] = seen.force;
+      if (jumps) a.elements[0].force = seen.force;
     }
-    linear.Rates(a.q.data(), forces.data(), nullptr, absolute.data());
+    rates();
     for (int i = 0; i < n; i++) {
       if (k == 0) floor_sensor[i].Start(floor_params[i], absolute[i]);
       else floor_sensor[i].Step(floor_params[i], absolute[i], step);

@@ -127,11 +127,13 @@ void RunRecord(const Damper& d, const RecordView& record, const RunIn& before, i
   State& s = state.s;
   const SensorParams reading = SensorParams::Of(d.p);
   Sensor sensor;
+  const bool jumps = CurrentJumps(d);
   // Steps from the sample i - 1 to i; t0: of the chain's clock, the sample at which it is 0.
   const auto step = [&](int i, int t0) {
     const double first = r.u[i - 1], now = d.hold ? first : r.u[i];
     if (s.line) s.line->Push(((d.hold ? i - 1 : i) - t0) * r.dt, d.Clamp(now), Reach(d.p));
     Advance(d, &s, {r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt}, first, now);
+    if (jumps) sensor.Step(reading, Observe(d, s, r.x[i], r.v[i], r.a[i], now, kBefore).force, r.dt);
     if (s.line && d.hold) s.line->Push((i - t0) * r.dt, d.Clamp(r.u[i]), Reach(d.p));
     Settle(d, &s, r.x[i], r.v[i], r.u[i]);
   };
@@ -148,7 +150,7 @@ void RunRecord(const Damper& d, const RecordView& record, const RunIn& before, i
     sensor.Start(reading, observe(before.from).force);
     for (int i = before.from + 1; i <= before.to; i++) {
       step(i, before.from);
-      sensor.Step(reading, observe(i).force, r.dt);
+      sensor.Step(reading, observe(i).force, jumps ? 0 : r.dt);
     }
     Rebase(d, r.x[0] - r.x[before.to], &s);
     if (d.law == Law::kModifiedBoucWen) s.c.r += d.p.start_r;
@@ -158,7 +160,7 @@ void RunRecord(const Damper& d, const RecordView& record, const RunIn& before, i
     if (i > 0) step(i, 0);
     const Observation o = observe(i);
     if (i == 0 && !led) sensor.Start(reading, o.force);
-    else sensor.Step(reading, o.force, r.dt);
+    else sensor.Step(reading, o.force, jumps ? 0 : r.dt);
     for (int c = 0; c < ncol; c++) out[static_cast<std::size_t>(c) * r.n + i] = Column(o, sensor, reading, columns[c]);
   }
 }

@@ -230,6 +230,7 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
     }
     Settle(*site.d, &s, a.Stroke(k), a.Velocity(k), command[k]);
     a.Command(k, command[k]);
+    w->sensors[k].Step(readings_[k], a.elements[k].force, 0);
   }
   double first = 0, second = 0, share = 0, power = 0, current = 0, energy = 0, ride[5] = {};
   const bool rides = !plan_.sections.empty();

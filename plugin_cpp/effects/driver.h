@@ -32,28 +32,54 @@ struct Coil {
     first = {u, p.driver_lag_gain > 0 ? u : 0};
     second = current = u;
   }
-  // Step with a command that is linear from u0 to u1 in dt.
-  void Step(const Params& p, double u0, double u1, double dt) {
-    const double from = HasFirstPole(p) ? first.y : u0;
+  // Step with a command that is linear from u0 to u1 in dt. Returns the mean of the current in it, by the integral of
+  // each pole's equation.
+  double Step(const Params& p, double u0, double u1, double dt) {
+    const double from = HasFirstPole(p) ? first.y : u0, behind = second, tau2 = p.driver_lag_tau2;
+    double mean = 0.5 * (u0 + u1), curved = 0;  // what the first pole's path adds to the second beside a straight one
     if (p.driver_lag_gain > 0 && p.driver_lag_tau > 0) {
-      Control(p, &first, u0, u1, dt);
+      mean = Control(p, &first, u0, u1, dt);
     } else if (p.driver_lag_ratio > 0 && p.driver_lag_tau > 0) {
-      first.Step(2 * p.driver_lag_ratio / p.driver_lag_tau, p.driver_lag_ratio, u0, u1, dt);
+      const double w = 2 * p.driver_lag_ratio / p.driver_lag_tau, rate = first.rate;
+      first.Step(w, p.driver_lag_ratio, u0, u1, dt);
+      mean -= (p.driver_lag_tau * (first.y - from) + (first.rate - rate) / (w * w)) / dt;
     } else {
-      first.y = Drive(first.y, u0, u1, p, dt);
+      const bool falls = p.driver_lag_fall > 0 && std::fabs(mean) < std::fabs(from);
+      const double tau = falls ? p.driver_lag_fall : p.driver_lag_tau, most = p.driver_lag_rate * dt;
+      first.y = Lag(from, u0, u1, tau, dt);
+      if (p.driver_lag_rate > 0 && std::fabs(first.y - from) > most) {
+        first.y = from + std::copysign(most, first.y - from);
+        mean = 0.5 * (from + first.y);
+      } else if (tau > 0) {
+        mean -= tau * (first.y - from) / dt;
+        if (tau2 > 0) curved = Curved(from - u0 + tau * (u1 - u0) / dt, tau, tau2, dt);
+      }
     }
-    current = second = Lag(second, from, first.y, p.driver_lag_tau2, dt);
-    if (p.driver_lag_share < 1 && p.driver_lag_tau2 > 0) current = first.y + p.driver_lag_share * (second - first.y);
+    second = Lag(second, from, first.y, tau2, dt) + curved;
+    const double share = tau2 > 0 ? p.driver_lag_share : 1;
+    current = share < 1 ? first.y + share * (second - first.y) : second;
+    return mean - share * tau2 * (second - behind) / dt;
   }
 
  private:
+ private:
+  // A pole of tau2 behind one of tau whose transient is e exp(-t / tau): its end less that behind the transient's chord.
+  static double Curved(double e, double tau, double tau2, double dt) {
+    const double a = dt / tau, b = dt / tau2, apart = b - a, decay = std::exp(-a);
+    // (exp(-a) - exp(-b)) / (b - a)
+    const double divided = apart > 0   ? decay * (-std::expm1(-apart) / apart)
+                           : apart < 0 ? std::exp(-b) * (std::expm1(apart) / apart)
+                                       : decay;
+    return e * (b * divided - Lag(0, 1, decay, tau2, dt));
+  }
   // tau i' = v - i with v = gain e + I, I' = gain e / integral, e = u - i, and |v| limited; the integral is frozen at
-  // the limit. Steps are short compared with the closed loop, by the midpoint rule.
-  static void Control(const Params& p, Oscillator* c, double u0, double u1, double dt) {
+  // the limit. Steps are short compared with the closed loop, by the midpoint rule. Returns the mean of i.
+  static double Control(const Params& p, Oscillator* c, double u0, double u1, double dt) {
     const double gain = p.driver_lag_gain, tau = p.driver_lag_tau, reset = p.driver_lag_integral;
     const double limit = p.driver_lag_limit > 0 ? p.driver_lag_limit : kInf;
     const int n = static_cast<int>(std::ceil(4 * dt * ((1 + gain) / tau + 1 / reset)));
     const double h = dt / n;
+    double sum = 0;
     const auto slope = [&](double i, double integral, double u, double* d_integral) {
       const double e = u - i, asked = gain * e + integral, given = std::fmin(std::fmax(asked, -limit), limit);
       *d_integral = asked != given && asked * e > 0 ? 0 : gain * e / reset;
@@ -64,17 +90,11 @@ struct Coil {
       const double at = u0 + (u1 - u0) * k / n, middle = u0 + (u1 - u0) * (k + 0.5) / n;
       const double d = slope(c->y, c->rate, at, &d_integral);
       const double i = c->y + 0.5 * h * d, integral = c->rate + 0.5 * h * d_integral;
+      sum += i;
       c->y += h * slope(i, integral, middle, &d_integral);
       c->rate += h * d_integral;
     }
-  }
-  // The first pole: another time constant while the current falls, and a limited rate (1/s).
-  static double Drive(double i, double u0, double u1, const Params& p, double dt) {
-    const bool falls = p.driver_lag_fall > 0 && std::fabs(0.5 * (u0 + u1)) < std::fabs(i);
-    const double next = Lag(i, u0, u1, falls ? p.driver_lag_fall : p.driver_lag_tau, dt);
-    if (!(p.driver_lag_rate > 0)) return next;
-    const double most = p.driver_lag_rate * dt;
-    return next > i + most ? i + most : next < i - most ? i - most : next;
+    return sum / n;
   }
 };
 
@@ -161,28 +181,34 @@ struct DelayLine {
 // s: delays are uniformly distributed from d - spread to d + spread.
 inline double Spread(const Params& p) { return p.command_delay_spread * p.command_delay_d; }
 
-// Mean share of a command that has arrived at time t.
-inline double Arrived(const DelayLine& line, const Params& p, double t, bool hold) {
-  const double spread = Spread(p), sent = t - p.command_delay_d;
-  return spread > 0 ? line.Mean(sent - spread, sent + spread, hold) : line.At(sent, hold);
-}
-
 // Length of the store.
 inline double Reach(const Params& p) { return p.command_delay_d + Spread(p) + p.command_delay_period; }
 
 inline bool HasDelay(const Params& p) { return Reach(p) > 0; }
 
-// command_delay with the sampling clock of a controller, which samples the command at its ticks and holds it: the
-// mean of what arrives between the times a and b. The mean is a smooth function of the clock's parameters.
-inline double Held(const DelayLine& line, const Params& p, double a, double b, bool hold) {
-  const double period = p.command_delay_period, phase = p.command_delay_phase;
-  double sum = 0, t = a;
-  for (double k = std::floor((a - p.command_delay_d) / period - phase); t < b; k++) {
-    const double next = std::fmin(p.command_delay_d + (k + 1 + phase) * period, b);
-    if (next > t) sum += (next - t) * line.At((k + phase) * period, hold);
-    t = std::fmax(t, next);
+// True if what arrives changes in jumps: a held command, or one that a clock samples.
+inline bool Jumps(const Params& p, bool hold) { return p.command_delay_period > 0 || (hold && !(Spread(p) > 0)); }
+
+// Times that are sums of steps differ from those of a clock by rounding: in an hour of steps of 1 ms by up to this.
+constexpr double kSame = 1e-6;  // s
+
+// Number of the clock's last tick at or before the time t after which a delay has passed.
+inline double Tick(const Params& p, double t) { return std::floor((t - p.command_delay_d) / p.command_delay_period - p.command_delay_phase); }
+
+// Command that has arrived at time t. Jumps at t count as past, so that rounding cannot undo them.
+inline double Arrived(const DelayLine& line, const Params& p, double t, bool hold) {
+  if (p.command_delay_period > 0) {
+    return line.At((Tick(p, t + kSame) + p.command_delay_phase) * p.command_delay_period + kSame, hold);
   }
-  return sum / (b - a);
+  const double spread = Spread(p), sent = t - p.command_delay_d;
+  return spread > 0 ? line.Mean(sent - spread, sent + spread, hold) : line.At(hold ? sent + kSame : sent, hold);
+}
+
+// Time of the first jump of what arrives after t.
+inline double NextJump(const DelayLine& line, const Params& p, double t) {
+  t += kSame;
+  if (p.command_delay_period > 0) return p.command_delay_d + (Tick(p, t) + 1 + p.command_delay_phase) * p.command_delay_period;
+  return p.command_delay_d + line.After(t - p.command_delay_d);
 }
 
 }  // namespace mrdamp

@@ -34,8 +34,11 @@ inline double Thinned(const Params& p, double rise) {
 }
 
 // asymmetry: 1 + a sgn v, smoothed over a small velocity so that the force has no jump.
-inline double Asymmetry(const Params& p, double v) {
-  return p.asymmetry_a == 0 ? 1 : 1 + p.asymmetry_a * std::tanh(v / p.asymmetry_width);
+// Its derivative in `rate`.
+inline double Asymmetry(const Params& p, double v, double* rate) {
+  const double t = p.asymmetry_a == 0 ? 0 : std::tanh(v / p.asymmetry_width);
+  *rate = p.asymmetry_a * (1 - t * t) / p.asymmetry_width;
+  return 1 + p.asymmetry_a * t;
 }
 
 // The same with the sign of the force f; its derivative df'/df in `rate`.
@@ -61,11 +64,9 @@ inline double PlateRest(const Params& p, double f, double v) {
 }
 
 // Gas in series with the fluid, which then moves less than the piston.
-inline bool HasSeries(const Params& p) { return p.trapped_gas_series > 0 && p.trapped_gas_force > 0; }
-inline bool HasSecantPocket(const Params& p) { return HasSeries(p) && p.trapped_gas_secant > 0; }
-inline bool HasPocket(const Params& p) { return HasSeries(p) && !(p.trapped_gas_secant > 0); }
+inline bool HasPocket(const Params& p) { return p.trapped_gas_series > 0 && p.trapped_gas_force > 0; }
 
-inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || (p.trapped_gas_force > 0 && !HasSeries(p)); }
+inline bool HasTrappedGas(const Params& p) { return p.trapped_gas_d != 0 || (p.trapped_gas_force > 0 && !HasPocket(p)); }
 
 // Stroke over which a pocket is compressed completely; 0 if it opens at every turn.
 inline double PocketReach(const Params& p) {
@@ -169,31 +170,7 @@ struct Pocket {
   double rate = 0;     // m/s
   double flow = 0;     // m/s, velocity of the fluid
   double slope = 0;    // N s/m, d(force)/dv of the fluid at the last balance, start of the next solve
-
-  void Press(const Params& p, double f, double path);
 };
-
-// True if gas in series with a fluid, linearised by its secant, carries the fluid's force f.
-inline bool CarriedByGas(const Params& p, double f) {
-  return p.trapped_gas_direction == 0 || f * p.trapped_gas_direction > 0;
-}
-
-// The transmitted force: the gas's own, in the other direction the whole force of the fluid.
-inline double ThroughSecantPocket(const Params& p, const Pocket& gas, double f) {
-  return PocketForce(p, gas.stretch) + (CarriedByGas(p, f) ? 0 : f);
-}
-
-// Compression over a path (m) by a fluid that would carry f with all of the motion, and acts as a dashpot of that
-// secant with its part: dq = abs(dx) (sign(f) - held(q) / abs(f)). An exponential Rosenbrock step, exact if held is
-// linear.
-inline void Pocket::Press(const Params& p, double f, double path) {
-  const double way = std::fabs(path), size = std::fmax(std::fabs(f), 0.05 * p.trapped_gas_force);
-  const double part = way / (size * PocketGive(p, stretch));
-  const double taken = part > 1e-9 ? -std::expm1(-part) / part : 1;
-  const double side = p.trapped_gas_direction, most = (1 - 1e-9) * p.trapped_gas_s_g;
-  stretch += taken * way * ((f > 0) - (f < 0) - PocketForce(p, stretch) / size);
-  stretch = std::fmin(std::fmax(stretch, side > 0 ? 0 : -most), side < 0 ? 0 : most);
-}
 
 }  // namespace mrdamp
 

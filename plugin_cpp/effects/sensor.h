@@ -38,6 +38,7 @@ struct Sensor {
     filter.rate = 0;
     unsettled = 1;
   }
+  // dt 0: the signal jumps.
   void Step(const SensorParams& p, double f, double dt) {
     const double from = Charge(p);
     charge = Leak(charge, p.leakage, p, f, dt);
@@ -61,7 +62,7 @@ struct Sensor {
   double Charge(const SensorParams& p) const { return p.share > 0 ? charge + p.share * (charge2 - charge) : charge; }
   double Leak(double q, double tau, const SensorParams& p, double f, double dt) const {
     if (!(tau > 0)) return p.gain * f;
-    if (!(dt > 0)) return q;
+    if (!(dt > 0)) return q + p.gain * (f - in);
     const double decay = std::exp(-dt / tau);
     return q * decay + p.gain * (f - in) / dt * tau * (1 - decay);
   }

@@ -46,7 +46,14 @@ inline double Thinning(const Params& p, double v) {
   return std::pow(1 + (a == 2 ? s * s : std::pow(s, a)), (p.shear_thinning_m - 1) / a);
 }
 
-inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v) {
+// Least velocity (m/s) over which they change with the velocity; infinite if they do not.
+inline double VelocityWidth(const Params& p) {
+  const double thin = p.shear_thinning_m == 1 ? kInf : p.shear_thinning_v_s;
+  return p.asymmetry_yield != 0 || p.asymmetry_viscous != 0 ? std::min(thin, p.asymmetry_width) : thin;
+}
+
+// turned: the velocity by which the direction counts, where it is not v.
+inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v, double turned = kUnset) {
   Coefficients k{};
   const double b = f.b;
   const double thin = Thinning(p, v), thin_series = 1 + p.shear_thinning_series * (thin - 1);
@@ -75,7 +82,7 @@ inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v)
       }
   }
   if (p.asymmetry_yield != 0 || p.asymmetry_viscous != 0) {
-    const double side = std::tanh(v / p.asymmetry_width);
+    const double side = std::tanh((std::isnan(turned) ? v : turned) / p.asymmetry_width);
     k.yield *= 1 + p.asymmetry_yield * side;
     k.c0 *= 1 + p.asymmetry_viscous * side;
   }

@@ -176,7 +176,7 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   }
   if (!std::isfinite(u_)) u_ = 0;
   time_ = d->time;
-  double before = u_, lead = 0;
+  double before = u_, lead = 0, rate = 0, dt = 0;
   if (integrate_) x_ = s[0] == 0 ? 0 : s[2] + std::max(0.0, d->time - s[1]) * v_;
   if (s[0] == 0) {
     Start(damper_, &now_, x_, v_, 0);  // no current before the first command
@@ -190,7 +190,7 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
       at += kLineSize;
     }
     if (now_.past) Load(now_.past, s + at);
-    double dt = d->time - s[1];
+    dt = d->time - s[1];
     // A clock set by hand: one step on, rather than an hour of it.
     if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
     if (dt > 0) {
@@ -198,15 +198,20 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
       // The engine's step has gone all the way at its last velocity; a motion that is imposed has not.
       const double rise = v_ - s[3], off = std::max(std::fabs((x_ - s[2]) / dt - v_), std::fabs(v_ - s[5]));
       if (off < 0.25 * std::fabs(rise)) lead = 0.5 * rise;
+      rate = lead / dt;
       before = s[4];
       if (now_.line) now_.line->Push(now_.c.time, damper_.Clamp(u_), Reach(damper_.p));
       Settle(damper_, &now_, x_, v_, u_);
     }
   }
-  // The engine's velocities stand half a step before its positions, unless they are imposed.
+  // The engine's velocities stand half a step before its positions, unless they are imposed; so do masses that ring with
+  // their changes.
+  felt_ = now_.c.felt;
+  if (lead != 0) Ring(damper_.p, &now_.c.felt, 2 * rate, 0.5 * dt);
   seen_ = Observe(damper_, now_, x_, v_ + lead, 0, u_);
+  ended_ = CurrentJumps(damper_) ? Observe(damper_, now_, x_, v_ + lead, 0, before, kBefore).force : seen_.force;
   // So does the start of the step, before a jump of the command.
-  start_ = Observe(damper_, now_, x_, v_, 0, before);
+  start_ = Observe(damper_, now_, x_, v_, 0, before, kBefore);
   jump_ = RateJump(damper_, now_, x_, v_ + lead, before, u_, 0.5 * m->opt.timestep);
 }
 
@@ -332,6 +337,7 @@ void DamperInstance::Advance(const mjModel* m, mjData* d) {
   s[3] = v_;
   s[4] = u_;
   s[5] = Along(d, output_, d->qvel);
+  now_.c.felt = felt_;
   std::memcpy(s + kSnapshot, &now_.c, sizeof(ChainState));
   int at = kSnapshot + kChainSize;
   if (now_.line) {

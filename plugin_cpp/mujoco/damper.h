@@ -34,6 +34,8 @@ class DamperInstance {
 
   // Input of the force sensor; `a` is the acceleration along the actuator.
   double Force(double a) const { return seen_.force + Mass() * a + turn_; }
+  // By what it changes as a jump of the command arrives now.
+  double Jump() const { return seen_.force - ended_; }
   const Observation& seen() const { return seen_; }
   const Damper& damper() const { return damper_; }
   double length() const { return x_; }
@@ -71,7 +73,9 @@ class DamperInstance {
   NarxHistory past_, trial_past_;
   DelayLine line_;
   Observation seen_{}, start_{};  // of the present state; of the step's start
+  Felt felt_;                     // as stored, before it is moved on to the present
   double jump_ = 0;               // of an inner rate with the command
+  double ended_ = 0;              // N, before a jump of the command
   double force_ = 0;
   OutputResponse response_;
 

@@ -157,6 +157,7 @@ void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
   if (!acts) damper->Watch(d);
   const double own = acts ? damper->Force(acceleration) : 0, applied = acts ? damper->Applied(m, d) : 0;
   const double force = applied == damper->exerted() ? own : applied;  // where a limit acts it is the limit
+  const double jump = acts && force == own ? damper->Jump() : 0;
   const SensorParams reading = Reading(damper->damper().p);
   Stored s;
   std::memcpy(static_cast<void*>(&s), d->plugin_state + m->plugin_stateadr[instance_], sizeof s);
@@ -167,7 +168,8 @@ void ForceSensorInstance::Compute(const mjModel* m, mjData* d) {
     double dt = d->time - s.time;
     if (dt > 4 * m->opt.timestep) dt = m->opt.timestep;
     if (dt > 0) {
-      s.sensor.Step(reading, force, dt);
+      s.sensor.Step(reading, force - jump, dt);
+      s.sensor.Step(reading, force, 0);
       // Runge-Kutta's force is that of the state, the others' the mean over the step.
       const double mean = m->opt.integrator == mjINT_RK4 ? 0.5 * (s.applied + applied) : s.applied;
       s.energy += mean * 0.5 * (s.velocity + damper->velocity()) * dt;

@@ -94,18 +94,21 @@ TEST(ChainDelaysAStep) {
   }
 }
 
-// A clock's command is that of its last tick: its mean over a span is right wherever the span is cut.
+// A clock's command is that of its last tick, also where the ticks meet changes of the command and rounded times.
 TEST(AClockHoldsWhatItTook) {
   mrdamp::Params p;
   p.command_delay_d = 0.013, p.command_delay_period = 0.01, p.command_delay_phase = 0.3;
   DelayLine line;
-  for (int k = 0; k <= 60; k++) line.Push(1e-3 * k, 1e-3 * k, mrdamp::Reach(p));
+  double time = 0;
+  for (int k = 0; k <= 60; k++, time += 1e-3) line.Push(time, 1e-3 * k, mrdamp::Reach(p));
   // Ticks at 3, 13, 23, 33, 43 ms, which arrive 13 ms later.
-  NEAR(mrdamp::Held(line, p, 0.047, 0.0555, false), 0.033, 1e-12);
-  NEAR(mrdamp::Held(line, p, 0.044, 0.054, false), 0.2 * 0.023 + 0.8 * 0.033, 1e-12);
-  const double whole = mrdamp::Held(line, p, 0.02, 0.06, false);
-  const double parts = mrdamp::Held(line, p, 0.02, 0.0371, false) * 0.0171 + mrdamp::Held(line, p, 0.0371, 0.06, false) * 0.0229;
-  NEAR(whole * 0.04, parts, 1e-12);
+  for (const bool hold : {false, true}) {
+    NEAR(mrdamp::Arrived(line, p, 0.0459, hold), 0.023, 1.1e-6);
+    NEAR(mrdamp::Arrived(line, p, 0.046, hold), 0.033, 1.1e-6);
+    NEAR(mrdamp::Arrived(line, p, 0.0559, hold), 0.033, 1.1e-6);
+    NEAR(mrdamp::NextJump(line, p, 0.046), 0.056, 1e-12);
+    NEAR(mrdamp::NextJump(line, p, 0.0555), 0.056, 1e-12);
+  }
 }
 
 TEST(LagIsExactForStepsAndRamps) {

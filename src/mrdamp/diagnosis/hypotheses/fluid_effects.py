@@ -147,14 +147,6 @@ def _gas_terms(s: Sizes) -> tuple[Term, ...]:
             (0.2 * s.force, 0.07 * s.stroke, 1.2, 0.05 * s.velocity),
             trapped_gas_series=1.0,
         ),
-        *_on_either_side(
-            "in series by the secant",
-            pressed,
-            (0.2 * s.force, 0.1 * s.stroke, 1.2),
-            (0.5 * s.force, 0.4 * s.stroke, 1.2),
-            trapped_gas_series=1.0,
-            trapped_gas_secant=1.0,
-        ),
     )
 
 

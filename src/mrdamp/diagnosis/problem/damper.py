@@ -186,9 +186,7 @@ class DamperRig:
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
-        solved = mount or any(
-            s.get("trapped_gas_series", 0) > s.get("trapped_gas_secant", 0) for s in settings
-        )
+        solved = mount or any(s.get("trapped_gas_series", 0) > 0 for s in settings)
         longest = self.rough or (
             solved and not self.filtered
         )  # a filter needs samples between those of its log
