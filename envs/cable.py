@@ -82,7 +82,7 @@ class CableEnv(PlantEnv[CableTask]):
     | `measured_at` | places x / L | the damper's and five times it | where motion is measured |
     | `loads` | `LoadSource` | `WindLoads()` | `WindLoads`, `AmbientLoads`, or one of your own |
     | `reward` | `CableReward`, mapping | `CableReward()` | weights of the parts, exponent |
-    | `timestep` | s | 0.001 | the largest of the engine |
+    | `timestep` | s | 0.00025 | the largest of the engine |
     | `camera` | str | front | `front`, `along`, `damper` |
 
     ## Version History

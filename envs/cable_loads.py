@@ -15,6 +15,7 @@ from mrdamp.errors import InputError, require_positive
 
 Array = NDArray[np.float64]
 AIR = 1.25  # kg/m3
+_SLOW = 4  # lines below 1 / duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,8 @@ class WindLoads:
 
         n S(n) / s^2 = 4 f / (1 + 70.8 f^2)^(5/6), f = n L_u / U;    coherence^(1/2) = exp(-C n dx / U),
 
-    and the drag's fluctuation is rho Cd D U u per length. Sources: von Karman, Proc. Natl. Acad. Sci. 34 (1948)
+    and the drag's fluctuation is rho Cd D U u per length. u has the deviation s over many loads, less what is above the
+    bandwidth; in a short one most of it is a steady part. Sources: von Karman, Proc. Natl. Acad. Sci. 34 (1948)
     530-539, doi 10.1073/pnas.34.11.530; Davenport, Q. J. R. Meteorol. Soc. 87 (1961) 194-211, doi
     10.1002/qj.49708737208; Shinozuka and Deodatis, Appl. Mech. Rev. 44 (1991) 191-204, doi 10.1115/1.3119501.
 
@@ -141,7 +143,10 @@ class WindLoads:
         step = 1 / (4 * self.bandwidth)
         count = math.ceil(self.duration / step) + 1
         rate = 1 / (count * step)
-        n = rate * np.arange(1, math.ceil(self.bandwidth / rate))
+        # Lines of an FFT, and the slow ones below its first.
+        slow = rate * (np.arange(_SLOW) + 0.5) / (2 * _SLOW)
+        n = np.append(slow, rate * np.arange(1, math.ceil(self.bandwidth / rate)))
+        width = np.where(n < 0.5 * rate, rate / (2 * _SLOW), rate)
         scaled = n * self.length_scale / speed
         spectrum = 4 * (speed * intensity) ** 2 * scaled / n / (1 + 70.8 * scaled**2) ** (5 / 6)
         places = np.linspace(0.0, 1.0, self.places) if self.places > 1 else np.array([0.5])
@@ -150,10 +155,12 @@ class WindLoads:
         # Regularisation: at low frequencies all places are fully coherent, and the matrix is singular.
         root = np.linalg.cholesky(coherence + 1e-9 * np.eye(len(places)))
         noise = rng.standard_normal((2, len(n), len(places)))
-        amplitude = np.sqrt(0.5 * spectrum * rate)[:, None] * (noise[0] + 1j * noise[1])
+        amplitude = np.sqrt(spectrum * width)[:, None] * (noise[0] + 1j * noise[1])
+        waves = (root @ amplitude[:, :, None])[:, :, 0]
         lines = np.zeros((count // 2 + 1, len(places)), dtype=np.complex128)
-        lines[1 : len(n) + 1] = count * 0.5 * math.sqrt(2) * (root @ amplitude[:, :, None])[:, :, 0]
-        wind = np.fft.irfft(lines, count, axis=0)
+        lines[1 : len(n) - _SLOW + 1] = 0.5 * count * waves[_SLOW:]
+        turns = np.exp(2j * np.pi * step * np.outer(np.arange(count), slow))
+        wind = np.fft.irfft(lines, count, axis=0) + (turns @ waves[:_SLOW]).real
         force = AIR * self.drag * self.diameter * speed * wind
         return CableLoad(f"wind_{speed:.1f}_m_s", step, places, force)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import modal_xml
 from mrdamp.envs.damper_sensors import SIGNALS
-from mrdamp.envs.frame_rows import DamperSums, currents, work
+from mrdamp.envs.frame_rows import DamperSums, currents, moved_on, work
 from mrdamp.envs.plants import EngineRows, Moment, Plants
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -95,7 +95,13 @@ class CableRows(EngineRows):
             after[:, self._velocity],
             self.plants.timestep,
         )
-        return found, self._read(now)
+        return found, self._read(self._moved_on(data, now))
+
+    def _moved_on(self, data: Mapping[str, Array], now: Mapping[str, Array]) -> Mapping[str, Array]:
+        """All velocities at the time of the positions: `moved_on`; those of the coordinates by their accelerations."""
+        sensors, last = now["sensordata"].copy(), data["sensordata"][:, -1]
+        sensors[:, self._velocity] = moved_on(last[:, self._velocity], sensors[:, self._velocity])
+        return {**now, "sensordata": sensors, "qvel": now["qvel"] + 0.5 * self.plants.timestep * now["qacc"]}
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
         """`advance` for a single cable in plain numbers, bit-identical: every sum is NumPy's over the same numbers."""
@@ -108,6 +114,8 @@ class CableRows(EngineRows):
             *(whole * square.item() for square in squares),
             *self._sums(size, sensors[:, self._pull], velocity, after[self._velocity]),
         ]
+        now = self._moved_on(data, now)
+        after = now["sensordata"][0].tolist()
         motion = [self._somewhere(now[field])[0].tolist() for field in ("qacc", "qpos", "qvel")]
         return period, [*motion[0], *motion[1], *motion[2], *after[self._direct]]
 

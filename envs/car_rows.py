@@ -86,7 +86,7 @@ class CarRows(FrameRows):
         found[:, 8] = work(
             data[:, :, self._pull], data[:, :, self._velocity], after[:, self._velocity], self.plants.timestep
         )
-        return found, self._read(after, None)
+        return found, self._read(self._moved_on(data, after), None)
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
         """`advance` for a single car in plain numbers."""

@@ -11,10 +11,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableRows
-from mrdamp.envs.car_rows import CarRows, road_acceleration
+from mrdamp.envs.car_rows import CarRows
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.errors import InputError
 from mrdamp.motions import GroundMotion
@@ -131,10 +132,10 @@ class CarChain(Chained, CarRows):
         return np.asarray((load + np.append(load[1:], load[-1])) / 2)
 
     def _load(self, heights: Array) -> Array:
-        """(samples,) m/s2 at the steps."""
-        load = road_acceleration(heights, self.plants.timestep)
-        load[0] *= 2.0  # linear between samples: the first one acts for half as long as the others
-        return load
+        """(samples,) m/s2 at the steps; straight between them it takes the road from rest to every height."""
+        # The second derivative of a cubic spline is straight between its knots.
+        spline = CubicSpline(np.arange(len(heights)), heights, bc_type=((1, 0.0), (2, 0.0)))
+        return np.asarray(spline(np.arange(len(heights) - 1), 2) / self.plants.timestep**2)
 
     def position(self, row: int) -> Array:
         """(3,) m: the road, and the deflections of tyre and suspension."""
@@ -157,8 +158,8 @@ FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {
     "chain": (FrameChain, 1e-3),
 }
 CABLES: Mapping[str, tuple[type[CableRows], float]] = {
-    "mujoco": (CableRows, 1e-3),
-    "chain": (CableChain, 1e-3),
+    "mujoco": (CableRows, 2.5e-4),
+    "chain": (CableChain, 2.5e-4),
 }
 CARS: Mapping[str, tuple[type[CarRows], float]] = {
     "mujoco": (CarRows, 5e-4),

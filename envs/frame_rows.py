@@ -70,6 +70,7 @@ class FrameRows(EngineRows):
         self._drift_velocity = slice(at["drift_velocity_1"].start, at[f"drift_velocity_{floors[-1]}"].stop)
         of = {name: slice(at[name].start, at[sensor_name(name, many[-1])].stop) for name in SIGNALS}
         self._pull, self._velocity = of["pull"], of["stroke_velocity"]
+        self._velocities = np.r_[self._drift_velocity, self._velocity]
         self._current = of["current"]
         self._direct = slice(of["force"].start, of["current"].stop)
         self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
@@ -105,7 +106,13 @@ class FrameRows(EngineRows):
         found[:, 5] = work(
             data[:, :, self._pull], data[:, :, self._velocity], after[:, self._velocity], self.plants.timestep
         )
-        return found, self._read(after, None)
+        return found, self._read(self._moved_on(data, after), None)
+
+    def _moved_on(self, data: Array, after: Array) -> Array:
+        """Sensor data (rows, sensors) with all velocities at the time of the positions: `moved_on`."""
+        now = after.copy()
+        now[:, self._velocities] = moved_on(data[:, -1, self._velocities], after[:, self._velocities])
+        return now
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
         """`advance` for a single frame in plain numbers, bit-identical: every sum is NumPy's over the same numbers."""
@@ -120,6 +127,7 @@ class FrameRows(EngineRows):
             max(largest[self._acceleration]),
             *self._sums(size[:, self._current], data[:, self._pull], velocity, after[self._velocity]),
         ]
+        after = self._moved_on(record["sensordata"], now["sensordata"])[0].tolist()
         drift, floors = after[self._drift], after[self._acceleration]
         if not self.sensors.ideal:
             floors = self.sensors.read(np.array([floors]), None)[0].tolist()
@@ -152,6 +160,11 @@ class FrameRows(EngineRows):
         self.plants.restore(row, state.moment)
         self.sensors.restore(row, state.sensors)
         self.steps[row] = len(state.moment.load) // self.plants.inner - 1
+
+
+def moved_on(before: Array, after: Array) -> Array:
+    """Velocities at the time of the engine's positions, half a step after its own, from two steps (...) of these."""
+    return np.asarray(after + 0.5 * (after - before))
 
 
 def currents(current: Array, command_max: Array) -> Array:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import irfft, next_fast_len
+from scipy.interpolate import CubicSpline
 
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes
@@ -19,16 +22,17 @@ Array = NDArray[np.float64]
 CLASSES = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}
 #: Cycles/m: the reference, and the band of that table.
 _N0, _LOW, _HIGH = 0.1, 0.011, 2.83
-#: m between heights: seventeen of them in the shortest wave, so that linear interpolation is accurate to 1 %.
+#: m between heights: seventeen of them in the shortest wave.
 SPACING = 0.02
+_LINES = 4  # lowest frequency of the band over the distance of the lines, at least
 _COLUMNS = ("position_m", "height_m")
 
 
 @dataclass(frozen=True, eq=False)
 class Road:
-    """Heights under the wheel. name; spacing: m; height: (n,) m, straight in between; speed: m/s.
+    """Heights under the wheel. name; spacing: m; height: (n,) m, a cubic spline in between; speed: m/s.
 
-    The road starts at height 0: what it starts at is taken off. Raises InputError.
+    The spline keeps the wheel's vertical velocity without jumps, which no time step would resolve. The road starts at height 0: what it starts at is taken off. Raises InputError.
     """
 
     name: str
@@ -58,7 +62,11 @@ class Road:
     def at(self, time: ArrayLike) -> Array:
         """(...) m under the wheel at times (...) s; the last height continues after the end."""
         place = self.speed * np.asarray(time, dtype=np.float64) / self.spacing
-        return np.asarray(np.interp(place, np.arange(len(self.height)), self.height))
+        return np.asarray(self._spline(np.clip(place, 0, len(self.height) - 1)))
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(np.arange(len(self.height)), self.height, bc_type="natural")
 
     def scaled(self, factor: float) -> Road:
         """Heights times a factor. Raises InputError."""
@@ -70,8 +78,9 @@ class Road:
 def iso8608(road_class: str, speed: float, duration: float, seed: int, lead: float = 0.5) -> Road:
     """A random road with the spectrum of a class A to D, G(n) = G(0.1) (n / 0.1)^-2 from 0.011 to 2.83 cycles/m.
 
-    Lines of the spectrum with random phases: every draw has just that spectrum. speed: m/s; duration and lead, over
-    which it rises from flat ground: s. Raises InputError.
+    A stretch of a sum of waves with random phases whose lines hold the whole of that band, however short the road is:
+    heights have the variance of the band, 0.01 m2 G(0.1) (1 / 0.011 - 1 / 2.83) / m, over many roads. speed: m/s; duration
+    and lead, over which it rises from flat ground: s. Raises InputError.
     """
     density = CLASSES.get(road_class)
     if density is None:
@@ -81,14 +90,15 @@ def iso8608(road_class: str, speed: float, duration: float, seed: int, lead: flo
             f"road: speed {speed}, duration {duration}, lead {lead}; allowed: > 0, > 0, 0 to the duration"
         )
     count = max(math.ceil(speed * duration / SPACING) + 1, 16)
-    step = 1 / (count * SPACING)
-    n = step * np.arange(1, count // 2)
-    inside = (n >= _LOW) & (n <= _HIGH)
-    amplitude = np.where(inside, np.sqrt(2 * density * (n / _N0) ** -2.0 * step), 0.0)
+    whole = next_fast_len(max(count, math.ceil(_LINES / (_LOW * SPACING))), real=True)
+    step = 1 / (whole * SPACING)
+    n = step * np.arange(1, whole // 2 + 1)
+    # The part of the band that each line stands for: n^-2 integrated.
+    low, high = np.clip(n - 0.5 * step, _LOW, _HIGH), np.clip(n + 0.5 * step, _LOW, _HIGH)
+    variance = density * _N0**2 * (1 / low - 1 / high)
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(n))
-    lines = np.zeros(count // 2 + 1, dtype=np.complex128)
-    lines[1 : len(n) + 1] = 0.5 * count * amplitude * np.exp(1j * phase)
-    height = np.fft.irfft(lines, count)
+    lines = np.append(0.0, 0.5 * whole * np.sqrt(2 * variance) * np.exp(1j * phase))
+    height = irfft(lines, whole)[:count]
     place = SPACING * np.arange(count)
     if lead > 0:
         height = height * 0.5 * (1 - np.cos(np.pi * np.minimum(place / (speed * lead), 1.0)))
