@@ -141,7 +141,7 @@ class Draw:
     def force(self, step: float) -> Array:
         """(n,) N on the motion and the command of every draw, by inner steps of at most `step` (s)."""
         law, parameters, largest = LAWS[self.law]
-        t = np.arange(round(END / DT) + 1) * DT
+        t: Array = np.arange(round(END / DT) + 1, dtype=np.float64) * DT
         x, v, a = motion(t)
         u = command(t, 0.2 * largest if law == "hyperbolic_tangent" else 0.0, largest)
         run = core.run(

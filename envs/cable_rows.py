@@ -114,9 +114,9 @@ class CableRows(EngineRows):
             *(whole * square.item() for square in squares),
             *self._sums(size, sensors[:, self._pull], velocity, after[self._velocity]),
         ]
-        now = self._moved_on(data, now)
-        after = now["sensordata"][0].tolist()
-        motion = [self._somewhere(now[field])[0].tolist() for field in ("qacc", "qpos", "qvel")]
+        moved = self._moved_on(data, now)
+        after = moved["sensordata"][0].tolist()
+        motion = [self._somewhere(moved[field])[0].tolist() for field in ("qacc", "qpos", "qvel")]
         return period, [*motion[0], *motion[1], *motion[2], *after[self._direct]]
 
     def _read(self, data: Mapping[str, Array]) -> Array:

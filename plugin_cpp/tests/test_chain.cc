@@ -33,4 +33,41 @@ TEST(RodForceIsThatOfAnObservation) {
   }
 }
 
+// The slope that solves begin with, against differences of the force at the same state; factors of the velocity have a share.
+TEST(SlopeIsTheDerivativeOfTheForce) {
+  const std::vector<std::vector<std::pair<const char*, double>>> effects = {
+      {},
+      {{"shear_thinning_m", 0.5}, {"shear_thinning_v_s", 0.05}},
+      {{"asymmetry_a", 0.3}},
+      {{"asymmetry_a", -0.3}, {"shear_thinning_m", 0.5}},
+      {{"asymmetry_yield", 0.3}, {"asymmetry_viscous", 0.3}},
+      {{"asymmetry_a", 0.3}, {"asymmetry_force", 100}},
+      {{"trapped_gas_force", 50}, {"trapped_gas_s_g", 0.003}},
+      {{"seal_friction_coulomb", 100}, {"seal_friction_width", 0.002}}};
+  for (const mrdamp::Law law : {mrdamp::Law::kBingham, mrdamp::Law::kBoucWen, mrdamp::Law::kHyperbolicTangent, mrdamp::Law::kModifiedBoucWen}) {
+    for (const auto& effect : effects) {
+      mrdamp::Damper d;
+      d.law = law;
+      mrdamp::Params& p = d.p;
+      p.c0a = p.c0b = 300, p.fya = p.alpha_a = 50, p.fyb = p.alpha_b = 400, p.v_ref = 0.01, p.gamma = 500, p.beta = 300, p.A = 800;
+      p.n = 2, p.c1a = 3000, p.k0 = 300, p.k1 = 100, p.k0a = 900, p.k1a = 30000, p.m0 = 0.5, p.f0a = 100, p.f0b = 300;
+      for (const auto& [name, value] : effect) p.data()[mrdamp::FindAttribute(name)] = value;
+      mrdamp::OwnedState state(d);
+      mrdamp::Start(d, &state.s, 0, 0, 1);
+      const double h = 5e-4, w = 2 * mrdamp::kPi * 3, dv = 1e-7;
+      double most = 0, apart = 0;
+      for (int k = 0; k < 1200; k++) {
+        const double t = k * h, x0 = 0.01 * (1 - std::cos(w * t)), v0 = 0.01 * w * std::sin(w * t);
+        const double x1 = 0.01 * (1 - std::cos(w * (t + h))), v1 = 0.01 * w * std::sin(w * (t + h));
+        mrdamp::Advance(d, &state.s, {x0, v0, x1, v1, h}, 1, 1);
+        const auto force = [&](double v) { return mrdamp::Observe(d, state.s, x1, v, 0, 1).force; };
+        const double slope = (force(v1 + dv) - force(v1 - dv)) / (2 * dv);
+        most = std::fmax(most, std::fabs(slope));
+        apart = std::fmax(apart, std::fabs(mrdamp::Observe(d, state.s, x1, v1, 0, 1).slope - slope));
+      }
+      NEAR(apart, 0, 0.01 * most);
+    }
+  }
+}
+
 }  // namespace

@@ -132,8 +132,53 @@ TEST(ChainLagsAStep) {
   for (int i = 0; i < 100; i++) {
     const double t = std::fmax(i - 10, 0) * dt;
     NEAR(one[i], 0.5 + 1.5 * (1 - std::exp(-t / t1)), 1e-12);
-    // the second pole sees straight pieces of the first one's course
-    NEAR(two[i], 0.5 + 1.5 * (1 - (t1 * std::exp(-t / t1) - t2 * std::exp(-t / t2)) / (t1 - t2)), 1e-3);
+    NEAR(two[i], 0.5 + 1.5 * (1 - (t1 * std::exp(-t / t1) - t2 * std::exp(-t / t2)) / (t1 - t2)), 1e-12);
+  }
+}
+
+// Two poles, also where one is fast against the step or both are equal: t exp(-t / tau) / tau then.
+TEST(TwoPolesAreExactForSteps) {
+  for (const double ratio : {1e-4, 0.02, 0.9999, 1.0, 1.0001, 50.0, 1e4}) {
+    mrdamp::Params p;
+    const double slow = p.driver_lag_tau = 0.002, fast = p.driver_lag_tau2 = ratio * slow;
+    mrdamp::Coil coil;
+    double sum = 0, t = 0;
+    coil.Start(p, 0);
+    for (int k = 0; k < 20; k++) {
+      sum += 5e-4 * coil.Step(p, 1, 1, 5e-4);
+      t += 5e-4;
+      const double apart = std::fabs(ratio - 1) > 1e-8 ? (slow * std::exp(-t / slow) - fast * std::exp(-t / fast)) / (slow - fast)
+                                                        : (1 + t / slow) * std::exp(-t / slow);
+      NEAR(coil.current, 1 - apart, 1e-9);
+    }
+    // Both equations integrated: the current's mean lacks what the poles hold back.
+    NEAR(sum, t - slow * coil.first.y - fast * coil.current, 1e-12);
+  }
+}
+
+// A held command that arrives within a step: the current is that of the exact delay, whatever it is.
+TEST(AHeldDelayIsExactBehindALag) {
+  const auto still = [](double) { return 0.0; };
+  const check::Record r = check::Sample(check::kDt, 60, still, still, [](double t) { return t < 0.02 - 1e-9 ? 0.0 : 1.0; });
+  for (const double delay : {0.0, 1e-4, 3e-4, 5e-4, 8e-4, 1.2e-3}) {
+    const auto current = check::Run("bingham", {{"c0a", 1}, {"driver_lag_tau", 0.005}, {"command_delay_d", delay}}, r,
+                                    MRDAMP_CURRENT, true);
+    for (int i = 0; i < 60; i++) {
+      const double t = i * check::kDt - 0.02 - delay;
+      NEAR(current[i], t > 0 ? 1 - std::exp(-t / 0.005) : 0, 1e-12);
+    }
+  }
+}
+
+// A force that jumps with the command reaches the reading through the filter, not before it.
+TEST(ASensorReadsAJumpAfterIt) {
+  for (const double dt : {2e-4, 1e-3, 5e-3}) {
+    const int n = static_cast<int>(0.1 / dt + 0.5), at = static_cast<int>(0.05 / dt + 0.5);
+    const check::Record r = check::Sample(dt, n, [](double t) { return 0.1 * t; }, [](double) { return 0.1; },
+                                          [&](double t) { return t < 0.05 - 1e-9 ? 0.0 : 1.0; });
+    const std::vector<check::Setting> damper = {{"c0a", 100}, {"fyb", 400}, {"v_ref", 1e-3}, {"sensor_lag_tau", 0.005}};
+    const auto force = check::Run("bingham", damper, r, MRDAMP_FORCE, true);
+    for (int i = 0; i < n; i++) NEAR(force[i], 10 + (i > at ? 400 * (1 - std::exp(-(i - at) * dt / 0.005)) : 0), 1e-6);
   }
 }
 

@@ -76,11 +76,12 @@ TEST(HeatThinsViscosityAndYieldEachByItsOwn) {
 
 TEST(AsymmetryStrengthensExtension) {
   Params p;
-  CHECK(mrdamp::Asymmetry(p, 1) == 1);
+  double rate;
+  CHECK(mrdamp::Asymmetry(p, 1, &rate) == 1);
   p.asymmetry_a = 0.15;
-  NEAR(mrdamp::Asymmetry(p, 1), 1.15, 1e-12);
-  NEAR(mrdamp::Asymmetry(p, -1), 0.85, 1e-12);
-  CHECK(mrdamp::Asymmetry(p, 0) == 1);
+  NEAR(mrdamp::Asymmetry(p, 1, &rate), 1.15, 1e-12);
+  NEAR(mrdamp::Asymmetry(p, -1, &rate), 0.85, 1e-12);
+  CHECK(mrdamp::Asymmetry(p, 0, &rate) == 1);
 }
 
 TEST(AsymmetryHasASharePerPart) {

@@ -32,7 +32,8 @@ _COLUMNS = ("position_m", "height_m")
 class Road:
     """Heights under the wheel. name; spacing: m; height: (n,) m, a cubic spline in between; speed: m/s.
 
-    The spline keeps the wheel's vertical velocity without jumps, which no time step would resolve. The road starts at height 0: what it starts at is taken off. Raises InputError.
+    The spline keeps the wheel's vertical velocity without jumps, which no time step would resolve. The road starts at
+    height 0: what it starts at is taken off. Raises InputError.
     """
 
     name: str
@@ -79,8 +80,8 @@ def iso8608(road_class: str, speed: float, duration: float, seed: int, lead: flo
     """A random road with the spectrum of a class A to D, G(n) = G(0.1) (n / 0.1)^-2 from 0.011 to 2.83 cycles/m.
 
     A stretch of a sum of waves with random phases whose lines hold the whole of that band, however short the road is:
-    heights have the variance of the band, 0.01 m2 G(0.1) (1 / 0.011 - 1 / 2.83) / m, over many roads. speed: m/s; duration
-    and lead, over which it rises from flat ground: s. Raises InputError.
+    over many roads heights have its variance, 0.01 G(0.1) (1 / 0.011 - 1 / 2.83) m2. speed: m/s; duration and lead, over
+    which it rises from flat ground: s. Raises InputError.
     """
     density = CLASSES.get(road_class)
     if density is None:
