@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import modal_xml
 from mrdamp.envs.damper_sensors import SIGNALS
-from mrdamp.envs.frame_rows import DamperSums, currents, moved_on, work
+from mrdamp.envs.frame_rows import DamperSums, currents, work
 from mrdamp.envs.plants import EngineRows, Moment, Plants
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -39,6 +39,7 @@ class CableRows(EngineRows):
             raise InputError(f"cable: measured at {bad[0]} of the length; allowed: between 0 and 1")
         self.cable, self.damper = cable, damper
         self._at = cable.at(np.array(places, dtype=np.float64))  # (p, modes)
+        self._here = cable.at(cable.damper_at)
         many = range(1, len(self._at) + 1)
         self.names: tuple[str, ...] = (
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
@@ -95,13 +96,13 @@ class CableRows(EngineRows):
             after[:, self._velocity],
             self.plants.timestep,
         )
-        return found, self._read(self._moved_on(data, now))
+        return found, self._read(self._moved_on(now))
 
-    def _moved_on(self, data: Mapping[str, Array], now: Mapping[str, Array]) -> Mapping[str, Array]:
-        """All velocities at the time of the positions: `moved_on`; those of the coordinates by their accelerations."""
-        sensors, last = now["sensordata"].copy(), data["sensordata"][:, -1]
-        sensors[:, self._velocity] = moved_on(last[:, self._velocity], sensors[:, self._velocity])
-        return {**now, "sensordata": sensors, "qvel": now["qvel"] + 0.5 * self.plants.timestep * now["qacc"]}
+    def _moved_on(self, now: Mapping[str, Array]) -> Mapping[str, Array]:
+        """All velocities, which stand half a step before the positions, moved on to them by the accelerations."""
+        rise, sensors = 0.5 * self.plants.timestep * now["qacc"], now["sensordata"].copy()
+        sensors[:, self._velocity] += (rise * self._here).sum(axis=-1, keepdims=True)
+        return {**now, "sensordata": sensors, "qvel": now["qvel"] + rise}
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
         """`advance` for a single cable in plain numbers, bit-identical: every sum is NumPy's over the same numbers."""
@@ -114,7 +115,7 @@ class CableRows(EngineRows):
             *(whole * square.item() for square in squares),
             *self._sums(size, sensors[:, self._pull], velocity, after[self._velocity]),
         ]
-        moved = self._moved_on(data, now)
+        moved = self._moved_on(now)
         after = moved["sensordata"][0].tolist()
         motion = [self._somewhere(moved[field])[0].tolist() for field in ("qacc", "qpos", "qvel")]
         return period, [*motion[0], *motion[1], *motion[2], *after[self._direct]]

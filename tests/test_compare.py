@@ -173,7 +173,7 @@ def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_
     assert np.isnan(one.values["active"]["mean_command"]).all()
     assert np.isnan(one.summary("active", "coil_energy").mean)
     on = one.values["on"]
-    assert abs(on["J1"][0, 0, 0] - on["J1"][0, 0, 1]) > 0.003  # the damper is not linear
+    assert abs(on["J1"][0, 0, 0] - on["J1"][0, 0, 1]) > 0.001  # the damper is not linear
     assert on["mean_command"] == pytest.approx(2.25)
     two = compare(BENCH, rows, MOTIONS, (0.5, 2.0), jobs=2)
     for name in ("active", "on"):

@@ -18,6 +18,7 @@ from mrdamp.envs.car_task import car_damper
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import core
+from mrdamp.model.core import Array
 from mrdamp.simulation.roads import iso8608
 from mrdamp.train.evaluate import Act, episodes, forces
 from mrdamp.train.search import EvolutionRun
@@ -164,12 +165,12 @@ def test_shipped_policies_of_the_car_are_five_different_seeds_that_ride_better_t
     bench = CarBench(engine="chain")
     rows = contenders(bench, ["learned", "learned-comfort"], {}, shipped_policies("car"))
     assert all(row.learned and len(row.specs) == 5 for row in rows)
-    road = iso8608("C", 22.0, 6.0, 77)
-    linear = bench.run(UNCONTROLLED, road, 1.0)
+    roads = [iso8608("C", speed, 6.0, 77 + k) for k, speed in enumerate((12.0, 17.0, 22.0, 27.0))]
+    linear = [bench.run(UNCONTROLLED, road, 1.0) for road in roads]
 
-    def ratios(spec: str) -> tuple[float, float]:
-        values = bench.values(bench.run(spec, road, 1.0), linear)
-        return values["comfort"], values["load"]
+    def ratios(spec: str) -> Array:
+        values = [bench.values(bench.run(spec, road, 1.0), free) for road, free in zip(roads, linear, strict=True)]
+        return np.mean([[v["comfort"], v["load"]] for v in values], axis=0)
 
     both, comfortable = (np.array([ratios(spec) for spec in row.specs]) for row in rows)
     assert len(set(np.concatenate([both, comfortable])[:, 0].tolist())) == 10

@@ -19,7 +19,7 @@ from mrdamp.simulation import stepping
 from mrdamp.simulation.mjcf import mjcf, write_mjcf
 from mrdamp.structures import ShearFrame, dyke1996
 
-LIMIT = 0.005  # of the RMS
+LIMIT = 0.006  # of the RMS; most of it is the command, straight in a record, that the engine holds over its steps
 
 SPENCER = {k: v for k, v in sets.load("dyke1996_3kN").parameters.items() if not k.startswith("command")}
 TANH = {

@@ -4,8 +4,9 @@ command -> driver -> magnetics -> fluid -> mechanics -> mount -> sensor, with th
 plugin. Nothing here is shared with the plugin. Reversals of the motion and jumps of the command are made
 ends of integration intervals, so that no step runs over a kink that is known beforehand.
 
-At t = 0 the driver rests at the command, the fluid and friction are free of force, the piston of a
-compliant mount is at x(0), the high-pass of a sensor reads the force and its low-pass stands at that reading.
+At t = 0 the driver rests at the command, the fluid and friction are free of force, the piston of a compliant
+mount is where the springs balance, the high-pass of a sensor reads the force and its low-pass stands at that
+reading.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class Chain:
         for name in ("driver_lag_tau", "driver_lag_tau2"):
             if name in self.index:
                 y[self.index[name]] = self._command(0.0)[0]
-        x = self.motion.x(0.0)
+        x = self._rest(y)
         y[self.laws] = self.law.start(x)
         for name, first in (("heat", self.p["heating_start"]), ("piston", x)):
             if name in self.index:
@@ -90,6 +91,26 @@ class Chain:
             if name in self.index:
                 y[self.index[name]] = reading
         return y
+
+    def _rest(self, y: Array) -> float:
+        """Where the piston stands while the rod does: its springs may be preloaded."""
+        rod = self.motion.x(0.0)
+        if self.rigid:
+            return rod
+
+        def left(x: float) -> float:
+            still = y.copy()
+            still[self.laws] = self.law.start(x)
+            still[self.index["piston"]] = x
+            force = self._damper(still, x, 0.0, self._field(self._command(0.0)[0], y), self._softening(y))[1]
+            return force - self._mount(0.0, still)
+
+        if abs(left(rod)) < 1e-12:
+            return rod
+        reach = 1e-3
+        while left(rod - reach) > 0.0 or left(rod + reach) < 0.0:
+            reach *= 2.0
+        return float(brentq(left, rod - reach, rod + reach, xtol=1e-15, rtol=1e-14))
 
     # --- driver and magnetics ----------------------------------------------------------
     def _command(self, t: float) -> tuple[float, float]:

@@ -186,7 +186,7 @@ void Refine(const Damper& d, State* s, const Piece& m, double field0, double fie
   NarxHistory past;
   if (s->past) past = *s->past;
   const double error = step(m, field0, field1);
-  const double allowed = kAllowed * (MaySlip(d.p) || PistonMass(d.p) > 0 ? kStrict : 1);
+  const double allowed = kAllowed * (MaySlip(d.p) || HasPocket(d.p) || PistonMass(d.p) > 0 ? kStrict : 1);
   if (depth == 0 || error <= allowed * Yield(d, start, field1)) return;
   s->c = start;
   if (s->past) *s->past = past;
@@ -286,7 +286,8 @@ double MountPiece(const Damper& d, State* s, const Piece& m, double field0, doub
   }
   if (MaySlip(p)) {
     const double back = velocity[0] + (velocity[0] - velocity[1]) * kNode[0] / (kNode[1] - kNode[0]);
-    error = std::fmax(error, stiffest * kGamma * m.dt * std::fabs(v0 - back));
+    const double stiff = stiffest + SealSigma(p);
+    error = stiff * std::fmax(Doubt(velocity, m.dt), kGamma * m.dt * std::fabs(v0 - back));
   }
   return HasPocket(p) ? std::fmax(error, Doubt(gas_rate, m.dt) / PocketGive(p, s->c.gas.stretch)) : error;
 }

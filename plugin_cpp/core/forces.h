@@ -99,7 +99,7 @@ inline double FluidForce(const Damper& d, const State& s, double field, double x
     *slope *= limited;
     return force;
   }
-  const double factor = TrappedGas(p, stroke, x, v);
+  const double factor = TrappedGas(p, stroke, x, Either(pace.turned, v));
   *slope *= factor;
   return factor * force;
 }

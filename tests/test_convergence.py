@@ -1,0 +1,239 @@
+"""The default steps are short enough: against finer ones, SciPy, closed forms and sums by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from benchmarks import convergence
+from benchmarks.convergence import Array, Draw, apart, rms
+from mrdamp.envs import FrameTask
+from mrdamp.model import Model, core, effects_from
+from mrdamp.motions import kanai_tajimi
+from mrdamp.structures import dyke1996
+
+
+def shares(some: list[Draw]) -> tuple[float, float]:
+    errors = np.array([convergence.error(one) for one in some])
+    assert np.isfinite(errors).all()
+    return float(np.mean(errors > 0.01)), float(np.mean(errors > 0.05))
+
+
+def test_random_laws_and_effects() -> None:
+    above, far = shares([one for one in convergence.draws(7, 150) if not convergence.rattles(one)])
+    assert above <= 0.02
+    assert far == 0.0
+
+
+@pytest.mark.slow
+def test_many_random_laws_and_effects() -> None:
+    """Of all draws; and of those that have an answer, without a mass that rattles."""
+    some = convergence.draws(11, 1200)
+    above, far = shares(some)
+    assert above <= 0.015
+    assert far <= 0.008
+    above, far = shares([one for one in some if not convergence.rattles(one)])
+    assert above <= 0.005
+    assert far <= 0.002
+
+
+@pytest.mark.parametrize("form", convergence.PASSIVE)
+def test_a_steady_cycle_gives_no_work(form: str) -> None:
+    for law in convergence.LAWS:
+        for amplitude in convergence.AMPLITUDES:
+            assert convergence.work_made(law, convergence.FORMS[form], amplitude) > -0.003
+
+
+DT, END = 1e-3, 0.5
+T: Array = np.arange(round(END / DT) + 1, dtype=np.float64) * DT
+DASHPOT = {"c0a": 300.0, "c0b": -200.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
+
+
+def rod(t: float) -> float:
+    return float(convergence.motion(np.array([t]))[0][0])
+
+
+def run(attributes: Mapping[str, float], u: Array | float = 0.0) -> Array:
+    x, v, a = convergence.motion(T)
+    command = np.full(len(T), u) if np.isscalar(u) else np.asarray(u)
+    return core.run("bingham", attributes, DT, x, v, a, command, hold=True, columns=("force",))["force"]
+
+
+@pytest.mark.parametrize(("coulomb", "breakaway"), [(60.0, 6.0), (200.0, 2.5), (20.0, 15.0)])
+def test_friction_that_falls_with_the_velocity_slips_behind_a_mount(coulomb: float, breakaway: float) -> None:
+    """The dashpot's coefficient jumps with the command, which makes the piston slip within microseconds."""
+    k, v_s, presliding = 4e4, 0.005, 2e-5
+    sigma = coulomb * breakaway / presliding
+    u = (np.arange(len(T)) // 40 % 2).astype(np.float64)
+    seal = {
+        "mount_compliance_k": k, "seal_friction_coulomb": coulomb, "seal_friction_breakaway": breakaway,
+        "seal_friction_v_s": v_s, "seal_friction_presliding": presliding,
+    }  # fmt: skip
+
+    def rates(t: float, y: Array, c: float) -> list[float]:
+        v = (k * (rod(t) - y[0]) - sigma * y[1]) / c
+        limit = coulomb * (1 + (breakaway - 1) * np.exp(-((v / v_s) ** 2)))
+        return [v, v - abs(v) * sigma * y[1] / limit]
+
+    y, expected = np.zeros(2), [0.0]
+    for begin in range(0, len(T) - 1, 40):
+        part = slice(begin, min(begin + 41, len(T)))
+        c = DASHPOT["c0a"] + DASHPOT["c0b"] * u[begin]
+        found = solve_ivp(
+            rates,
+            (T[begin], T[part][-1]),
+            y,
+            "Radau",
+            T[part],
+            args=(c,),
+            rtol=1e-8,
+            atol=1e-11,
+            max_step=1e-4,
+        )
+        y = found.y[:, -1]
+        expected += list(k * (np.array([rod(t) for t in T[part]]) - found.y[0])[1:])
+    force = run({**DASHPOT, **seal}, u)
+    assert rms(force - expected) < 0.02 * rms(np.array(expected))  # slip sets in up to a step late
+    steady = run({**DASHPOT, **seal, "seal_friction_breakaway": 1.0}, u)
+    assert rms(steady - expected) > 0.1 * rms(np.array(expected))
+
+
+def test_a_mass_meets_the_ends_of_a_clearance() -> None:
+    m, k, gap, c = 2.0, 5e5, 1e-3, 300.0
+    damper = {**DASHPOT, "c0b": 0.0, "backlash_gap": gap, "backlash_k": k, "moving_mass_m": m}
+
+    def contact(stretch: Array) -> Array:
+        return np.asarray(k * np.sign(stretch) * np.maximum(np.abs(stretch) - gap / 2, 0.0))
+
+    def rates(t: float, y: Array) -> list[float]:
+        return [y[1], (float(contact(np.array(rod(t) - y[0]))) - c * y[1]) / m]
+
+    y = solve_ivp(rates, (0, END), [0.0, 0.0], "DOP853", T, rtol=1e-9, atol=1e-12, max_step=2e-5).y[0]
+    expected = contact(np.array([rod(t) for t in T]) - y)
+    assert rms(run(damper) - expected) < 0.01 * rms(expected)
+    assert rms(run({**damper, "moving_mass_m": 0.0}) - expected) > 0.1 * rms(expected)
+
+
+def test_a_preloaded_damper_rests_on_its_mount() -> None:
+    """Two springs in series from the start on: -k k1 x0 / (k + k1); also with gas in series."""
+    _, parameters, largest = convergence.LAWS["modified_bouc_wen"]
+    gas = {
+        "trapped_gas_force": 8.76, "trapped_gas_s_g": 0.00438, "trapped_gas_series": 1.0, "trapped_gas_shape": 6.57,
+    }  # fmt: skip
+    k, k1, x0 = 14300.0, parameters["k1"], 0.143
+    for extra in ({}, gas):
+        law = {**parameters, "x0": x0, "mount_compliance_k": k, **extra}
+        still = core.run("modified_bouc_wen", law, DT, np.zeros(100), u=largest, columns=("force", "piston"))
+        np.testing.assert_allclose(still["force"], -k * k1 * x0 / (k + k1), rtol=1e-6)
+        np.testing.assert_allclose(still["piston"], k1 * x0 / (k + k1), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "extra", [{"mount_compliance_k": 2e6}, {"backlash_gap": 3e-4}, {"backlash_gap": 4e-3}]
+)
+@pytest.mark.parametrize("side", ["asymmetry_a", "asymmetry_yield"])
+@pytest.mark.parametrize("law", ["bouc_wen", "hyperbolic_tangent"])
+def test_a_direction_behind_a_mount_has_one_answer(law: str, side: str, extra: dict[str, float]) -> None:
+    assert convergence.error(Draw(law, (), {**extra, side: 0.3})) < 0.01
+
+
+MOTION = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
+BINGHAM = {"c0a": 900.0, "c0b": 500.0, "fya": 60.0, "fyb": 400.0, "v_ref": 0.004}
+
+
+def task(engine: str, timestep: float, **effects: float) -> FrameTask:
+    model = Model("bingham", BINGHAM, effects_from(effects), "frame", dyke1996())
+    made = FrameTask(1, model=model, command_max=1.0, engine=engine, timestep=timestep)
+    made.reset([0], [np.random.default_rng(0)], {"motion": MOTION})
+    return made
+
+
+def periods(made: FrameTask, count: int, every: int = 1) -> tuple[Array, Array]:
+    """Commands, and what was measured after each period, (count, ...)."""
+    actions = np.repeat(np.random.default_rng(5).uniform(-1, 1, (count, 1)), every, axis=0)[:count]
+    commands, found = [], []
+    for action in actions:
+        made.step(action[None])
+        commands.append(float(made.commands(action[None])[0, 0]))
+        found.append(made.measured[0].copy())
+    return np.array(commands), np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("engine", "timestep"), [("chain", 5e-3), ("chain", 1e-3), ("chain", 2e-4), ("mujoco", 5e-4)]
+)
+def test_a_clock_takes_the_command_of_its_tick(engine: str, timestep: float) -> None:
+    """Ticks at the control periods' own ends: every command acts, in its own period."""
+    made = task(engine, timestep, command_delay_period=5e-3)
+    commands, found = periods(made, 150)
+    np.testing.assert_array_equal(found[:, made.rows.names.index("current")], commands)
+
+
+def test_a_mass_that_rings_is_the_same_in_the_engine() -> None:
+    effects = {"driver_lag_tau": 0.005, "moving_mass_m": 4.0, "moving_mass_hz": 60.0}
+    made = task("chain", 5e-5, **effects)
+    force = made.rows.names.index("force")
+    _, fine = periods(made, 190, 5)
+    _, found = periods(task("mujoco", 5e-4, **effects), 190, 5)
+    assert apart(found, fine)[force] < 0.008
+    _, rigid = periods(task("mujoco", 5e-4, driver_lag_tau=0.005, moving_mass_m=4.0), 190, 5)
+    assert apart(rigid, fine)[force] > 0.02
+
+
+#: Per structure: largest error of a signal at the default steps, of the engine and of the chain.
+LIMITS = {"frame": (0.005, 0.005), "cable": (0.01, 0.01), "quarter car": (0.007, 0.005)}
+
+
+@pytest.mark.slow
+def test_the_engine_is_the_chain() -> None:
+    """Every signal but the cable's acceleration where its damper stands."""
+    for name, run_on in convergence.structures():
+        signals, fine = run_on("chain", 5e-5)
+        counts = np.array([not (name == "cable" and signal == "acceleration_1") for signal in signals])
+        for engine, limit in zip(("mujoco", "chain"), LIMITS[name], strict=True):
+            assert apart(run_on(engine, None)[1], fine)[counts].max() < limit, (name, engine)
+
+
+def test_the_engines_sensor_reads_a_jump_after_it() -> None:
+    """A force that jumps with the command passes a lag of 5 ms: 1 - exp(-t / tau) of it, and nothing before."""
+    xml = """<mujoco><option timestep="0.001" gravity="0 0 0"/>
+      <extension>
+        <plugin plugin="mrdamp.damper"><instance name="d">
+          <config key="law" value="bingham"/><config key="c0a" value="100"/><config key="c0b" value="0"/>
+          <config key="fya" value="0"/><config key="fyb" value="400"/><config key="v_ref" value="0.001"/>
+          <config key="sensor_lag_tau" value="0.005"/>
+        </instance></plugin>
+        <plugin plugin="mrdamp.force_sensor"/>
+      </extension>
+      <worldbody><body><joint name="j" type="slide" axis="1 0 0"/><geom size="0.1" mass="1e9"/></body></worldbody>
+      <actuator><plugin name="d" joint="j" plugin="mrdamp.damper" instance="d"/></actuator>
+      <sensor><plugin name="f" plugin="mrdamp.force_sensor" objtype="actuator" objname="d"/></sensor></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qvel[0] = 0.1
+    read = []
+    for k in range(60):
+        data.ctrl[0] = float(k >= 30)
+        mujoco.mj_step(model, data)
+        read.append(data.sensordata[0])
+    after = np.maximum(np.arange(60) - 30, 0) * 1e-3
+    np.testing.assert_allclose(read, 10 + 400 * (1 - np.exp(-after / 0.005)), atol=0.01)
+
+
+def test_a_law_without_a_bound_is_refused() -> None:
+    law = {
+        "c0a": 0.0,
+        "c0b": 0.0,
+        "alpha_a": 1e3,
+        "alpha_b": 0.0,
+        "beta": 900.0,
+        "A": 800.0,
+        "n": 1.0,
+        "k0": 0.0,
+    }
+    with pytest.raises(Exception, match="gamma = -100; it must be at least 0"):
+        core.run("bouc_wen", {**law, "x0": 0.0, "gamma": -100.0}, DT, np.zeros(10), u=0.0, columns=("force",))
