@@ -107,7 +107,7 @@ void PocketStage(const Damper& d, State* s, double x, double v, const Stage& g, 
   const ChainState start = s->c;
   NarxHistory past;
   if (s->past) past = *s->past;
-  const double share = PocketShare(p, v);
+  const double share = PocketShare(p, Either(g.pace.turned, v));
   double tried = 0, wanted = 0, left = 0, own = 0;
   const auto residual = [&](double rate) {
     const double near = s->c.r;
@@ -164,15 +164,16 @@ double JumpedVelocity(const Damper& d, const State& s, double rod, double field)
   return SolveIncreasing(left, c.piston_velocity, std::fmax(slope, 1e-3), tolerance);
 }
 
-// Force (N) that a law settles at, a measure of its size.
-double Yield(const Damper& d, const ChainState& c, double field) {
+// A measure of a damper's force (N) at a velocity.
+double Size(const Damper& d, const ChainState& c, double field, double v) {
   if (d.law == Law::kNarx) return d.net->force_scale;
   const Coefficients k = Evaluate(d.p, d.law, FluidAt(d, c, field), 0);
   const bool hysteresis = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
-  return k.yield * (hysteresis ? std::pow(d.p.A / (k.beta + k.gamma), 1 / d.p.n) : 1) + d.p.seal_friction_coulomb;
+  const double yield = k.yield * (hysteresis ? std::pow(d.p.A / (k.beta + k.gamma), 1 / d.p.n) : 1);
+  return std::fmax(yield + d.p.seal_friction_coulomb, k.c0 * std::fabs(v)) + 1e-6;
 }
 
-// What is in series is stepped again in halves where the error of a piece is above kAllowed of the law's yield force: at
+// What is in series is stepped again in halves where the error of a piece is above kAllowed of the damper's force: at
 // .01 of it a mount alone costs what two fixed pieces did, with the same error. Friction that falls with the velocity and
 // rattling masses go on from an error: kStrict of that. A mass on its mount turns by kTurn (rad) a piece at most. Set on
 // the draws of benchmarks/convergence.py; smaller ones cost up to ten times as much there and change few answers.
@@ -187,7 +188,7 @@ void Refine(const Damper& d, State* s, const Piece& m, double field0, double fie
   if (s->past) past = *s->past;
   const double error = step(m, field0, field1);
   const double allowed = kAllowed * (MaySlip(d.p) || HasPocket(d.p) || PistonMass(d.p) > 0 ? kStrict : 1);
-  if (depth == 0 || error <= allowed * Yield(d, start, field1)) return;
+  if (depth == 0 || !(error > allowed * Size(d, start, field1, std::fmax(std::fabs(m.va), std::fabs(m.vb))))) return;
   s->c = start;
   if (s->past) *s->past = past;
   const double v = 0.5 * (m.va + m.vb), field = 0.5 * (field0 + field1), half = 0.5 * m.dt;
@@ -201,8 +202,9 @@ double PocketPiece(const Damper& d, State* s, const Piece& m, double field0, dou
   double rate[kStages], from = 0;
   for (int k = 0; k < kStages; k++) {
     const double to = kNode[k] * m.dt;
-    PocketStage(d, s, m.x + (m.va + 0.5 * rise * to) * to, m.va + rise * to, {to - from, kGamma * m.dt, Known(before, rate, k, m.dt), {m.va + rise * to, kUnset}},
-                field0 + (field1 - field0) * from / m.dt, field0 + (field1 - field0) * kNode[k]);
+    const double v = m.va + rise * to, field = field0 + (field1 - field0) * from / m.dt;
+    const Stage stage{to - from, kGamma * m.dt, Known(before, rate, k, m.dt), {v, kUnset}};
+    PocketStage(d, s, m.x + (m.va + 0.5 * rise * to) * to, v, stage, field, field0 + (field1 - field0) * kNode[k]);
     rate[k] = s->c.gas.rate;
     from = to;
   }
@@ -280,7 +282,8 @@ double MountPiece(const Damper& d, State* s, const Piece& m, double field0, doub
   double error = stiffest * Doubt(velocity, m.dt);
   if (mass > 0) {
     const auto side = [&](double stretch) { return (stretch > 0) - (stretch < 0); };
-    const bool meets = side(BeyondGap(p, m.x - x0)) != side(BeyondGap(p, m.x + m.path() - s->c.piston));
+    const double from = BeyondGap(p, m.x - x0), to = BeyondGap(p, m.x + m.path() - s->c.piston);
+    const bool meets = p.backlash_gap > 0 && side(from) != side(to);
     const bool rings = s->c.piston_slope * s->c.piston_slope < stiffest * mass;
     if (meets || (rings && stiffest * m.dt * m.dt > kTurn * kTurn * mass)) return kInf;
   }
