@@ -324,8 +324,8 @@ def _random() -> list[str]:
     ]
     return [
         f"{_COUNT} draws (seed {_SEED}) of a law with one or two effects, every parameter within its range and up to a"
-        " factor of 20 from a typical value. Records of 1 ms, commands that jump every 40 ms; the error is the RMS of the"
-        " force at the default inner step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
+        " factor of 20 from a typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force at"
+        " the default inner step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
         "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
         *rows,
         "\nAbove 1 %:\n\n| error | law | effects | rattling mass |\n|---:|---|---|---|",
@@ -384,16 +384,18 @@ def _engines() -> list[str]:
 
 _TEXT = """# Convergence
 
-Is the simulator's answer that of its equations, at the steps that it takes by itself? `python -m benchmarks.convergence`
-writes this page; a short draw is part of `make test`.
+Is the simulator's answer that of its equations, at the steps that it takes by itself?
+`python -m benchmarks.convergence` writes this page; a short draw is part of `make test`.
 
 Limits:
 
-- **A mass that rattles** in a clearance or on a stiff mount, almost undamped: its force at a sample hangs on the phase of
-  hundreds of impacts. Steps of 1 us do not settle it either. Its RMS is right within 3 %.
+- **A mass that rattles** in a clearance or on a stiff mount, almost undamped: its force at a sample hangs on the phase
+  of hundreds of impacts. Steps of 1 us do not settle it either. Its RMS is right within 3 %.
+- **Friction with a large breakaway behind a mount** sticks and slips: a slip sets in up to a step late, and where the
+  force ends just below the breakaway, whether it sets in hangs on the step.
 - **Forces that jump at a turn** (`trapped_gas` without a `width`): a sample beside the jump is right to one step.
-- **The cable's acceleration at the damper's place** is that of the highest of its coordinates, a static correction, on a
-  damper that sticks.
+- **The cable's acceleration at the damper's place** is that of the highest of its coordinates, a static correction, on
+  a damper that sticks.
 """
 
 

@@ -155,8 +155,9 @@ def kanai_tajimi(
             * w^4 / [(w_f^2 - w^2)^2 + (2 z_f w_f w)^2]
 
     e(t) = (t / rise)^2 up to ``rise``, 1 for ``plateau``, exp(-decay (t - rise - plateau)) after.
-    The filters act in the frequency domain, so that the samples have this spectrum up to half the sampling rate. Joined
-    by straight lines, as the structures take them, they have (sin q / q)^4 of it, q = w dt / 2: half at .32 of that rate.
+    The filters act in the frequency domain, so that the samples have this spectrum up to half the sampling rate.
+    Joined by straight lines, as the structures take them, they have (sin q / q)^4 of it with q = w dt / 2: half at
+    .32 of the sampling rate.
 
     Sources: Kanai 1957 (Bull. Earthq. Res. Inst. 35, 309) and Tajimi 1960 (2nd World Conf. Earthq. Eng.)
     for the soil layer, Clough and Penzien, Dynamics of Structures, for the second filter, Amin and Ang

@@ -80,8 +80,8 @@ def iso8608(road_class: str, speed: float, duration: float, seed: int, lead: flo
     """A random road with the spectrum of a class A to D, G(n) = G(0.1) (n / 0.1)^-2 from 0.011 to 2.83 cycles/m.
 
     A stretch of a sum of waves with random phases whose lines hold the whole of that band, however short the road is:
-    over many roads heights have its variance, 0.01 G(0.1) (1 / 0.011 - 1 / 2.83) m2. speed: m/s; duration and lead, over
-    which it rises from flat ground: s. Raises InputError.
+    over many roads heights have its variance, 0.01 G(0.1) (1 / 0.011 - 1 / 2.83) m2. speed: m/s; duration and lead,
+    over which it rises from flat ground: s. Raises InputError.
     """
     density = CLASSES.get(road_class)
     if density is None:
