@@ -98,7 +98,9 @@ def rigid(effort: Effort) -> Section:
         f"Cost of a sample at 1 ms of a Bouc-Wen law (exponent {EXPONENT:g}) by the travel at which it yields, "
         f"over that of a law that yields after {1e3 * YIELDS[0]:g} mm. Strokes are {1e3 * STROKE:g} mm.",
         tuple(
-            of_ratio(f"yields after {1e3 * float(t):g} mm", ratio(costs[t], costs[first]), "rigid", "compliant")
+            of_ratio(
+                f"yields after {1e3 * float(t):g} mm", ratio(costs[t], costs[first]), "rigid", "compliant"
+            )
             for t in others
         ),
     )

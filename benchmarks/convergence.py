@@ -1,17 +1,13 @@
 """Does the chain converge? Laws, effects and pairs of effects over their legal ranges, at the default steps against a
 fine one and against SciPy; work over closed cycles; the engine against the chain.
 
-`python -m benchmarks.convergence` writes docs/convergence.md.
+`benchmarks.convergence_page` writes the page.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -295,128 +291,3 @@ def structures() -> Iterator[tuple[str, Callable[[str, float | None], tuple[Sequ
 def apart(found: Array, expected: Array) -> Array:
     """(signals,) RMS of the differences over the RMS."""
     return np.asarray(np.sqrt(np.mean((found - expected) ** 2, axis=0) / np.mean(expected**2, axis=0)))
-
-
-# --- the page ---------------------------------------------------------------------------
-_PAGE = Path(__file__).resolve().parents[1] / "docs" / "convergence.md"
-_SEED, _COUNT = 1, 1500
-
-
-def _random() -> list[str]:
-    some = draws(_SEED, _COUNT)
-    with ProcessPoolExecutor() as pool:
-        found = np.array(list(pool.map(error, some, chunksize=8)))
-    loose = np.array([rattles(one) for one in some])
-    rows = []
-    for name, part in (
-        ("all", np.full(len(some), True)),
-        ("without a rattling mass", ~loose),
-        ("with one", loose),
-        *((law, ~loose & np.array([one.law == law for one in some])) for law in LAWS),
-    ):
-        e = found[part]
-        shares = " | ".join(f"{100 * np.mean(e > limit):.2f} %" for limit in (0.01, 0.05))
-        rows.append(f"| {name} | {len(e)} | {shares} | {100 * np.median(e):.4f} % | {100 * e.max():.1f} % |")
-    worst = sorted((k for k in range(len(some)) if found[k] > 0.01), key=lambda k: -found[k])
-    listed = [
-        f"| {100 * found[k]:.1f} % | {some[k].law} | {' + '.join(some[k].forms)} | {'yes' if loose[k] else ''} |"
-        for k in worst
-    ]
-    return [
-        f"{_COUNT} draws (seed {_SEED}) of a law with one or two effects, every parameter within its range and up to a"
-        " factor of 20 from a typical value. Records of 1 ms, commands that jump every 40 ms. Errors: RMS of the force"
-        " at the default inner step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
-        "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
-        *rows,
-        "\nAbove 1 %:\n\n| error | law | effects | rattling mass |\n|---:|---|---|---|",
-        *listed,
-    ]
-
-
-def _alone() -> list[str]:
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-    import test_effects as effects
-
-    head = "| effect | " + " | ".join(effects.BASES) + " |\n|---|" + "---:|" * len(effects.BASES)
-    rows = []
-    for name in effects.ALONE:
-        kind = "steps" if name.startswith("driver_lag") or name.endswith("steps") else "wave"
-        cells = []
-        for base in effects.BASES:
-            expected = effects.twin(base, (name,), kind)["force"]
-            known = slice(None, -30) if "channel_shift" in name else slice(None)
-            errors = []
-            for dt in (2e-3, 1e-3, 5e-4):
-                force = effects.run(base, (name,), kind, dt, ("force",))["force"]
-                errors.append(rms((force - expected[:: round(dt / effects.COARSE)])[known]) / rms(expected))
-            cells.append(" / ".join(f"{100 * e:.3f}" for e in errors))
-        rows.append(f"| {name} | " + " | ".join(cells) + " |")
-    return ["Errors of the force in % of its RMS, records of 2 / 1 / 0.5 ms:\n", head, *rows]
-
-
-def _energy() -> list[str]:
-    rows = []
-    for form in PASSIVE:
-        cells = [f"{100 * min(work_made(law, FORMS[form], a) for a in AMPLITUDES):.2f} %" for law in LAWS]
-        rows.append(f"| {form} | " + " | ".join(cells) + " |")
-    head = "| effect | " + " | ".join(LAWS) + " |\n|---|" + "---:|" * len(LAWS)
-    sizes = ", ".join(f"{1e3 * a:g}" for a in AMPLITUDES)
-    return [
-        f"Least share of the work that a steady cycle of 5 Hz keeps, over amplitudes of {sizes} mm:\n",
-        head,
-        *rows,
-    ]
-
-
-def _engines() -> list[str]:
-    rows = []
-    for name, run in structures():
-        signals, fine = run("chain", 5e-5)
-        engine, chain = (apart(run(kind, None)[1], fine) for kind in ("mujoco", "chain"))
-        for signal, a, b in zip(signals, engine, chain, strict=True):
-            rows.append(f"| {name} | {signal} | {100 * a:.2f} % | {100 * b:.2f} % |")
-    return [
-        "Default steps against the chain at 50 us, default dampers, commands drawn anew every fifth period:\n",
-        "| structure | signal | MuJoCo | chain |\n|---|---|---:|---:|",
-        *rows,
-    ]
-
-
-_TEXT = """# Convergence
-
-Is the simulator's answer that of its equations, at the steps that it takes by itself?
-`python -m benchmarks.convergence` writes this page; a short draw is part of `make test`.
-
-Limits:
-
-- **A mass that rattles** in a clearance or on a stiff mount, almost undamped: its force at a sample hangs on the phase
-  of hundreds of impacts. Steps of 1 us do not settle it either. Its RMS is right within 3 %.
-- **Friction with a large breakaway behind a mount** sticks and slips: a slip sets in up to a step late, and where the
-  force ends just below the breakaway, whether it sets in hangs on the step.
-- **Forces that jump at a turn** (`trapped_gas` without a `width`): a sample beside the jump is right to one step.
-- **The cable's acceleration at the damper's place** is that of the highest of its coordinates, a static correction, on
-  a damper that sticks.
-"""
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Writes the page."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.convergence", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=_PAGE, help="the page to write")
-    options = parser.parse_args(arguments)
-    page = [_TEXT]
-    for title, make in (
-        ("Random laws and effects", _random),
-        ("Each effect alone, against SciPy", _alone),
-        ("Work over closed cycles", _energy),
-        ("The engine against the chain", _engines),
-    ):
-        print(title, flush=True)
-        page += [f"\n## {title}\n", *make()]
-    options.output.write_text("\n".join(page) + "\n", encoding="utf-8")
-    print(options.output)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

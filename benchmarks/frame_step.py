@@ -82,8 +82,7 @@ def measure(effort: Effort) -> list[Section]:
         ),
         Section(
             "Where the time goes",
-            "Time of a part: difference of runs with and without it. Bare frame, 0.5 ms, no engine "
-            "clock.",
+            "Time of a part: difference of runs with and without it. Bare frame, 0.5 ms, no engine clock.",
             breakdown(effort),
         ),
     ]

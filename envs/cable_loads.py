@@ -15,7 +15,8 @@ from mrdamp.errors import InputError, require_positive
 
 Array = NDArray[np.float64]
 AIR = 1.25  # kg/m3
-_SLOW = 4  # lines below 1 / duration
+_SLOW = 12  # lines below 1 / duration
+_WITHIN = 8  # points of a line's cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +144,16 @@ class WindLoads:
         step = 1 / (4 * self.bandwidth)
         count = math.ceil(self.duration / step) + 1
         rate = 1 / (count * step)
-        # Lines of an FFT, and the slow ones below its first.
-        slow = rate * (np.arange(_SLOW) + 0.5) / (2 * _SLOW)
-        n = np.append(slow, rate * np.arange(1, math.ceil(self.bandwidth / rate)))
-        width = np.where(n < 0.5 * rate, rate / (2 * _SLOW), rate)
-        scaled = n * self.length_scale / speed
-        spectrum = 4 * (speed * intensity) ** 2 * scaled / n / (1 + 70.8 * scaled**2) ** (5 / 6)
+        # Lines of an FFT, and slow ones below its first, down to where the spectrum is flat; each stands for a cell.
+        edges = np.append(0.0, np.geomspace(min(0.01 * speed / self.length_scale, 0.05 * rate), 0.5 * rate, _SLOW))
+        edges = np.append(edges, rate * (np.arange(1, math.ceil(self.bandwidth / rate)) + 0.5))
+        width = np.diff(edges)
+        inside = edges[:-1, None] + width[:, None] * (np.arange(_WITHIN) + 0.5) / _WITHIN
+        slow = edges[:_SLOW] + 0.5 * width[:_SLOW]
+        n = np.append(slow, rate * np.arange(1, len(width) - _SLOW + 1))
+        scaled = inside * self.length_scale / speed
+        deviation = 4 * (speed * intensity) ** 2 * self.length_scale / speed
+        spectrum = np.mean(deviation / (1 + 70.8 * scaled**2) ** (5 / 6), axis=1)
         places = np.linspace(0.0, 1.0, self.places) if self.places > 1 else np.array([0.5])
         apart = length * np.abs(places[:, None] - places[None, :])
         coherence = np.exp(-self.decay * n[:, None, None] * apart / speed)

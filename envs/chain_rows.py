@@ -129,13 +129,14 @@ class CarChain(Chained, CarRows):
     def pushes(self, road: Road) -> Array:
         """(steps,) m/s2, the acceleration of a road under row 0, means over the steps."""
         load = self._load(self._heights(0, road))
-        return np.asarray((load + np.append(load[1:], load[-1])) / 2)
+        return np.asarray((load[:-1] + load[1:]) / 2)
 
     def _load(self, heights: Array) -> Array:
-        """(samples,) m/s2 at the steps; straight between them it takes the road from rest to every height."""
+        """(samples + 1,) m/s2 at the steps; straight between them it takes the road from rest to every height."""
         # The second derivative of a cubic spline is straight between its knots.
-        spline = CubicSpline(np.arange(len(heights)), heights, bc_type=((1, 0.0), (2, 0.0)))
-        return np.asarray(spline(np.arange(len(heights) - 1), 2) / self.plants.timestep**2)
+        steps = np.arange(len(heights))
+        spline = CubicSpline(steps, heights, bc_type=("clamped", "not-a-knot"))
+        return np.asarray(spline(steps, 2) / self.plants.timestep**2)
 
     def position(self, row: int) -> Array:
         """(3,) m: the road, and the deflections of tyre and suspension."""

@@ -173,6 +173,19 @@ def test_a_clock_takes_the_command_of_its_tick(engine: str, timestep: float) -> 
     np.testing.assert_array_equal(found[:, made.rows.names.index("current")], commands)
 
 
+@pytest.mark.parametrize("delay", [5e-3, 2e-2])
+def test_a_delay_of_whole_periods_has_arrived_when_a_period_ends(delay: float) -> None:
+    """Both engines measure the force of the current that they report: c0 v + fy of it, at these velocities."""
+    for engine, timestep in (("chain", 1e-3), ("mujoco", 5e-4)):
+        made = task(engine, timestep, command_delay_d=delay)
+        _, found = periods(made, 150, 7)
+        names = made.rows.names
+        current, force, v = (found[:, names.index(name)] for name in ("current", "force", "stroke_velocity"))
+        expected = (BINGHAM["c0a"] + BINGHAM["c0b"] * current) * v
+        expected += (BINGHAM["fya"] + BINGHAM["fyb"] * current) * np.tanh(v / BINGHAM["v_ref"])
+        assert rms(force - expected) < 0.02 * rms(expected), engine
+
+
 def test_a_mass_that_rings_is_the_same_in_the_engine() -> None:
     effects = {"driver_lag_tau": 0.005, "moving_mass_m": 4.0, "moving_mass_hz": 60.0}
     made = task("chain", 5e-5, **effects)

@@ -81,6 +81,18 @@ def test_ambient_noise_has_its_size_and_band() -> None:
     assert even.force.shape[1] == 1
 
 
+@pytest.mark.parametrize(("speed", "duration"), [(6.0, 1.0), (15.0, 1.0), (15.0, 20.0)])
+def test_a_short_wind_has_its_whole_deviation(speed: float, duration: float) -> None:
+    """Over many loads: the integral of von Karman's spectrum up to the bandwidth."""
+    source = WindLoads(speed=(speed, speed), intensity=(0.2, 0.2), places=1, duration=duration)
+    rng, size = np.random.default_rng(4), 1.25 * 1.2 * 0.03 * speed
+    squares = [np.mean(source.draw(rng, 12.0).force ** 2) / size**2 for _ in range(3000)]
+    n = np.concatenate([[0.0], np.geomspace(1e-5, 15.0, 20001)])
+    f = n * 50.0 / speed
+    wanted = np.trapezoid(4 * (0.2 * speed) ** 2 * 50.0 / speed / (1 + 70.8 * f**2) ** (5 / 6), n)
+    assert np.sqrt(np.mean(squares)) == pytest.approx(np.sqrt(wanted), rel=0.04)
+
+
 def test_wind_has_von_karmans_spectrum_and_davenports_coherence() -> None:
     source = WindLoads(speed=(20.0, 20.0), intensity=(0.15, 0.15), duration=600.0, bandwidth=8.0, places=5)
     load = source.draw(np.random.default_rng(0), 12.65)

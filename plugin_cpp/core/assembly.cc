@@ -56,6 +56,12 @@ void Assembly::Command(int damper, double command) {
       Observe(*site.d, site.state.s, Stroke(damper), Velocity(damper), site.acceleration, command).force;
 }
 
+bool Assembly::Arrives(int damper, double command) {
+  if (!sites[damper].state.s.line || !CurrentJumps(*sites[damper].d)) return false;
+  Command(damper, command);
+  return true;
+}
+
 // Solves for the force at the step's end of one element while those of the others stand as they are.
 void Assembly::Balance(int j, int sweep, double u0, double u1, double* moved, double* size) {
   const int count = static_cast<int>(elements.size()), n = linear_.n(), dampers = static_cast<int>(sites.size());
@@ -145,9 +151,7 @@ void Assembly::Step(const double* load0, const double* load1, const double* u0, 
   const int count = static_cast<int>(elements.size()), n = linear_.n(), dampers = static_cast<int>(sites.size());
   const double h = linear_.h();
   linear_.Free(q.data(), load0, load1, free_.data());
-  for (int k = 0; k < dampers; k++) {
-    if (sites[k].state.s.line && CurrentJumps(*sites[k].d)) Command(k, u0[k]);
-  }
+  for (int k = 0; k < dampers; k++) Arrives(k, u0[k]);
   for (Element& e : elements) e.next = e.force;
   std::fill(blend_.begin(), blend_.end(), 0.0);
   for (int sweep = 0; sweep < (count > 1 ? 40 : 1); sweep++) {

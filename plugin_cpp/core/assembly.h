@@ -50,6 +50,8 @@ class Assembly {
   void Start(const double* command);
   // The damper's force at the present, with a new command.
   void Command(int damper, double command);
+  // The same where a delayed command may jump at the present; false if it cannot.
+  bool Arrives(int damper, double command);
   // A step with loads linear from load0 to load1 and commands from u0 to u1; `settle`: those at its end.
   void Step(const double* load0, const double* load1, const double* u0, const double* u1, const double* settle);
 

@@ -132,8 +132,21 @@ void RunRecord(const Damper& d, const RecordView& record, const RunIn& before, i
   const auto step = [&](int i, int t0) {
     const double first = r.u[i - 1], now = d.hold ? first : r.u[i];
     if (s.line) s.line->Push(((d.hold ? i - 1 : i) - t0) * r.dt, d.Clamp(now), Reach(d.p));
-    Advance(d, &s, {r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt}, first, now);
-    if (jumps) sensor.Step(reading, Observe(d, s, r.x[i], r.v[i], r.a[i], now, kBefore).force, r.dt);
+    Motion m{r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt};
+    double a = r.a[i - 1];
+    if (jumps && s.line) {  // the sensor sees a jump where it arrives
+      for (double to; (to = NextJump(*s.line, d.p, s.c.time) - s.c.time) < m.dt - kSame;) {
+        const double w = to / m.dt, shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
+        const double v0 = m.v0 + shift, v = v0 + w * (m.v1 - m.v0), x = m.x0 + 0.5 * (v0 + v) * to;
+        a += w * (r.a[i] - a);
+        Advance(d, &s, {m.x0, v0, x, v, to}, first, now);
+        sensor.Step(reading, Observe(d, s, x, v, a, now, kBefore).force, to);
+        sensor.Step(reading, Observe(d, s, x, v, a, now).force, 0);
+        m = {x, v, m.x1, m.v1 + shift, m.dt - to};
+      }
+    }
+    Advance(d, &s, m, first, now);
+    if (jumps) sensor.Step(reading, Observe(d, s, r.x[i], r.v[i], r.a[i], now, kBefore).force, m.dt);
     if (s.line && d.hold) s.line->Push((i - t0) * r.dt, d.Clamp(r.u[i]), Reach(d.p));
     Settle(d, &s, r.x[i], r.v[i], r.u[i]);
   };

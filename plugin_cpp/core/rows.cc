@@ -242,6 +242,10 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
     for (int k = 0; k < many; k++) w->current[k] = std::fabs(CurrentNow(*a.sites[k].d, a.sites[k].state.s, command[k]));
     LoadAt(load, begin + step + 1, w->load1.data());
     a.Step(w->load0.data(), w->load1.data(), command, command, command);
+    for (int k = 0; k < many; k++) {
+      w->sensors[k].Step(readings_[k], a.elements[k].force, h);
+      if (a.Arrives(k, command[k])) w->sensors[k].Step(readings_[k], a.elements[k].force, 0);
+    }
     w->load0.swap(w->load1);
     Rates(w);
     if (rides) Ride(ride, w);
@@ -258,7 +262,6 @@ void Rows::StepOne(double* state, const mrdamp_load& load, const double* command
         current += size;
       }
       energy += a.sites[k].work;
-      w->sensors[k].Step(readings_[k], a.elements[k].force, h);
     }
     for (int i = 0; plan_.peaks && i < plan_.instants; i++) {
       const double s = static_cast<double>(i) / plan_.instants;

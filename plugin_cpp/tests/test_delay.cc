@@ -170,15 +170,18 @@ TEST(AHeldDelayIsExactBehindALag) {
   }
 }
 
-// A force that jumps with the command reaches the reading through the filter, not before it.
+// A force that jumps with the command reaches the reading through the filter, not before it, wherever in a step it jumps.
 TEST(ASensorReadsAJumpAfterIt) {
-  for (const double dt : {2e-4, 1e-3, 5e-3}) {
+  for (const double delay : {0.0, 7.3e-3, 1e-2}) for (const double dt : {2e-4, 1e-3, 5e-3}) {
     const int n = static_cast<int>(0.1 / dt + 0.5), at = static_cast<int>(0.05 / dt + 0.5);
     const check::Record r = check::Sample(dt, n, [](double t) { return 0.1 * t; }, [](double) { return 0.1; },
                                           [&](double t) { return t < 0.05 - 1e-9 ? 0.0 : 1.0; });
-    const std::vector<check::Setting> damper = {{"c0a", 100}, {"fyb", 400}, {"v_ref", 1e-3}, {"sensor_lag_tau", 0.005}};
+    const std::vector<check::Setting> damper = {{"c0a", 100}, {"fyb", 400}, {"v_ref", 1e-3}, {"sensor_lag_tau", 0.005}, {"command_delay_d", delay}};
     const auto force = check::Run("bingham", damper, r, MRDAMP_FORCE, true);
-    for (int i = 0; i < n; i++) NEAR(force[i], 10 + (i > at ? 400 * (1 - std::exp(-(i - at) * dt / 0.005)) : 0), 1e-6);
+    for (int i = 0; i < n; i++) {
+      const double t = (i - at) * dt - delay;
+      NEAR(force[i], 10 + (t > 0 ? 400 * (1 - std::exp(-t / 0.005)) : 0), 1e-6);
+    }
   }
 }
 
