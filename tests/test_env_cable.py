@@ -207,7 +207,7 @@ def test_the_chain_is_damped_like_the_string(place: float) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "sag", "strength", "limits"),
-    [("dashpot", 1.0, 0.2, (0.03, 0.03, 0.05)), ("yielding", 0.0, 16.0, (0.03, 0.1, 0.3))],
+    [("dashpot", 1.0, 0.05, (0.03, 0.03, 0.05)), ("yielding", 0.0, 16.0, (0.03, 0.1, 0.3))],
 )
 def test_both_models_move_alike(kind: str, sag: float, strength: float, limits: tuple[float, ...]) -> None:
     """Wind on the natural coordinates and on the chain's nodes: motion at mid-span, stroke and force, RMS error.
@@ -269,7 +269,7 @@ def test_the_input_is_kinetic_strain_and_dissipated_energy(strength: float) -> N
     held = 0.5 * ((speeds[1:] + speeds[:-1]) ** 2 / 4 @ np.ones(len(w)) + after[:-1] ** 2 @ w**2)
     balance = (given - ours - taken)[:-1] - held
     assert np.abs(balance).max() < 0.005 * given.max()
-    assert taken[-1] > 0.1 * given.max()
+    assert taken[-1] > 0.05 * given.max()
 
 
 def test_motion_is_measured_where_it_is() -> None:
