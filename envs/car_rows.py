@@ -67,7 +67,10 @@ class CarRows(FrameRows):
         """(samples + 1,) m."""
         self.roads[row] = road
         time = self._step_times(row, road.duration)
-        return road.at(np.append(time, time[-1] + self.plants.timestep))
+        time = np.append(time, time[-1] + self.plants.timestep)
+        # Straight on within the last period: a stop would be a blow at the road's end.
+        beyond, last = np.maximum(time - road.duration, 0.0), np.array([road.duration - 1e-6, road.duration])
+        return np.asarray(road.at(time) + beyond * np.diff(road.at(last)) / 1e-6)
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
         """One control period with commands (n, 1) held: `PERIOD` (n, 9), and the sensor readings after it."""
