@@ -1,17 +1,14 @@
-"""Data left out of a fit: whole records, halves of records and regimes, and the evidence that they give."""
+"""Data left out of a fit: whole records and folds, and the evidence that they give."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
-from mrdamp.diagnosis.constants import RECORD_VARIANCE
+from mrdamp.diagnosis.constants import CELL_SCALE
 from mrdamp.diagnosis.evidence import judgement
-from mrdamp.diagnosis.evidence.established import utility
-from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out, leave_out_halves
-from mrdamp.diagnosis.fits.record_costs import over_records
-from mrdamp.diagnosis.fits.regimes import groupings, left_out
+from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out
+from mrdamp.diagnosis.fits.left_out import cells, folds, predicted, ratio
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -43,29 +40,61 @@ def test_left_out_records_are_predicted_from_the_others_alone() -> None:
     assert np.isnan(np.delete(gaps, 2)).all()
 
 
-def test_halves_left_out_are_predicted_from_all_other_samples() -> None:
-    """The toy is linear in its terms: least squares over the other half and the other records."""
-    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3, records=3)
+@pytest.mark.parametrize("records", [3, 6])
+def test_folds_are_predicted_from_all_other_samples(records: int) -> None:
+    """The toy is linear in its terms: least squares over what is not left out, thirds in time or groups of records."""
+    rig = toy({"cubic": 0.3, "offset": 0.1}, noise=0.3, records=records)
     problem = Problem(rig)
     hypothesis = Hypothesis((), tuple(t for t in rig.terms if t.effect in ("cubic", "offset")))
     found = fit(problem, hypothesis, hypothesis.start(), tolerance=1e-9)
-    tables, rests = [], []
+    tables, rests, thirds = [], [], []
     for b in problem.blocks:
         take = problem.taken(b.record)
         made = {k: v[take] for k, v in parts(np.asarray(rig.records[b.record].displacement)).items()}
-        scale = b.size * np.sqrt(b.span.stop - b.span.start)
+        n = b.span.stop - b.span.start
+        scale = b.size * np.sqrt(n)
         tables.append(np.column_stack([made["cubic"], made["offset"]]) / scale)
         rests.append((rig.measured(b.record)[0, take] - 2 * made["gain"]) / scale)
+        thirds.append(np.repeat([0, 1, 2], [-(-n // 3), -(-2 * n // 3) - -(-n // 3), n - -(-2 * n // 3)]))
     table, rest = np.vstack(tables), np.concatenate(rests)
-    expected = []
-    for b in problem.blocks:
-        middle, cost = (b.span.start + b.span.stop) // 2, 0.0
-        for half in (slice(b.span.start, middle), slice(middle, b.span.stop)):
-            others = np.delete(np.arange(len(rest)), half)
-            numbers = np.linalg.lstsq(table[others], rest[others])[0]
-            cost += float(np.sum((table[half] @ numbers - rest[half]) ** 2))
-        expected.append(cost)
-    assert leave_out_halves(problem, found) == pytest.approx(np.array(expected), rel=1e-4)
+    left = folds(problem)
+    assert np.array_equal(np.sum(left, axis=0), np.ones(problem.samples))
+    if records == 3:
+        assert np.array_equal(np.argmax(left, axis=0), np.concatenate(thirds))
+    else:
+        assert len(left) == 4
+        assert all(m[b.span].all() or not m[b.span].any() for m in left for b in problem.blocks)
+    expected = np.empty(problem.samples)
+    for mask in left:
+        numbers = np.linalg.lstsq(table[~mask], rest[~mask])[0]
+        expected[mask] = (table @ numbers - rest)[mask]
+    assert predicted(problem, found, left) == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
+
+
+def test_a_cell_is_an_eighth_of_a_stroke_in_one_direction() -> None:
+    """A triangle of eight units to and fro: each unit is an eighth of a stroke, in each direction one cell."""
+    up = np.arange(0.5, 800.5) / 100
+    x = np.tile(np.concatenate([up, up[::-1]]), 3)
+    rig = ToyRig((Record("a", None, 0.01, {"displacement_m": x, "command": 0 * x, "force_N": x}),))
+    problem = Problem(rig)
+    cell = cells(problem)
+    assert len(np.unique(cell)) == 16
+    taken = problem.taken(0)
+    unit, forward = np.floor(x).astype(int)[taken], (np.gradient(x) > 0)[taken]
+    inner = (np.abs(x[taken] - np.round(x[taken])) > 0.2) & (np.arange(len(x))[taken] > 1600)
+    where = {(u, f): set(cell[inner & (unit == u) & (forward == f)]) for u in range(8) for f in (True, False)}
+    assert all(len(found) == 1 for found in where.values())
+    assert len(set.union(*where.values())) == 16
+
+
+def test_a_ratio_is_a_geometric_mean_over_cells_and_none_counts_without_limit() -> None:
+    """By hand: reference squares 1 and 3, their mean 2; one is halved, the other is gone."""
+    cell, before = np.array([0, 0, 1, 1]), np.array([1.0, -1.0, np.sqrt(3), np.sqrt(3)])
+    after = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+    scale = 2 * CELL_SCALE
+    expected = np.sqrt((0.5 + scale) / (1 + scale) * scale / (3 + scale))
+    assert ratio(after, before, cell) == pytest.approx(expected)
+    assert ratio(before, before, cell) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("offset", [1.0, 0.01])
@@ -83,42 +112,16 @@ def test_a_step_that_makes_the_kept_records_worse_is_halved(slope: float, left: 
     assert gap == pytest.approx(left, abs=0.02)
 
 
-def test_no_record_counts_without_limit() -> None:
-    search = Search(Problem(toy({"cubic": 0.3}, records=3)), 1e-5)
-    nominal = search.problem.costs(search.problem.gaps(search.residual))
-    assert over_records(search, nominal) == pytest.approx(search.nominal_cost)
-    assert over_records(search, 0.1 * nominal) > 0.1 * search.nominal_cost
-    scale = RECORD_VARIANCE * nominal.mean()
-    gone = over_records(search, nominal * [1, 0, 1]) / search.nominal_cost
-    assert gone == pytest.approx((scale / (nominal[1] + scale)) ** (1 / 3))
-
-
-def test_a_free_law_has_to_hold_in_regimes_left_out() -> None:
-    """A fifth power is fitted by a gain and a cubic term: over other speeds and strokes they err more."""
-    search = Search(Problem(toy({"fifth": 0.5})), 1e-6)
+def test_a_cause_beside_a_free_law_is_compared_with_the_free_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gain is wrong and a cubic term is missing: the gain's part is no evidence for the cubic term."""
+    monkeypatch.setattr(judgement, "_IMPROBABLE", np.inf)
+    search = Search(Problem(toy({"gain": 2.6, "fifth": 0.3}, noise=0.2)), 1e-6)
     (cubic,) = (t for t in search.problem.rig.terms if t.effect == "cubic")
-    found = search.fitted(Hypothesis(search.problem.rig.nominal, (cubic,)), np.zeros(2), most=9)
-    halves = over_records(search, leave_out_halves(search.problem, found))
-    left = [left_out(search.problem, found, g.groups) for g in groupings(search.problem)]
-    regimes = max(over_records(search, search.problem.costs(gaps)) for gaps in left)
-    assert regimes > 1.1 * halves
-    assert judgement.left_out_costs(search, [found]) == {id(found): pytest.approx(regimes)}
-
-
-def test_what_a_cause_does_in_one_record_is_not_hidden_by_the_errors_of_others() -> None:
-    """The law errs in three records of four, which the cause cannot affect; in the fourth the cause is nearly all."""
-    rng = np.random.default_rng(1)
-    made = []
-    for k, r in enumerate(toy({}, records=4).records):
-        x = np.asarray(r.displacement) * (1.0 if k == 2 else 0.5)
-        error = lfilter([0.1], [1, -0.9], rng.normal(0, 0.03 if k == 2 else 0.4, r.n))
-        force = 2 * x + error + (0.5 * parts(x)["outside"] if k == 2 else 0.0)
-        made.append(Record(r.name, None, r.sample_time, {"displacement_m": x, "command": 0 * x, "force_N": force}))
-    search = Search(Problem(ToyRig(tuple(made))), 1e-6)
-    cause = Term("outside", "fluid", (Coordinate("outside", 0.0, -50.0, 50.0, 0.1),), ((0.2,),))
-    search.keep(search.fitted(Hypothesis((), (cause,)), np.zeros(1), most=6))
-    fits = search.ranked(False)
-    found = judgement.decided(search, fits, {}, None)
-    assert (found.verdict, found.chosen.causes) == ("effect", ("outside",))
-    (named,) = (f for f in fits if f.hypothesis.causes)
-    assert utility(named.cost / search.nominal_cost, 1, 1, free=False) < -1  # by the sum over records there is none
+    nominal = search.problem.rig.nominal
+    free = search.fitted(Hypothesis(nominal, (cubic,)), np.zeros(2), most=9)
+    held = search.fitted(Hypothesis((), (cubic,)), np.zeros(1), most=9)
+    found = judgement.left_out_ratios(search, [search.base, free, held])
+    cell, alone = search.cells, search.predicted(search.base)
+    assert found[id(free)] == pytest.approx(ratio(search.predicted(free), alone, cell))
+    assert found[id(held)] == pytest.approx(ratio(search.predicted(held), search.residual, cell))
+    assert found[id(search.base)] == pytest.approx(ratio(alone, search.residual, cell))

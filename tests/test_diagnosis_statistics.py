@@ -13,7 +13,7 @@ from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import LAPSE, UNKNOWN_ABOVE
 from mrdamp.diagnosis.damper_run import judge
-from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit, stroke_since_reversal
+from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit
 from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.verdict import (
     Scored,
@@ -36,6 +36,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+from mrdamp.records.motion import stroke_since_reversal
 from mrdamp.records.sampling import memory
 from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import repaired_ends as repaired_ends

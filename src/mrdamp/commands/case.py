@@ -43,6 +43,7 @@ def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
     from mrdamp.commands.models import named_model
     from mrdamp.records import SUFFIXES, read_record
+    from mrdamp.records.provenance import IDENTIFIED_ON
     from mrdamp.simulation.predict import INPUTS
 
     model = named_model(a.model)
@@ -74,6 +75,8 @@ def run_case(a: argparse.Namespace) -> int:
         "channels": shared,
         "records": [n for f, n in names.items() if f not in untouched],
     }
+    if IDENTIFIED_ON in model.extra:
+        data[IDENTIFIED_ON] = model.extra[IDENTIFIED_ON]
     if untouched:
         data["baseline"] = list(untouched.values())
     try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.comparison import RecordNorms
     from mrdamp.identify.intervals import ChannelFinding, Interval
+    from mrdamp.model import Model
     from mrdamp.records import Record, RecordSet
 
 _UNITS = "A", "V"
@@ -191,7 +193,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     else:
         fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
-    fit.model.write(a.out)
+    _write(fit.model, records, a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
     if said := unexplained(records.validation, fit.held_out_nrmse):
         print(f"  fitted records {fit.train_nrmse:.3f}; the held-out records do not judge it:")
@@ -277,7 +279,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         seed=a.seed,
         progress=_show_progress,
     )
-    found.model.write(a.out)
+    _write(found.model, records, a.out)
     print(f"{a.law}: one fit per constant command:")
     for command, fit in found.fits:
         print(f"  command {command:8.4g}  {len(fit.train):2d} records  error {fit.train_nrmse:.3f}")
@@ -372,6 +374,14 @@ def _records(paths: Sequence[Path], cutoff: float | None = None) -> RecordSet:
 
     records = embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
     return records if cutoff is None else records.smoothed(cutoff)
+
+
+def _write(model: Model, records: RecordSet, out: Path) -> None:
+    """Writes a model with the names and hashes of its records, by which `mrdamp case` recognises them."""
+    from mrdamp.records.provenance import IDENTIFIED_ON, identified_on
+
+    used = identified_on([*records.train, *records.validation])
+    replace(model, extra={**model.extra, IDENTIFIED_ON: used} if used else model.extra).write(out)
 
 
 def _show_progress(what: str, share: float) -> None:

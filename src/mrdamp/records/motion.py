@@ -34,6 +34,23 @@ def path(x: Array) -> Array:
     return out
 
 
+def stroke_since_reversal(x: Array, back: float) -> Array:
+    """(n,) distance from the last turning point. A turn counts after a reversal by `back` (m)."""
+    out = np.empty(len(x))
+    turn = extreme = float(x[0])
+    direction = 0.0
+    for k, value in enumerate(x.tolist()):
+        if direction == 0.0:
+            if abs(value - turn) > back:
+                direction, extreme = (1.0 if value > turn else -1.0), value
+        elif (value - extreme) * direction >= 0:
+            extreme = value
+        elif (extreme - value) * direction > back:
+            turn, extreme, direction = extreme, value, -direction
+        out[k] = value - turn
+    return out
+
+
 def cut(x: Array) -> int:
     """Sample at which a displacement (n,) has covered `FITTED_SHARE` of its path; of its time, where it stands still.
 

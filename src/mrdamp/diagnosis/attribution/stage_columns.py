@@ -21,10 +21,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.diagnosis.evidence.ceiling import stroke_since_reversal
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
+from mrdamp.records.motion import stroke_since_reversal
 from mrdamp.records.sampling import derivative, memory
 
 #: Increments of the command and of the motion, as shares of the largest command and of the stroke's

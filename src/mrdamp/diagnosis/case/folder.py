@@ -16,13 +16,14 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
+from mrdamp.records.provenance import IDENTIFIED_ON, hashes, text_hash
 
 #: Least number of samples of a record.
 LEAST = 100
 #: Keys of a case.json.
 _KEYS = (
     "name", "format", "rig", "sample_rate_hz", "hold", "nominal", "channels", "records", "baseline", "notes",
-    "command_log", "logger",
+    "command_log", "logger", IDENTIFIED_ON,
 )  # fmt: skip
 _INPUTS = {"damper": DAMPER_INPUTS, "frame": FRAME_INPUTS}
 #: Two tests have the same input if their inputs differ by at most this share of their RMS.
@@ -34,7 +35,8 @@ class Case:
     """A case as read.
 
     model: nominal simulator. records: without repeats. repeats: each with the number of the record that it
-    repeats. baseline: records of the rig in the state in which the nominal simulator was identified.
+    repeats. baseline: records of the rig in the state in which the nominal simulator was identified. own: number of the
+    records that the nominal simulator was identified on; None if the case does not say on which it was.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Case:
     records: tuple[Record, ...]
     repeats: tuple[tuple[Record, int | None], ...]
     baseline: tuple[Record, ...] = ()
+    own: int | None = None
 
 
 def read_case(folder: Path | str) -> Case:
@@ -74,7 +77,11 @@ def read_case(folder: Path | str) -> Case:
         _record(folder, path, name, channels, data.get("sample_rate_hz"))
         for name in _baseline(path, data, names)
     )
-    return Case(str(data.get("name", folder.name)), folder, model, records, repeats, baseline)
+    own = None
+    if IDENTIFIED_ON in data:
+        used = hashes(str(path), data[IDENTIFIED_ON])
+        own = sum(text_hash(folder / name) in used for name in names)
+    return Case(str(data.get("name", folder.name)), folder, model, records, repeats, baseline, own)
 
 
 def _baseline(path: Path, data: Mapping[str, Any], names: Sequence[str]) -> tuple[str, ...]:

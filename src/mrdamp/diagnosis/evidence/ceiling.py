@@ -14,6 +14,7 @@ import numpy as np
 
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
+from mrdamp.records.motion import stroke_since_reversal
 from mrdamp.records.sampling import memory
 
 #: Number of random features; ridge parameter over the number of samples.
@@ -33,23 +34,6 @@ class Ceiling:
 
     predictable: float
     corrected: tuple[Array, ...]
-
-
-def stroke_since_reversal(x: Array, back: float) -> Array:
-    """(n,) distance from the last turning point. A turn counts after a reversal by `back` (m)."""
-    out = np.empty(len(x))
-    turn = extreme = float(x[0])
-    direction = 0.0
-    for k, value in enumerate(x.tolist()):
-        if direction == 0.0:
-            if abs(value - turn) > back:
-                direction, extreme = (1.0 if value > turn else -1.0), value
-        elif (value - extreme) * direction >= 0:
-            extreme = value
-        elif (extreme - value) * direction > back:
-            turn, extreme, direction = extreme, value, -direction
-        out[k] = value - turn
-    return out
 
 
 def features(

@@ -45,14 +45,14 @@ class Standing:
     others: float
 
 
-def utility(left: float, causes: int, numbers: int, *, free: bool, penalty: float = 0.0) -> float:
-    """Utility (nats) of a fit relative to the nominal simulator.
+def utility(left: float, causes: int, numbers: int, *, law: bool = False, penalty: float = 0.0) -> float:
+    """Utility (nats) of a fit relative to the simulator without its causes.
 
-    left: cost on left-out records over the nominal simulator's. causes, numbers: number of causes and of
-    their parameters. free: the nominal parameters are free. penalty: nats against the fit.
+    left: what the fit leaves of the left-out squares of that simulator (`fits.left_out.ratio`). causes, numbers: number
+    of causes and of their parameters. law: nominal parameters are the only change. penalty: nats against the fit.
     """
     gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
-    size = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * free
+    size = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * law
     return gain - size - penalty
 
 

@@ -22,9 +22,8 @@ from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
-from mrdamp.diagnosis.fits.least_squares import Fit, fit, leave_out_halves
-from mrdamp.diagnosis.fits.record_costs import over_records, own_cost
-from mrdamp.diagnosis.fits.regimes import groupings, left_out, regime_cost
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.left_out import ratio
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
@@ -32,7 +31,7 @@ from mrdamp.diagnosis.problem.residuals import Problem
 #: Number of fits of an unknown cause that are evaluated on left-out records.
 _NEAREST = 6
 #: A fit this many nats below the best one, penalties included, is ruled out.
-_IMPROBABLE = 20.0
+_IMPROBABLE = 10.0
 
 
 def decided(
@@ -50,7 +49,7 @@ def decided(
     """
     against = against_baseline(search, baseline, fits)
     all_nats = {id(f): penalties.get(id(f), 0.0) + against.get(id(f), 0.0) for f in fits}
-    left = left_out_costs(search, [*fits, *search.rivals])
+    left = left_out_ratios(search, [*fits, *search.rivals])
     known, rivals = scored(fits, all_nats, search.direct, left), scored(search.rivals, left_out=left)
     if not moves:
         known, rivals = ([replace(s, move=0.0) for s in some] for some in (known, rivals))
@@ -69,36 +68,42 @@ def against_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fi
     return of_baseline(baseline, fits, LOGIT_GAIN if search.inexact else 0.5 * INDEPENDENT)
 
 
-def left_out_costs(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
-    """Costs by id on left-out records, if no fit reaches the noise.
+def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
+    """What each fit, by id, leaves of the left-out squares of the simulator without its causes, if no fit reaches the
+    noise.
 
-    The halves of each record are left out in turn. Fits with free nominal parameters have the larger of this cost and
-    of those with regimes left out. Costs of records are averaged in the logarithm (`over_records`). Fits that are
-    improbable even with the cost of their own fit have this cost.
+    That simulator has the same parameters free: a cause beside free nominal parameters is compared with these
+    alone, one beside fixed ones with the nominal simulator. Fits that are improbable even on what they were
+    fitted to are not made again.
     """
     if not search.inexact:
         return {}
+    law, nominal, cell = search.base, search.residual, search.cells
     moving = [f for f in fits if f.hypothesis.coordinates]
-    out = {id(f): own_cost(search, f) for f in moving}
+    alone = {True: law.residual, False: nominal}
+    out = {id(f): ratio(f.residual, alone[_beside_law(f)], cell) for f in moving}
     most = {id(f): _own_utility(search, f, out[id(f)]) for f in moving}
-    best = 0.0  # utility of the nominal simulator
+    alone[True] = search.predicted(law)
+    best = 0.0  # utility of the simulators without a cause
     for f in sorted(moving, key=lambda f: -most[id(f)]):
         if most[id(f)] < best - _IMPROBABLE:
             break
-        out[id(f)] = over_records(search, leave_out_halves(search.problem, f))
-        if f.hypothesis.nominal and _own_utility(search, f, out[id(f)]) > best - _IMPROBABLE:
-            regimes = (left_out(search.problem, f, g.groups) for g in groupings(search.problem))
-            out[id(f)] = max(out[id(f)], *(over_records(search, search.problem.costs(gaps)) for gaps in regimes))
+        out[id(f)] = ratio(search.predicted(f), alone[_beside_law(f)], cell)
         best = max(best, _own_utility(search, f, out[id(f)]))
     return out
 
 
+def _beside_law(f: Fit) -> bool:
+    """True if a fit has causes beside free nominal parameters."""
+    return bool(f.hypothesis.nominal and f.hypothesis.terms)
+
+
 def _own_utility(search: Search, f: Fit, left: float) -> float:
-    """Utility (nats) over the nominal simulator, without penalties, for a given cost on left-out records."""
+    """Utility (nats) of a fit without penalties for a given share of left-out squares."""
     numbers = len(f.point) - len(f.hypothesis.nominal)
-    share = left / search.nominal_cost
-    direct = sum(search.direct.get(cause, 0.0) for cause in f.hypothesis.causes)
-    return direct + utility(share, len(f.hypothesis.causes), numbers, free=bool(f.hypothesis.nominal))
+    causes = f.hypothesis.causes
+    direct = sum(search.direct.get(cause, 0.0) for cause in causes)
+    return direct + utility(left, len(causes), numbers, law=not causes)
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
@@ -111,11 +116,9 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
     if decision.verdict != "unknown" or decision.apart:
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
-    if (
-        search.inexact
-    ):  # Any effect bends a wrong law: only fits that hold in other regimes are eligible.
+    if search.inexact:  # any effect bends a wrong law
         near.append(next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates))
-        best = min(near, key=lambda k: regime_cost(search.problem, fits[k]))
+        best = min(near, key=lambda k: search.over_nominal(fits[k]))
     else:
         best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
     found = fits[best]
@@ -215,7 +218,7 @@ def scored(
             (penalties or {}).get(id(f), 0.0) + of_itself(f),
             f.move,
             sum((direct or {}).get(cause, 0.0) for cause in f.hypothesis.causes),
-            (left_out or {}).get(id(f)),
+            (left_out or {}).get(id(f), 1.0),
         )
         for index, f in enumerate(fits)
     ]

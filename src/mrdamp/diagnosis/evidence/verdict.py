@@ -41,8 +41,8 @@ class Scored:
 
     cost: sum of squared residuals. numbers: number of free coordinates of its effects. index: place in the
     list of fits. penalty: nats against it. move: RMS of the relative changes of the nominal parameters.
-    direct: nats for its causes from channels that measure the same quantity. left_out: cost on left-out
-    records; None: `cost` is used.
+    direct: nats for its causes from channels that measure the same quantity. left_out: share that it leaves of the
+    left-out squares of the simulator without its causes.
     """
 
     causes: tuple[str, ...]
@@ -53,7 +53,7 @@ class Scored:
     penalty: float = 0.0
     move: float = 0.0
     direct: float = 0.0
-    left_out: float | None = None
+    left_out: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def decide(
 
     def evidence(some: Sequence[Scored]) -> Array:
         if inexact:
-            return np.array([_utility(f, nominal.cost) for f in some])
+            return np.array([_utility(f) for f in some])
         return np.array([_evidence(f, floor, excess, resolution) for f in some])
 
     scores = evidence(fits)
@@ -193,12 +193,12 @@ def _without(chosen: Scored, left: float) -> float:
     return beyond(left, 1.0, 1.0, causes=True) if chosen.free else UNSTEADY
 
 
-def _utility(found: Scored, nominal: float) -> float:
-    """Utility (nats) of a fit over the nominal simulator, of cost `nominal`, if the law is not the rig's."""
+def _utility(found: Scored) -> float:
+    """Utility (nats) of a fit over the simulator without its causes, if the law is not the rig's."""
     if not found.causes and not found.free:
         return 0.0
-    left = (found.cost if found.left_out is None else found.left_out) / nominal
-    own = utility(left, len(found.causes), found.numbers, free=found.free, penalty=found.penalty)
+    law = not found.causes
+    own = utility(found.left_out, len(found.causes), found.numbers, law=law, penalty=found.penalty)
     return own + found.direct
 
 

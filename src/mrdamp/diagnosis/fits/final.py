@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.regimes import by_record, left_out, regime_cost
+from mrdamp.diagnosis.fits.regimes import by_record, left_out
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.second_cause import others
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -28,7 +28,7 @@ _OTHERS = 3
 _SAME, _NOTHING = 0.02, 1e-5
 #: Further iterations of a fit that had not converged; iterations of a fit to excerpts on the whole records.
 _THROUGH, _WHOLE_STEPS = 8, 3
-#: Free nominal parameters must reduce the error on left-out regimes by this share.
+#: Free nominal parameters must reduce the mean square on left-out folds by this share.
 _FREER = 0.1
 #: Number of residual samples in the last fit.
 _SAMPLES = 20_000
@@ -96,13 +96,13 @@ def final_fit(
     If the result is worse than the nominal simulator, the same causes are fitted in other forms or with fixed
     or free nominal parameters, and the best of these is returned. rig: with the whole records, if the search
     used excerpts. If no fit reaches the noise, the form is not corrected. The result is then the fit of the
-    chosen causes, with fixed or free nominal parameters, with the least error on left-out regimes.
+    chosen causes, with fixed or free nominal parameters, with the least error on left-out folds.
     """
     chosen = _converged(search, chosen)
     corrections: tuple[str, ...] = ()
     best = chosen
     if mend and search.inexact:
-        best = least_regime_error(search, chosen)
+        best = least_left_out(search, chosen)
     elif mend:
         best, corrections = refine(search, chosen)
     tell("final fit")
@@ -125,8 +125,8 @@ def final_fit(
     return final
 
 
-def least_regime_error(search: Search, chosen: Fit) -> Fit:
-    """The fit of the chosen causes with the least error on left-out regimes.
+def least_left_out(search: Search, chosen: Fit) -> Fit:
+    """The fit of the chosen causes with the least error on left-out folds.
 
     Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
     rig.
@@ -135,7 +135,7 @@ def least_regime_error(search: Search, chosen: Fit) -> Fit:
     found = {
         free: min(
             [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes][:_OTHERS],
-            key=lambda f: regime_cost(search.problem, f),
+            key=search.over_nominal,
             default=None,
         )
         for free in (False, True)
@@ -143,7 +143,7 @@ def least_regime_error(search: Search, chosen: Fit) -> Fit:
     fixed_law, free = found[False], found[True]
     if fixed_law is None or free is None:
         return fixed_law or free or chosen
-    better = regime_cost(search.problem, free) < (1 - _FREER) * regime_cost(search.problem, fixed_law)
+    better = search.over_nominal(free) < (1 - _FREER) * search.over_nominal(fixed_law)
     return free if better else fixed_law
 
 

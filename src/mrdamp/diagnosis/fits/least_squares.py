@@ -305,25 +305,6 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
     return gaps
 
 
-def leave_out_halves(problem: Problem, found: Fit) -> Array:
-    """Costs (records,) on halves of the records that the parameters were not fitted to: the first and the second half
-    in time of each record are left out in turn, as in `leave_out`.
-
-    A record that alone determines a parameter does so by its other half.
-    """
-    out = np.zeros(len(problem.records))
-    for at, record in enumerate(problem.records):
-        part = _part(problem, [record])
-        for first in (True, False):
-            left = np.zeros(problem.samples, dtype=bool)
-            for b in problem.blocks:
-                if b.record == record:
-                    middle = (b.span.start + b.span.stop) // 2
-                    left[b.span.start if first else middle : middle if first else b.span.stop] = True
-            out[at] += np.sum(_without(problem, found, left, part) ** 2)
-    return out
-
-
 def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Problem) -> Array:
     """Residuals of the samples that are left out, at the optimum of the others.
 

@@ -77,7 +77,3 @@ def left_out(problem: Problem, found: Fit, groups: Groups) -> Array:
         return problem.gaps(found.residual)
     return leave_out(problem, found, groups)
 
-
-def regime_cost(problem: Problem, found: Fit) -> float:
-    """Sum of squares of a fit on regimes left out, for the grouping with the largest."""
-    return max(problem.cost(left_out(problem, found, g.groups)) for g in groupings(problem))

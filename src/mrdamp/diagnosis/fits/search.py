@@ -19,8 +19,8 @@ from mrdamp.diagnosis.constants import LOGIT_GAIN
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.left_out import ratio
 from mrdamp.diagnosis.fits.limits import NARROW, Limits
-from mrdamp.diagnosis.fits.record_costs import own_cost
 from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
@@ -92,9 +92,9 @@ class Search(FitTable):
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
-            if (free or depth > 1) and self.inexact:
+            if depth > 1 and self.inexact:
                 self.extend(free, depth, NARROW)
-            if not (free or depth > 1) or not self.inexact or self.nears_noise():
+            if depth == 1 or not self.inexact or self.nears_noise():
                 self.extend(free, depth)
             single = self.best(free, 1)
             if depth == 1 and single is not None and not self.solved(single):
@@ -240,7 +240,7 @@ class Search(FitTable):
     def _log_cost(self, found: Fit) -> float:
         """Negative evidence of a fit beside a wrong law, over LOGIT_GAIN and without penalties."""
         direct = sum(self.direct.get(cause, 0.0) for cause in found.hypothesis.causes)
-        return math.log(own_cost(self, found)) - direct / LOGIT_GAIN
+        return math.log(ratio(found.residual, self.residual, self.cells)) - direct / LOGIT_GAIN
 
     def _polish(self, found: Fit) -> Fit:
         """Repeats a fit with new signatures of the law while each repetition reduces the cost enough."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
 from mrdamp.diagnosis.fits.cache import Cache
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
+from mrdamp.diagnosis.fits.left_out import Numbers, cells, folds, predicted, ratio
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
@@ -44,6 +46,7 @@ class FitTable:
     failed: list[str] = field(default_factory=list)
     cache: Cache = field(default_factory=Cache)
     _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
+    _predicted: dict[tuple[str, bytes], Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         rig = self.problem.rig
@@ -75,6 +78,22 @@ class FitTable:
     def unexplained(self, found: Fit) -> float:
         """Share of the excess that a fit leaves."""
         return max(found.cost - self.floor, 0.0) / self.excess
+
+    @cached_property
+    def cells(self) -> Numbers:
+        """Number of the cell (samples,) of each residual."""
+        return cells(self.problem)
+
+    def predicted(self, found: Fit) -> Array:
+        """Residuals (samples,) of a fit on folds that it was not fitted to."""
+        key = (found.name, found.point.tobytes())
+        if key not in self._predicted:
+            self._predicted[key] = predicted(self.problem, found, folds(self.problem))
+        return self._predicted[key]
+
+    def over_nominal(self, found: Fit) -> float:
+        """Geometric mean over cells of the left-out squares of a fit over the nominal simulator's."""
+        return ratio(self.predicted(found), self.residual, self.cells)
 
     def addable(self, taken: Collection[str]) -> list[Term]:
         """Terms of the catalogue that may be added to the causes `taken`."""

@@ -195,6 +195,6 @@ def widened(model: Model, records: Sequence[Record]) -> Model:
     identification records and not a property of the rig."""
     if "command_max" not in model.parameters:
         return model
-    low = min(model.parameters["command_min"], *(float(r.command.min()) for r in records))
+    low = min(model.parameters.get("command_min", 0.0), *(float(r.command.min()) for r in records))
     high = max(model.parameters["command_max"], *(float(r.command.max()) for r in records))
     return replace(model, parameters={**model.parameters, "command_min": low, "command_max": high})

@@ -1,0 +1,81 @@
+"""What a fit predicts of stretches that it was not fitted to, cell by cell.
+
+A cell is a record x channel x eighth of the stroke since the last turn x direction of motion. A cause that acts in a
+tenth of the cycle counts there, whatever the law misses in the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.diagnosis.constants import CELL_SCALE
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
+from mrdamp.records.motion import stroke_since_reversal
+
+Mask = NDArray[np.bool_]
+Numbers = NDArray[np.intp]
+
+#: Groups of records that are left out in turn; parts in time of each record if there are fewer records.
+_GROUPS, _PARTS, _SEED = 4, 3, 1
+#: Parts of a stroke. A turn counts once the motion has come back by this share of its range.
+_EIGHTHS, _BACK = 8, 0.02
+#: Iterations of a fit without a fold, which starts at the fit of everything.
+_STEPS = 5
+
+
+def folds(problem: Problem) -> list[Mask]:
+    """Masks (samples,) of what is left out in turn: groups of records at random, or parts in time of each record."""
+    lengths = [b.span.stop - b.span.start for b in problem.blocks]
+    count = len(problem.records)
+    if count < _GROUPS:
+        number = np.concatenate([np.arange(n) * _PARTS // n for n in lengths])
+        return [number == k for k in range(_PARTS)]
+    group = np.random.default_rng(_SEED).permutation(count) % _GROUPS
+    of = dict(zip(problem.records, group.tolist(), strict=True))
+    number = np.concatenate([np.full(n, of[b.record]) for n, b in zip(lengths, problem.blocks, strict=True)])
+    return [number == k for k in range(_GROUPS)]
+
+
+def predicted(problem: Problem, found: Fit, left: Sequence[Mask]) -> Array:
+    """Residuals (samples,) of each fold `left` at a fit made without it. The fits keep the Jacobian of `found`."""
+    if not found.hypothesis.coordinates:
+        return found.residual
+    out = np.empty(problem.samples)
+    for mask in left:
+        part = copy(problem)
+        part.weights = problem.weights * ~mask
+        again = fit(part, found.hypothesis, found.point, most=_STEPS, known=found.jacobian, frozen=True)
+        out[mask] = problem.residuals(found.hypothesis, again.point)[0][mask]
+    return out
+
+
+def cells(problem: Problem) -> Numbers:
+    """Number of each sample's cell (samples,), from 0."""
+    out = np.empty(problem.samples, dtype=np.intp)
+    for number, b in enumerate(problem.blocks):
+        conditions = problem.rig.conditions(b.record)
+        x, taken = conditions["displacement (m)"], problem.taken(b.record)
+        stroke = np.abs(stroke_since_reversal(x, _BACK * float(np.ptp(x))))
+        eighth = (_EIGHTHS * stroke / max(float(stroke.max()), 1e-30)).astype(np.intp).clip(max=_EIGHTHS - 1)
+        forward = conditions["velocity (m/s)"] > 0
+        out[b.span] = ((number * _EIGHTHS + eighth) * 2 + forward)[taken]
+    return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
+
+
+def ratio(residual: Array, reference: Array, cell: Numbers) -> float:
+    """Geometric mean over cells of the mean squares of residuals (samples,) over those of a reference.
+
+    The variance of a law's error differs between cells and is unknown. The likelihood of Gaussian errors, marginal over
+    variances with an inverse-gamma prior of scale CELL_SCALE times the mean, is a power of this ratio.
+    Source: Gelman et al. (2013), Bayesian Data Analysis, section 3.2.
+    """
+    count = np.bincount(cell)
+    own, other = (np.bincount(cell, r**2) / count for r in (residual, reference))
+    scale = CELL_SCALE * float(np.mean(other))
+    return float(np.exp(np.mean(np.log((own + scale) / (other + scale)))))
