@@ -151,6 +151,7 @@ def diagnosed_page(folder: Path) -> Path:
     found = Diagnosis(
         case="a_rig",
         rig="damper",
+        question="either",
         verdict="effect",
         sentence="The gap comes from driver_lag: with it the gap goes from 16.5 % to 1.5 % (noise 1.3 %).",
         effects=(Named("driver_lag", "driver", None, 0.94, {"tau": 0.008}, 0.97, {"tau": (0.007, 0.009)}),),

@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull, largest_increase
-from mrdamp.diagnosis.evidence.judgement import harms_a_regime
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import spread
-from mrdamp.diagnosis.evidence.verdict import Decision, Scored
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
@@ -124,41 +122,6 @@ def test_ranges_are_the_records_own() -> None:
             if record.name in r.records
         ]
         assert (r.low, r.high) == pytest.approx((min(speeds), max(speeds)))
-
-
-def test_the_largest_increase_is_that_of_the_regimes() -> None:
-    for truth, named in (({"fifth": 0.5}, "cubic"), ({"gain": 2.4, "cubic": 0.5}, "cubic"), ({"sign": 0.3}, "offset")):
-        # The offset is in no record: no regime determines it.
-        found, problem, rows = estimates(truth, named)
-        want = max([r.gap_with / r.gap_without for r in rows if r.determined], default=0.0)
-        assert largest_increase(problem, found, named) == pytest.approx(want, rel=1e-9)
-    assert largest_increase(problem, found, "cubic") == 0.0
-
-
-def test_a_cause_that_harms_a_regime_is_not_established() -> None:
-    rig = toy({"fifth": 0.5})
-    (cubic,) = (t for t in rig.terms if t.effect == "cubic")
-    hypothesis, problem = Hypothesis((), (cubic,)), Problem(rig)
-    search = Search(problem, 1e-9, Limits())
-    decision = Decision("effect", Scored(("cubic",), False, 1.0, 1), (1.0,), 0.1, 0.1, 1.0)
-    for value, harms in ((0.4, False), (-0.4, True)):
-        point = np.array([c.point(value) for c in cubic.coordinates])
-        found = fit(problem, hypothesis, point, most=0)
-        final = FinalFit(found, (), problem.gaps(found.residual), problem)
-        note = harms_a_regime(search, final, decision)
-        assert (note is not None) == harms
-    assert note is not None
-    assert note.startswith("cubic explains the gap best")
-    assert harms_a_regime(search, final, replace(decision, verdict="parameters")) is None
-    little = replace(final, heldout=0.4 * problem.gaps(problem.of_settings([{}])[0]))
-    assert harms_a_regime(search, little, decision) is None  # explains most of the gap
-    (sign,) = (t for t in rig.terms if t.effect == "sign")
-    both = Hypothesis((), (cubic, sign))
-    two = replace(final, fit=fit(problem, both, np.append(point, 0.1), most=0))
-    assert harms_a_regime(search, two, decision) is None
-    exact = Search(problem, 1e9, Limits())
-    assert not exact.inexact
-    assert harms_a_regime(exact, final, decision) is None
 
 
 def test_a_single_record_and_a_cause_that_was_not_fitted_have_no_estimates() -> None:

@@ -26,7 +26,6 @@ from mrdamp.diagnosis.evidence.verdict import (
 )
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.limits import Limits
-from mrdamp.diagnosis.fits.regimes import regime_cost
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Settings
@@ -314,7 +313,7 @@ def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
     assert (near.verdict, near.unknown) == ("unknown", decision.unknown)
     assert not decision.chosen.causes
     assert near.chosen.causes
-    cost = {f.hypothesis.name: regime_cost(search.problem, f) for f in fits}
+    cost = {f.hypothesis.name: search.over_nominal(f) for f in fits}
     assert cost[fits[near.chosen.index].hypothesis.name] == min(cost.values())
     assert cost[fits[near.chosen.index].hypothesis.name] < cost[fits[decision.chosen.index].hypothesis.name]
 

@@ -12,9 +12,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
 from mrdamp.diagnosis.evidence.judgement import (
     carried_over,
-    harms_a_regime,
     never_worse,
-    not_established,
     with_nearest,
 )
 from mrdamp.diagnosis.evidence.verdict import Decision
@@ -71,7 +69,7 @@ def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, s
 def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
     """Answer from a search, without its sentence."""
     search, rig = found.search, found.rig
-    fits, decision, final, notes = concluded(found, progress)
+    fits, decision, final = concluded(found, progress)
     progress("looking at what is tied and unseen", 0.85)
     answer = assemble(
         found.case,
@@ -82,7 +80,7 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
         final,
         found.noise,
         found.floor,
-        [*found.notes, *notes],
+        list(found.notes),
         begun,
     )
     answer = found.complete(answer, fits[decision.chosen.index])
@@ -94,9 +92,8 @@ def answered(found: Searched, begun: float, progress: Progress) -> Diagnosis:
 
 def concluded(
     found: Searched, progress: Progress = lambda what, share: None
-) -> tuple[list[Fit], Decision, FinalFit, list[str]]:
-    """All fits of a search, the decision after the checks that need the final fit, this fit, and notes on the
-    checks."""
+) -> tuple[list[Fit], Decision, FinalFit]:
+    """All fits of a search, the decision after the checks that need the final fit, and this fit."""
     search, rig = found.search, found.rig
     fits, decision = found.judge()
     decision = with_nearest(search, fits, decision)
@@ -105,10 +102,4 @@ def concluded(
     final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=rig)
     decision = carried_over(search, final, decision)
     final, decision = never_worse(search, fits, final, decision)
-    harm = harms_a_regime(search, final, decision)
-    if harm is None:
-        return fits, decision, final, []
-    decision = with_nearest(search, fits, not_established(decision))
-    final = final_fit(search, fits[decision.chosen.index], rig=rig)
-    final, decision = never_worse(search, fits, final, decision)
-    return fits, decision, final, [harm]
+    return fits, decision, final

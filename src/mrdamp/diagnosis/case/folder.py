@@ -47,6 +47,14 @@ class Case:
     baseline: tuple[Record, ...] = ()
     own: int | None = None
 
+    @property
+    def question(self) -> str:
+        """What is asked: `changed`, what has changed since the baseline; `missed`, what the simulator misses on records
+        at least half of which it was identified on; `either` if the case does not tell."""
+        if self.baseline:
+            return "changed"
+        return "missed" if self.own is not None and 2 * self.own >= len(self.records) else "either"
+
 
 def read_case(folder: Path | str) -> Case:
     """Reads a case folder.

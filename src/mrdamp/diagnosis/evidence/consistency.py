@@ -72,25 +72,6 @@ def by_regime(problem: Problem, found: Fit, cause: str) -> tuple[RegimeEstimate,
     return tuple(_estimates(problem, found, term))
 
 
-def largest_increase(problem: Problem, found: Fit, cause: str) -> float:
-    """The largest ratio, over regimes, of the gap with a cause to the gap without it, its parameters being those of all
-    records; 0 for a single record. found: the fit to all records of the problem."""
-    term = next((t for t in found.hypothesis.terms if t.cause == cause), None)
-    if len(problem.records) < 2 or term is None:
-        return 0.0
-    own = {c.name for c in term.coordinates} | set(term.fixed)
-    residual = problem.of_settings([{k: v for k, v in found.settings.items() if k not in own}])[0]
-    without, together = problem.gaps(residual), problem.gaps(found.residual)
-    change = problem.gaps(residual - found.residual)
-    out = [0.0]
-    for grouping in groupings(problem):
-        for group in grouping.groups:
-            inside = np.array([b.record in group for b in problem.blocks])
-            if _rms(change[inside]) > HIDDEN_BELOW * _rms(together[inside]):
-                out.append(_rms(together[inside]) / max(_rms(without[inside]), 1e-12))
-    return max(out)
-
-
 def _estimates(problem: Problem, found: Fit, term: Term) -> Iterator[RegimeEstimate]:
     own = {c.name for c in term.coordinates}
     others = {k: v for k, v in found.settings.items() if k not in own}

@@ -11,13 +11,10 @@ from mrdamp.diagnosis.constants import (
     CARRIED,
     INDEPENDENT,
     LOGIT_GAIN,
-    REGIME_LEFT,
-    REGIME_WORSE,
     UNNAMED_GAP,
     UNSTEADY,
 )
 from mrdamp.diagnosis.evidence.baseline import of_baseline
-from mrdamp.diagnosis.evidence.consistency import largest_increase
 from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
@@ -173,21 +170,6 @@ def unexplained(decision: Decision, fits: Sequence[Fit]) -> Decision:
     catalogue's, and the nominal simulator is handed over as it is."""
     unknown = max(decision.unknown, UNSTEADY)
     return unchanged(replace(decision, verdict="unknown", unknown=unknown, apart=True), fits)
-
-
-def harms_a_regime(search: Search, final: FinalFit, decision: Decision) -> str | None:
-    """Line for a person if the only named cause makes the gap of a regime larger by REGIME_WORSE, leaves more than
-    REGIME_LEFT of the gap, and the law is not the rig's; else None."""
-    causes = [t.cause for t in final.fit.hypothesis.terms]
-    if not search.inexact or decision.verdict != "effect" or len(set(causes)) != 1:
-        return None
-    nominal = final.problem.gaps(final.problem.of_settings([{}])[0])
-    if final.problem.cost(final.heldout) <= REGIME_LEFT**2 * final.problem.cost(nominal):
-        return None
-    increase = largest_increase(final.problem, final.fit, causes[0])
-    if not increase > REGIME_WORSE:
-        return None
-    return f"{causes[0]} explains the gap best, but makes it {increase:.1f} times as large in a regime: it is not named"
 
 
 def not_established(decision: Decision) -> Decision:

@@ -46,6 +46,9 @@ _COARSE, _ROUGH, _FINE = 1e-3, 2e-3, 5e-4
 #: The logged motion is used if it reduces the nominal simulator's error to below this share of that with a
 #: smoothed motion.
 _LOGGED = 0.9
+#: Commands that change by no more than this share of the largest one in any record show nothing of what acts only
+#: while they change; measured commands that are meant to be constant wobble by up to 1.4 %.
+_STEADY = 0.05
 #: Factor on the range of a parameter that may be further off.
 _WIDER = 8.0
 
@@ -165,7 +168,10 @@ class DamperRig:
 
     @cached_property
     def _catalogue(self) -> tuple[Term, ...]:
-        return with_waves(damper_terms(self.sizes), self.records)
+        terms = with_waves(damper_terms(self.sizes), self.records)
+        if all(float(np.ptp(r.command)) <= _STEADY * self.sizes.command for r in self.records):
+            return tuple(t for t in terms if t.stage != "driver" and t.effect != "remanence")
+        return terms
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:

@@ -159,6 +159,7 @@ def assemble(
     found = Diagnosis(
         case=case.name,
         rig=case.model.rig,
+        question=case.question,
         verdict=decision.verdict,
         sentence="",
         effects=named,

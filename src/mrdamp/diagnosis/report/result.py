@@ -146,6 +146,7 @@ class Diagnosis:
 
     case: str
     rig: str
+    question: str  # changed, missed or either: see Case.question
     verdict: str
     sentence: str
     effects: tuple[Named, ...]
@@ -195,6 +196,7 @@ class Diagnosis:
             "case": self.case,
             "format": 1,
             "rig": self.rig,
+            "question": self.question,
             "verdict": self.verdict,
             "sentence": self.sentence,
             "effects": [e.to_dict() for e in self.effects],

@@ -97,7 +97,11 @@ def _sentence(d: Diagnosis) -> str:
     them, one = ("it", "cause") if len(parts) == 1 else ("them", "causes")
     # What is left over shows that the answer is not complete.
     said = f"The gap is due to {' and '.join(parts)}."
-    if d.remainder is not None:
+    if d.question == "changed":
+        said = f"What has changed since the baseline: {' and '.join(parts)}."
+    elif d.question == "missed":
+        said = f"What the simulator misses on the records that it was identified on: {' and '.join(parts)}."
+    elif d.remainder is not None:
         said = f"The most probable {one} of the gap: {' and '.join(parts)}."
     named = {f"{e.effect}@{e.place}" if e.place is not None else e.effect for e in d.effects}
     others = sorted({name for tie in d.indistinguishable for name in tie} - named)
