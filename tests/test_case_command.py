@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
+import hashlib
+import json
 from pathlib import Path
 
 import pytest
@@ -56,3 +59,37 @@ def test_baseline_records_stand_apart(folder: Path, capsys: pytest.CaptureFixtur
     assert main(again) == 2
     assert "--baseline" in capsys.readouterr().err
     assert not (folder.parent / "two").exists()
+
+
+def test_a_case_knows_the_records_that_its_simulator_was_identified_on(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = sorted(folder.iterdir())
+    model = folder.parent / "model.json"
+    fit = ["--law", "bingham", "--dependence", "constant", "--starts", "1", "-o", str(model)]
+    assert main(["identify", str(first), str(second), *fit]) == 0
+    told = json.loads(model.read_text())["identified_on"]
+    expected = {f.name: hashlib.sha256(f.read_bytes()).hexdigest()[:16] for f in (first, second)}
+    assert {entry["record"]: entry["sha256"] for entry in told} == expected
+
+    def question(name: str, *arguments: str) -> tuple[int | None, str]:
+        out = folder.parent / name
+        assert main(["case", *arguments, "-o", str(out)]) == 0
+        case = read_case(out)
+        return case.own, case.question
+
+    packed = folder.parent / "packed.csv.gz"  # another name, the same text
+    packed.write_bytes(gzip.compress(first.read_bytes()))
+    other = folder.parent / "other.csv"
+    text = first.read_text()
+    other.write_text(text[:-2] + ("1" if text[-2] != "1" else "2") + "\n")
+    assert question("same", str(model), str(folder)) == (2, "missed")
+    assert question("packed", str(model), str(packed)) == (1, "missed")
+    assert question("other", str(model), str(other)) == (0, "either")
+    assert question("changed", str(model), str(first), "--baseline", str(second)) == (1, "changed")
+    assert question("plain", "dyke1996_3kN", str(folder)) == (None, "either")
+    broken = json.loads((folder.parent / "same" / "case.json").read_text()) | {"identified_on": "all"}
+    (folder.parent / "same" / "case.json").write_text(json.dumps(broken))
+    capsys.readouterr()
+    assert main(["diagnose", str(folder.parent / "same"), "-o", str(folder.parent / "answer")]) == 2
+    assert "'identified_on' must be a list" in capsys.readouterr().err

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
 from mrdamp.diagnosis.hypotheses.terms import Sizes
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.model import Model
+from mrdamp.records import Record
 
 
 @pytest.mark.parametrize("sample_time", [0.0002, 0.002, 0.005, 0.01, 0.05])
@@ -27,3 +31,19 @@ def test_resonances_beyond_what_is_sampled_are_left_out() -> None:
         {t.name for t in damper_terms(Sizes(800.0, 0.01, 0.1, 2.0, 2.0, 300.0, dt))} for dt in (0.001, 0.01)
     ]
     assert names[0] - names[1] == {"moving_mass:in two clamps"}
+
+
+@pytest.mark.parametrize(("wobble", "shown"), [(0.014, False), (0.2, True)])
+def test_a_command_that_hardly_changes_shows_nothing_of_what_acts_while_it_changes(wobble: float, shown: bool) -> None:
+    t = np.arange(400) * 0.005
+    model = Model("bingham", {"c0a": 500.0, "c0b": 0.0, "fya": 50.0, "fyb": 300.0, "v_ref": 0.005})
+    records = []
+    for k, level in enumerate((0.5, 1.0)):
+        x = 0.01 * np.sin(2 * np.pi * t)
+        u = level + wobble * np.cos(2 * np.pi * t)
+        channels = {"displacement_m": x, "command": u, "force_N": 500 * np.gradient(x)}
+        records.append(Record(f"{k}", None, 0.005, channels))
+    effects = {term.effect for term in DamperRig(model, tuple(records)).terms}
+    assert {"seal_friction", "saturation", "channel_shift"} <= effects
+    assert ({"driver_lag", "command_delay", "remanence"} <= effects) is shown
+    assert shown or not {"driver_lag", "command_delay", "remanence"} & effects

@@ -313,7 +313,7 @@ def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
     assert (near.verdict, near.unknown) == ("unknown", decision.unknown)
     assert not decision.chosen.causes
     assert near.chosen.causes
-    cost = {f.hypothesis.name: search.over_nominal(f) for f in fits}
+    cost = {f.hypothesis.name: search.left_out_cost(f) for f in fits}
     assert cost[fits[near.chosen.index].hypothesis.name] == min(cost.values())
     assert cost[fits[near.chosen.index].hypothesis.name] < cost[fits[decision.chosen.index].hypothesis.name]
 

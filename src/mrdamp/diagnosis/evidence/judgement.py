@@ -114,8 +114,8 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
     if search.inexact:  # any effect bends a wrong law
-        near.append(next(k for k, f in enumerate(fits) if not f.hypothesis.coordinates))
-        best = min(near, key=lambda k: search.over_nominal(fits[k]))
+        near += [k for k, f in enumerate(fits) if not f.hypothesis.terms]
+        best = min(near, key=lambda k: search.left_out_cost(fits[k]))
     else:
         best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
     found = fits[best]
@@ -149,8 +149,8 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records.
 
-    If no fit reaches the noise and no cause is named, the fit has to reduce the gap there to UNNAMED_GAP of the
-    nominal one: it is a correction without a reason.
+    If no fit reaches the noise and no cause is named, the fit has to reduce the gap on left-out folds to UNNAMED_GAP of
+    the nominal one: it is a correction without a reason.
     """
     if decision.verdict == "none":
         return final, decision
@@ -158,7 +158,8 @@ def never_worse(
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
     unnamed = search.inexact and decision.verdict == "unknown"
-    if problem.cost(final.heldout) <= (UNNAMED_GAP**2 if unnamed else 1.0) * problem.cost(gaps):
+    reason = not unnamed or search.left_out_cost(fits[decision.chosen.index]) <= UNNAMED_GAP**2 * search.nominal_cost
+    if reason and problem.cost(final.heldout) <= problem.cost(gaps):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)

@@ -135,7 +135,7 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
     found = {
         free: min(
             [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes][:_OTHERS],
-            key=search.over_nominal,
+            key=search.left_out_cost,
             default=None,
         )
         for free in (False, True)
@@ -143,7 +143,7 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
     fixed_law, free = found[False], found[True]
     if fixed_law is None or free is None:
         return fixed_law or free or chosen
-    better = search.over_nominal(free) < (1 - _FREER) * search.over_nominal(fixed_law)
+    better = search.left_out_cost(free) < (1 - _FREER) * search.left_out_cost(fixed_law)
     return free if better else fixed_law
 
 

@@ -14,7 +14,7 @@ from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
 from mrdamp.diagnosis.fits.cache import Cache
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
-from mrdamp.diagnosis.fits.left_out import Numbers, cells, folds, predicted, ratio
+from mrdamp.diagnosis.fits.left_out import Numbers, cells, folds, predicted
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
@@ -91,9 +91,10 @@ class FitTable:
             self._predicted[key] = predicted(self.problem, found, folds(self.problem))
         return self._predicted[key]
 
-    def over_nominal(self, found: Fit) -> float:
-        """Geometric mean over cells of the left-out squares of a fit over the nominal simulator's."""
-        return ratio(self.predicted(found), self.residual, self.cells)
+    def left_out_cost(self, found: Fit) -> float:
+        """Sum of squares of a fit on folds that it was not fitted to."""
+        residual = self.predicted(found)
+        return float(residual @ residual)
 
     def addable(self, taken: Collection[str]) -> list[Term]:
         """Terms of the catalogue that may be added to the causes `taken`."""
