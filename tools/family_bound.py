@@ -23,7 +23,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.make import make_rig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, trust
-from mrdamp.diagnosis.problem.residuals import SKIP, Problem
+from mrdamp.diagnosis.problem.residuals import Problem, compared
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
@@ -83,8 +83,7 @@ def _shape(case: Case, problem: Problem, channel: int, n: int) -> Array:
     pairs = [(case.records[k], r) for r, k in case.repeats if k is not None]
     if not pairs:
         return np.ones(n // 2 + 1)
-    skip = round(SKIP / pairs[0][0].sample_time)
-    apart = [(first.channel(name) - second.channel(name))[skip:] for first, second in pairs]
+    apart = [(a.channel(name) - b.channel(name))[compared(a.n, a.sample_time)] for a, b in pairs]
     power = np.abs(np.fft.rfft(apart[0])) ** 2
     wide = max(1, len(power) // 100)
     smooth = np.convolve(np.pad(power, wide, mode="edge"), np.full(2 * wide + 1, 1 / (2 * wide + 1)), "valid")

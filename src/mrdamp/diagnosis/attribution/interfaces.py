@@ -16,7 +16,7 @@ from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.constants import SAME_UNIT
 from mrdamp.diagnosis.evidence.resample import SECONDS, draws, group_sums, interval
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.residuals import END, SKIP
+from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.model import core
 from mrdamp.model.core import Array
 
@@ -54,7 +54,7 @@ def parts(rig: DamperRig, noise: float) -> Parts:
     sums = []
     for k, record in enumerate(rig.records):
         errors, force = _errors(rig, k, inner)
-        keep = slice(round(SKIP / record.sample_time), record.n - END)
+        keep = compared(record.n, record.sample_time)
         size = float(np.mean(force[keep] ** 2)) * (keep.stop - keep.start)
         second = np.floor((record.time[keep] - record.time[keep][0]) / SECONDS).astype(int)
         # Covariances of the parts with the sum. The last term is the own sensor's noise, which belongs to no

@@ -49,7 +49,8 @@ def utility(left: float, causes: int, numbers: int, *, law: bool = False, penalt
     """Utility (nats) of a fit relative to the simulator without its causes.
 
     left: what the fit leaves of the left-out squares of that simulator (`fits.left_out.ratio`). causes, numbers: number
-    of causes and of their parameters. law: nominal parameters are the only change. penalty: nats against the fit.
+    of causes and of their parameters. law: nominal parameters are free as a cause of their own. penalty: nats against
+    the fit.
     """
     gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
     size = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * law

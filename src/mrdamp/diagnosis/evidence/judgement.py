@@ -98,9 +98,9 @@ def _beside_law(f: Fit) -> bool:
 def _own_utility(search: Search, f: Fit, left: float) -> float:
     """Utility (nats) of a fit without penalties for a given share of left-out squares."""
     numbers = len(f.point) - len(f.hypothesis.nominal)
-    causes = f.hypothesis.causes
+    causes, free = f.hypothesis.causes, bool(f.hypothesis.nominal)
     direct = sum(search.direct.get(cause, 0.0) for cause in causes)
-    return direct + utility(left, len(causes), numbers, law=not causes)
+    return direct + utility(left, len(causes), numbers, law=free and (search.own > 0 or not causes))
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:

@@ -107,7 +107,7 @@ def decide(
 
     def evidence(some: Sequence[Scored]) -> Array:
         if inexact:
-            return np.array([_utility(f) for f in some])
+            return np.array([_utility(f, baseline=own > 0) for f in some])
         return np.array([_evidence(f, floor, excess, resolution) for f in some])
 
     scores = evidence(fits)
@@ -193,11 +193,12 @@ def _without(chosen: Scored, left: float) -> float:
     return beyond(left, 1.0, 1.0, causes=True) if chosen.free else UNSTEADY
 
 
-def _utility(found: Scored) -> float:
-    """Utility (nats) of a fit over the simulator without its causes, if the law is not the rig's."""
+def _utility(found: Scored, *, baseline: bool) -> float:
+    """Utility (nats) of a fit over the simulator without its causes, if the law is not the rig's. baseline: its
+    parameters are those of the baseline; a change of them is a cause of its own."""
     if not found.causes and not found.free:
         return 0.0
-    law = not found.causes
+    law = found.free and (baseline or not found.causes)
     own = utility(found.left_out, len(found.causes), found.numbers, law=law, penalty=found.penalty)
     return own + found.direct
 

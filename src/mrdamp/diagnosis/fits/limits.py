@@ -30,5 +30,5 @@ class Limits:
     reformed: int = 4
 
 
-#: Limits for a second cause, or for causes with free nominal parameters, if no fit so far reaches the noise.
-NARROW = Limits(singles=3, beam=2, additions=3, forms=1, polished=1)
+#: If no fit so far reaches the noise: limits for causes beside free nominal parameters, and for a second cause.
+FREE, NARROW = Limits(forms=1), Limits(singles=3, beam=2, additions=3, forms=1, polished=1)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mrdamp.diagnosis.injection.forms import FORMS, Form, Sized
 from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals, rms
+from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -29,8 +30,6 @@ _OVERSHOOT = 0.25
 #: Least share of an injected change of the command that a curve through the levels must leave; below it the
 #: change is a static curve.
 _STATIC = 0.1
-#: s, excluded at the start of a record, as in the diagnosis.
-SKIP = 0.1
 #: Range of strengths for a given size, and number of trial points.
 _WEAKEST, _STRONGEST, _TRIALS = 2e-3, 4.0, 12
 #: Iterations of the regula falsi within the bracket; the size is met within 1 %.
@@ -133,8 +132,8 @@ def gap(model: Model, records: Sequence[Record]) -> float:
     """RMS error over the RMS of the force, records pooled."""
     parts = []
     for r in records:
-        skip = round(SKIP / r.sample_time)
-        parts.append(rms(residual(model, r)[skip:]) ** 2 / rms(r.channel(FORCES[0])[skip:]) ** 2)
+        kept = compared(r.n, r.sample_time)
+        parts.append(rms(residual(model, r)[kept]) ** 2 / rms(r.channel(FORCES[0])[kept]) ** 2)
     return float(np.sqrt(np.mean(parts)))
 
 
@@ -152,9 +151,9 @@ def change_of(model: Model, records: Sequence[Record]) -> Callable[[Injection, f
         for r, own in zip(records, before, strict=True):
             put = injection.put(r, strength)
             first = round((put.time[0] - r.time[0]) / r.sample_time)
-            skip = round(SKIP / r.sample_time)
+            kept = compared(put.n, r.sample_time)
             moved = residual(model, put) - own[first : first + put.n]
-            total += rms(moved[skip:]) ** 2 / rms(r.channel(FORCES[0])[skip:]) ** 2
+            total += rms(moved[kept]) ** 2 / rms(r.channel(FORCES[0])[first:][kept]) ** 2
         return float(np.sqrt(total / len(records)))
 
     return change

@@ -24,7 +24,7 @@ from mrdamp.diagnosis.hypotheses.outside import (
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
-from mrdamp.diagnosis.problem.residuals import SKIP, Problem
+from mrdamp.diagnosis.problem.residuals import Problem, compared
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
@@ -308,14 +308,14 @@ class DamperRig:
         rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
         again = x + level * rng.standard_normal(r.n)
         again = again if self.as_logged else smoothed(again, level)
-        skip = round(SKIP / r.sample_time)
         inputs = self._fine(record, _COARSE)
         _, v, a = self.motions[record]
         disturbed = upsampled(
             again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered, hold=self.hold
         )
         change = self._run([settings], disturbed) - self._run([settings], inputs)
-        return np.asarray(np.sqrt(np.mean(change[0, :, skip:] ** 2, axis=1)))
+        kept = change[0][:, compared(r.n, r.sample_time)]
+        return np.asarray(np.sqrt(np.mean(kept**2, axis=1)))
 
     @cached_property
     def envelope(self) -> Envelope:

@@ -9,7 +9,7 @@ import numpy as np
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.constants import REPEATS
 from mrdamp.diagnosis.hypotheses.terms import Settings
-from mrdamp.diagnosis.problem.residuals import SKIP, Problem
+from mrdamp.diagnosis.problem.residuals import Problem, compared
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.model.core import Array
 from mrdamp.records.smoothing import noise_level
@@ -42,8 +42,9 @@ def channel_noise(case: Case, rig: Rig) -> Noise:
     levels, varying = np.empty(len(rig.channels)), np.empty(len(rig.channels))
     for c, name in enumerate(rig.channels):
         if pairs:
-            skip = round(SKIP / pairs[0][0].sample_time)
-            apart = [(first.channel(name) - second.channel(name))[skip:] for first, second in pairs]
+            apart = [
+                (a.channel(name) - b.channel(name))[compared(a.n, a.sample_time)] for a, b in pairs
+            ]
             levels[c] = np.sqrt(np.mean([np.mean(d**2) / 2 for d in apart]))
             varying[c] = np.sqrt(np.mean([np.var(d) / 2 for d in apart]))
         else:

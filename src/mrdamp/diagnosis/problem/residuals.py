@@ -14,14 +14,19 @@ from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
-#: s, excluded at the start of a record: the unknown initial state decays.
-SKIP = 0.1
+#: s, excluded at the start of a record: the unknown initial state decays. At most a quarter of the record.
+_SKIP = 0.1
 #: Samples excluded at the end of a record, where a converter's filter distorts the motion.
-END = 8
+_END = 8
 #: Step of the finite differences, in units of search.
 _STEP = 0.02
 #: Error assigned to a diverged run, as a multiple of the record's size.
 _DIVERGED = 1e3
+
+
+def compared(n: int, sample_time: float, stride: int = 1) -> slice:
+    """Samples of a record of n that are compared: without its start and its end. sample_time: s."""
+    return slice(min(round(_SKIP / sample_time), n // 4), n - _END, stride)
 
 
 @dataclass(frozen=True)
@@ -61,12 +66,9 @@ class Problem:
         self.runs = 0  # records simulated so far
         self.blocks: list[Block] = []
         self._measured: dict[int, Array] = {}
-        self._skip: dict[int, int] = {}
         at = 0
         for k in self.records:
-            skip = min(round(SKIP / rig.records[k].sample_time), rig.records[k].n // 4)
-            measured = rig.measured(k)[:, skip : rig.records[k].n - END : stride]
-            self._measured[k], self._skip[k] = measured, skip
+            measured = self._measured[k] = rig.measured(k)[:, self.taken(k)]
             for channel, values in enumerate(measured):
                 size = float(np.sqrt(np.mean(values**2))) or 1.0
                 trusted = self.trust.get((k, channel), 1.0)
@@ -119,7 +121,8 @@ class Problem:
 
     def taken(self, record: int) -> slice:
         """Samples of a record that are in the residuals."""
-        return slice(self._skip[record], self.rig.records[record].n - END, self.stride)
+        one = self.rig.records[record]
+        return compared(one.n, one.sample_time, self.stride)
 
     def measured(self) -> Array:
         """Measured channels of all records, concatenated (samples,)."""

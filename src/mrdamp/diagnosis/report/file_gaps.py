@@ -10,7 +10,7 @@ from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import END, SKIP, Problem
+from mrdamp.diagnosis.problem.residuals import Problem, compared
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.diagnosis.report.result import Diagnosis, step
 from mrdamp.errors import InputError
@@ -92,9 +92,7 @@ def predicted_gap(model: Model, problem: Problem) -> float:
         except InputError:
             return float("nan")
         measured = rig.measured(k)
-        keep = slice(
-            min(round(SKIP / rig.records[k].sample_time), rig.records[k].n // 4), rig.records[k].n - END
-        )
+        keep = compared(rig.records[k].n, rig.records[k].sample_time)
         squares += [_square(one[keep], other[keep]) for one, other in zip(channels, measured, strict=True)]
     return float(np.sqrt(np.mean(squares)))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.problem.residuals import END, SKIP
+from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -78,7 +78,7 @@ def agreement(model: Model, record: Record) -> Agreement:
         for run in (model.simulate, lambda dt, given: drive(model, dt, given))
     )
     names = [name for name in offline if name in record.channels]
-    keep = slice(round(SKIP / record.sample_time), record.n - END)
+    keep = compared(record.n, record.sample_time)
 
     def over_rms(one: Mapping[str, Array], other: Mapping[str, Array]) -> float:
         squares = []

@@ -19,7 +19,7 @@ from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
-from mrdamp.diagnosis.problem.residuals import SKIP
+from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.diagnosis.problem.signals import SECONDS, Design, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.errors import InputError
@@ -115,8 +115,8 @@ class Bench:
         if fitted:
             wanted += [self.middle, *self.law.settings, *(s for p in pairs for s in p.own.settings)]
         runs = self._tried(wanted, signal)
-        skip = round(SKIP / self.rig.envelope.sample_time)
-        flat = (runs[:, :, skip:] / self.noise[:, None]).reshape(len(wanted), -1)
+        kept = compared(runs.shape[2], self.rig.envelope.sample_time)
+        flat = (runs[:, :, kept] / self.noise[:, None]).reshape(len(wanted), -1)
         if not np.isfinite(flat[: 2 * len(pairs)]).all():
             return np.zeros(len(pairs))
         at, out = 2 * len(pairs), []
