@@ -46,6 +46,14 @@ def test_bad_input_leaves_no_folder(folder: Path, capsys: pytest.CaptureFixture[
     assert list(out.iterdir()) == []
 
 
+def test_a_case_that_cannot_be_diagnosed_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, short = folder.parent / "case", folder / "zz.csv"
+    short.write_text("\n".join(min(folder.iterdir()).read_text().splitlines()[:76]) + "\n")
+    assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 2
+    assert "zz.csv: 75 samples; at least 100 are needed" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_baseline_records_stand_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, before = folder.parent / "case", folder.parent / "before"
     before.mkdir()

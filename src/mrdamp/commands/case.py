@@ -42,6 +42,7 @@ def add_to(commands: Any) -> None:
 def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
     from mrdamp.commands.models import named_model
+    from mrdamp.diagnosis.case.folder import read_case
     from mrdamp.records import SUFFIXES, read_record
     from mrdamp.records.provenance import IDENTIFIED_ON
     from mrdamp.simulation.predict import INPUTS
@@ -87,9 +88,13 @@ def run_case(a: argparse.Namespace) -> int:
         for file, name in names.items():
             shutil.copyfile(file, a.out / name)
         (a.out / "case.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        read_case(a.out)  # what `mrdamp diagnose` would refuse is refused here
     except OSError as error:
         shutil.rmtree(a.out, ignore_errors=True)
         raise InputError(f"{a.out}: cannot be written: {error.strerror}") from None
+    except InputError:
+        shutil.rmtree(a.out, ignore_errors=True)
+        raise
     print(a.out / "case.json")
     return 0
 

@@ -19,6 +19,8 @@ _AT_LIMIT = 1e-3
 #: Shares of the remaining error that are told: what a lag of the driver would take off, what parting a fitted lag into
 #: lag and delay would, what noise of the displacement makes. Below, intervals of exact laws held the truth.
 _WORTH, _WORTH_PARTING, _WORTH_NOISE = 0.3, 0.15, 0.15
+#: A held-out record is an extrapolation if it is faster by this factor than all that was fitted.
+_FASTER = 1.25
 #: s, lags that are tried; shares of a fitted lag that are tried as a delay.
 _LAGS = 0.003, 0.01, 0.03, 0.1
 _SPLITS = 0.2, 0.35, 0.5, 0.7
@@ -30,7 +32,7 @@ def findings(fit: Fit, train: Sequence[Record], held_out: Sequence[Record]) -> l
     lines += [f"{record.label}: {said}" for record in held_out if (said := clamped(fit.model, record))]
     residuals = [_residual(fit.model, record, fit.started.get(record.name, 0.0)) for record in train]
     left = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
-    return [*lines, *_starts(fit, train), *_lag(fit, train), *_motion(fit, train, left)]
+    return [*lines, *_faster(train, held_out), *_starts(fit, train), *_lag(fit, train), *_motion(fit, train, left)]
 
 
 def _residual(model: Model, record: Record, started: float = 0.0) -> Array:
@@ -57,6 +59,22 @@ def _one_command(model: Model, train: Sequence[Record]) -> list[str]:
     return [
         f"{train[0].label}: one command, {low:g}: how the law follows it is unknown; the model holds for it alone"
     ]
+
+
+def _faster(train: Sequence[Record], held_out: Sequence[Record]) -> list[str]:
+    """Held-out records that are faster than every fitted one."""
+    fitted = max(_speed(record) for record in train)
+    return [
+        f"{record.label}: held out with speeds up to {speed:.3g} m/s, fitted up to {fitted:.3g}: its error is that of"
+        " an extrapolation"
+        for record in held_out
+        if (speed := _speed(record)) > _FASTER * fitted
+    ]
+
+
+def _speed(record: Record) -> float:
+    """m/s, that a record exceeds in a hundredth of its samples."""
+    return float(np.quantile(np.abs(record.velocity()), 0.99))
 
 
 def _starts(fit: Fit, train: Sequence[Record]) -> list[str]:

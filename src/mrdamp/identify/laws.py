@@ -40,7 +40,7 @@ class Scales:
     """What the records span: RMS force (N), velocity (m/s) and stroke amplitude (m), largest command.
 
     low: the smallest command, by its size as the fluid feels it; levels: how many different commands there are
-    (counted up to 4).
+    (counted up to 4). preload: mean force (N) where it is larger than the RMS about it, else 0.
     """
 
     force: float
@@ -49,6 +49,7 @@ class Scales:
     command: float
     low: float = 0.0
     levels: int = 4
+    preload: float = 0.0
 
     @classmethod
     def of(cls, records: Sequence[Record]) -> Scales:
@@ -63,7 +64,9 @@ class Scales:
                 raise InputError(
                     f"{records[0].label}: channel {name} is constant; nothing can be identified from it"
                 )
-        return cls(force, velocity, stroke, command, min(float(u.min()) for u in size), levels(records))
+        low = min(float(u.min()) for u in size)
+        mean = float(np.mean([np.mean(record.channel("force_N")) for record in records]))
+        return cls(force, velocity, stroke, command, low, levels(records), mean if abs(mean) > force else 0.0)
 
     def knots(self, dependence: str) -> tuple[float, ...]:
         """Commands at which a coefficient's values are the coordinates."""
@@ -318,7 +321,9 @@ def space(
     dependence = dependence_for(dependence, scales)
     stiffness = scales.force / scales.stroke
     known = {
-        "offset": Coordinate("gas_spring_f0", 0.0, -2 * scales.force, 2 * scales.force),
+        "offset": Coordinate(
+            "gas_spring_f0", scales.preload, scales.preload - 2 * scales.force, scales.preload + 2 * scales.force
+        ),
         "driver_lag": Coordinate("driver_lag_tau", 0.005, 1e-4, 0.2, log=True),
         "command_delay": Coordinate("command_delay_d", 0.002, 0.0, _DELAY),
         "saturation": Coordinate(

@@ -19,7 +19,7 @@ _RUN = 4
 _SHARE, _OVER_NEXT = 0.01, 4.0
 #: A constant force has the error 1. A law that leaves this much of the force's standard deviation explains less than a
 #: fifth of its variance; the worst fit of a law to measured records here, Bingham's to the embedded set, leaves .55.
-NO_BETTER = 0.9
+NO_BETTER, _WORSE = 0.9, 1.1
 #: m, a stroke that hardly any damper has: the displacement is likely in mm.
 _STROKE = 3.0
 
@@ -66,7 +66,8 @@ def unexplained(records: Sequence[Record], nrmse: float) -> str:
     }
     name, said = next(iter(why.items()), (records[0].label, ""))
     said = said or "check the units, the sign of force_N, and that all channels share one clock"
-    return f"{name}: the law explains this force no better than a constant ({nrmse:.3g} of its deviation): {said}"
+    than = "no better than" if nrmse < _WORSE else "worse than"
+    return f"{name}: the law explains this force {than} a constant ({nrmse:.3g} of its deviation): {said}"
 
 
 def check_explained(records: Sequence[Record], nrmse: float) -> None:

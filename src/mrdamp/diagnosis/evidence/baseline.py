@@ -3,11 +3,11 @@ rig."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.left_out import cells, ratio
 from mrdamp.diagnosis.problem.residuals import Problem
 
 #: Number of best fits, for each number of causes, that are evaluated.
@@ -18,15 +18,15 @@ def of_baseline(problem: Problem, fits: Sequence[Fit], weight: float) -> dict[in
     """Penalties (nats), by id, of fits whose settings reduce the error on the baseline below the nominal
     simulator's.
 
-    problem: of the baseline's records, in the state in which the nominal simulator was identified. weight:
-    nats per logarithm of the cost. An improvement on the baseline is a model error of the nominal simulator.
-    It is subtracted from the evidence for a change.
+    problem: of the baseline's records, in the state in which the nominal simulator was identified. weight: nats per
+    logarithm of what is left in the cells. An improvement on the baseline is a model error of the nominal simulator. It
+    is subtracted from the evidence for a change.
     """
     chosen: list[Fit] = []
     for count in (0, 1, 2):
         alike = [f for f in fits if len(f.hypothesis.causes) == count and f.hypothesis.coordinates]
         chosen += sorted(alike, key=lambda f: (f.cost, f.hypothesis.name))[:_LOOKED_AT]
-    rows = problem.of_settings([{}, *(f.settings for f in chosen)])
-    costs = np.sum(rows**2, axis=1)
-    gains = weight * np.log(costs[0] / np.maximum(costs[1:], 1e-30))
-    return {id(f): max(float(g), 0.0) for f, g in zip(chosen, gains, strict=True)}
+    nominal, *rows = problem.of_settings([{}, *(f.settings for f in chosen)])
+    cell = cells(problem)
+    gains = [-weight * math.log(ratio(row, nominal, cell)) for row in rows]
+    return {id(f): max(g, 0.0) for f, g in zip(chosen, gains, strict=True)}
