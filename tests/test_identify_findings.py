@@ -157,3 +157,28 @@ def test_long_records_are_fitted_with_all_of_their_motion() -> None:
     assert fit.train_nrmse == pytest.approx(0.01, rel=0.1)
     for name in ("beta", "k0", "c0a"):  # 800, 500, 650
         assert p[name] == pytest.approx(TRUE["bouc_wen"][name], rel=0.05), name
+
+
+def _bingham(frequency: float, preload: float) -> Record:
+    """8 N tanh(v / 5 mm/s) + 30 N s/m v + a preload (N) in a sine of 10 mm."""
+    t = DT * np.arange(3001)
+    turn = 2 * np.pi * frequency
+    v = 0.01 * turn * np.cos(turn * t)
+    channels = {"displacement_m": 0.01 * np.sin(turn * t), "command": 0 * t, "velocity_m_s": v}
+    return Record(f"sine_{frequency}", None, DT, channels | {"force_N": 8 * np.tanh(v / 0.005) + 30 * v + preload})
+
+
+def test_a_preload_of_many_times_the_loop_is_fitted() -> None:
+    records = [_bingham(1.0, 360.0), _bingham(2.0, 360.0)]
+    fit = identify("bingham", records, (), extras=["offset"], starts=2)
+    assert fit.model.attributes["gas_spring_f0"] == pytest.approx(360, abs=0.05)
+    assert fit.train_nrmse < 0.01
+
+
+def test_held_out_records_that_are_faster_than_all_fitted_ones_are_told() -> None:
+    """2 pi f times 10 mm, in m/s."""
+    slow, same, fast = (_bingham(f, 0.0) for f in (1.0, 1.1, 3.0))
+    fit = identify("bingham", [slow], [same, fast], starts=1)
+    lines = [line for line in findings(fit, [slow], [same, fast]) if "extrapolation" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("sine_3.0: held out with speeds up to 0.188 m/s, fitted up to 0.0628")
