@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
+from mrdamp.diagnosis.evidence.further import with_further
 from mrdamp.diagnosis.evidence.judgement import (
     carried_over,
     never_worse,
@@ -96,7 +97,7 @@ def concluded(
     """All fits of a search, the decision after the checks that need the final fit, and this fit."""
     search, rig = found.search, found.rig
     fits, decision = found.judge()
-    decision = with_nearest(search, fits, decision)
+    fits, decision = with_further(search, fits, with_nearest(search, fits, decision))
     progress("fitting the corrected simulator", 0.7)
     mend = decision.verdict != "none" and not decision.apart
     final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=rig)

@@ -11,6 +11,7 @@ from mrdamp.diagnosis.constants import (
     CARRIED,
     INDEPENDENT,
     LOGIT_GAIN,
+    MATERIAL,
     UNNAMED_GAP,
     UNSTEADY,
 )
@@ -149,17 +150,21 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records.
 
-    If no fit reaches the noise and no cause is named, the fit has to reduce the gap on left-out folds to UNNAMED_GAP of
-    the nominal one: it is a correction without a reason.
+    If no fit reaches the noise, a named cause has to take MATERIAL of the nominal squares off. Without one the fit is a
+    correction without a reason, and has to reduce the gap on left-out folds to UNNAMED_GAP of the nominal one.
     """
     if decision.verdict == "none":
         return final, decision
     problem = final.problem
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
-    unnamed = search.inexact and decision.verdict == "unknown"
-    reason = not unnamed or search.left_out_cost(fits[decision.chosen.index]) <= UNNAMED_GAP**2 * search.nominal_cost
-    if reason and problem.cost(final.heldout) <= problem.cost(gaps):
+    most = 1.0
+    if search.inexact and decision.verdict == "effect":
+        most = 1 - MATERIAL
+    elif search.inexact and decision.verdict == "unknown":
+        left = search.left_out_cost(fits[decision.chosen.index])
+        most = float(left <= UNNAMED_GAP**2 * search.nominal_cost)
+    if problem.cost(final.heldout) <= most * problem.cost(gaps):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)

@@ -24,7 +24,8 @@ def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False) -> floa
     inexact: the law is not the rig's; its parameters are then no simpler explanation than a gain, and the two
     are reported as tied.
     """
-    penalty = 0.0 if inexact else NOT_ITSELF * unreferenced(rig, found)
+    held = inexact and not found.hypothesis.nominal
+    penalty = 0.0 if held else NOT_ITSELF * unreferenced(rig, found)
     law = rig.model({}).law if inexact else ""
     if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
         penalty += LOGIT_LAW

@@ -30,5 +30,7 @@ class Limits:
     reformed: int = 4
 
 
-#: If no fit so far reaches the noise: limits for causes beside free nominal parameters, and for a second cause.
-FREE, NARROW = Limits(forms=1), Limits(singles=3, beam=2, additions=3, forms=1, polished=1)
+#: If no fit so far reaches the noise: limits for causes beside free nominal parameters, beside an established cause,
+#: and for pairs.
+FREE, BESIDE = Limits(forms=1), Limits(singles=4, forms=1, polished=2)
+NARROW = Limits(singles=3, beam=2, additions=3, forms=1, polished=1)

@@ -20,7 +20,7 @@ from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, refo
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.left_out import ratio
-from mrdamp.diagnosis.fits.limits import FREE, NARROW, Limits
+from mrdamp.diagnosis.fits.limits import BESIDE, FREE, NARROW, Limits
 from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
@@ -236,6 +236,16 @@ class Search(FitTable):
             for found in self.map(self._polish, [(f,) for f in best]):
                 self.keep(found)
         try_sampled_delay(self, self.best(free, depth))
+
+    def beside(self, parent: Fit) -> list[Fit]:
+        """Fits with one more cause than a fit, each of those with a predicted gain in its best form, by cost."""
+        ranked = screen(self, parent, self.addable(parent.hypothesis.causes))
+        chosen = worth_a_fit(worth_a_look(ranked, parent.cost), 1, BESIDE)
+        known = self.law_columns(parent)
+        tasks = [(*self.start_from(parent, p.term, p.start, p.by), known, parent.cost) for p in chosen]
+        fits = self._by_cost(self.map(self.tried, tasks))
+        best = self.map(self._polish, [(f,) for f in fits[: BESIDE.polished]])
+        return self._by_cost([*best, *fits[BESIDE.polished :]])
 
     def _log_cost(self, found: Fit) -> float:
         """Negative evidence of a fit beside a wrong law, over LOGIT_GAIN and without penalties."""

@@ -1,0 +1,69 @@
+"""Further causes beside one that is established, if the law is not the rig's: each against the fit before.
+
+Pairs that explain nearly everything are found by the search. Beside a wrong law a second cause leaves much, and the fit
+with the first cause is what it has to improve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mrdamp.diagnosis.evidence.established import softmax, standing, utility
+from mrdamp.diagnosis.evidence.judgement import scored
+from mrdamp.diagnosis.evidence.penalties import of_itself, unreferenced
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.left_out import ratio
+from mrdamp.diagnosis.fits.search import Search
+
+#: Largest number of causes.
+_MOST = 3
+
+
+def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[list[Fit], Decision]:
+    """The fits and the decision with further causes that are established beside the named ones."""
+    fits = list(fits)
+    while search.inexact and decision.verdict == "effect" and len(decision.chosen.causes) < _MOST:
+        parent = fits[decision.chosen.index]
+        found = _further(search, parent)
+        if found is None:
+            break
+        fit, probability = found
+        # What was true of the set before is shared with the larger one.
+        with_parent = [set(decision.chosen.causes) <= set(f.hypothesis.causes) for f in fits]
+        mass = sum(p for p, own in zip(decision.probabilities, with_parent, strict=True) if own)
+        shares = [
+            p * (1 - probability * own) for p, own in zip(decision.probabilities, with_parent, strict=True)
+        ]
+        fits.append(fit)
+        search.keep(fit)
+        chosen = replace(scored([fit])[0], index=len(fits) - 1)
+        left = max(fit.cost - decision.floor, 0.0) / decision.excess
+        decision = replace(
+            decision, chosen=chosen, probabilities=(*shares, mass * probability), unexplained=left
+        )
+    return fits, decision
+
+
+def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
+    """The best fit with the cause that is established beside those of a fit, and its probability; None without one."""
+    tried = [f for f in search.beside(parent) if not (f.hypothesis.nominal and unreferenced(search.problem.rig, f))]
+    before = search.predicted(parent)
+    numbers = len(parent.point)
+    worth = [
+        utility(
+            ratio(search.predicted(f), before, search.cells), 1, len(f.point) - numbers, penalty=of_itself(f)
+        )
+        + search.direct.get(f.hypothesis.causes[-1], 0.0)
+        for f in tried
+    ]
+    sets: dict[tuple[str, ...], float] = {}
+    names = [(), *((f.hypothesis.causes[-1],) for f in tried)]
+    for name, p in zip(names, softmax([0.0, *worth]), strict=True):
+        sets[name] = sets.get(name, 0.0) + float(p)
+    found = standing(sets)
+    if found is None or not found.probability > 0.5:
+        return None
+    own = [k for k, f in enumerate(tried) if f.hypothesis.causes[-1] == found.causes[0]]
+    return tried[max(own, key=lambda k: worth[k])], found.probability
