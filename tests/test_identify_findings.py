@@ -182,3 +182,23 @@ def test_held_out_records_that_are_faster_than_all_fitted_ones_are_told() -> Non
     lines = [line for line in findings(fit, [slow], [same, fast]) if "extrapolation" in line]
     assert len(lines) == 1
     assert lines[0].startswith("sine_3.0: held out with speeds up to 0.188 m/s, fitted up to 0.0628")
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.012])
+def test_the_effects_that_the_records_pay_for_are_fitted_along(
+    lag: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Records of SciPy's integrator with and without a lag of the driver."""
+    files = []
+    for record in (*varying(lag), *rig_tests("bouc_wen")[:3]):
+        record.save(tmp_path / f"{record.name}.csv")
+        files.append(str(tmp_path / f"{record.name}.csv"))
+    out = tmp_path / "model.json"
+    assert main(["identify", *files, "--law", "bouc_wen", "--starts", "2", "--extras", "auto", "-o", str(out)]) == 0
+    told = capsys.readouterr().out
+    if not lag:
+        assert "no effect of the catalogue pays for itself" in told
+        return
+    assert "fitted along: driver_lag (probability" in told
+    assert Model.read(out).attributes["driver_lag_tau"] == pytest.approx(lag, rel=0.03)
+    assert main(["identify", *files, "--law", "bouc_wen", "--extras", "auto", "--intervals", "-o", str(out)]) == 2

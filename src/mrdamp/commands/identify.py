@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from mrdamp.records import Record, RecordSet
 
 _UNITS = "A", "V"
+#: Of --extras: whatever the records pay for.
+AUTO = "auto"
 
 
 def add_to(commands: Any) -> None:
@@ -42,7 +44,7 @@ def add_identify(commands: Any) -> None:
     about = "fit a law, or a network, to records; evaluated in free run on held-out records"
     example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
     p = add_command(commands, "identify", run_identify, about, example)
-    _add_records(p)
+    _add_records(p, f"; {AUTO}: those that left-out records pay for")
     p.add_argument(
         "--law",
         default="modified_bouc_wen",
@@ -112,11 +114,11 @@ def add_table1(commands: Any) -> None:
     _add_cutoff(p)
 
 
-def _add_records(p: argparse.ArgumentParser) -> None:
+def _add_records(p: argparse.ArgumentParser, more: str = "") -> None:
     p.add_argument(
         "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
     )
-    p.add_argument("--extras", nargs="*", default=["offset"], help="effects fitted along (default: offset)")
+    p.add_argument("--extras", nargs="*", default=["offset"], help=f"effects fitted along (default: offset){more}")
     p.add_argument("--seed", type=seed, default=0)
 
 
@@ -171,8 +173,11 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     records = protocol_records(a, records)
     if a.by_command:
         return _by_command(a, records)
+    auto = AUTO in a.extras
+    if auto and a.intervals:
+        raise InputError(f"--intervals is not available with --extras {AUTO}; mrdamp diagnose prints them")
     common: dict[str, Any] = {
-        "extras": a.extras,
+        "extras": [e for e in a.extras if e != AUTO] or ["offset"],
         "starts": a.starts,
         "seed": a.seed,
         "hold": HOLD.get(a.hold),
@@ -193,6 +198,8 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     else:
         fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
+    if auto:
+        fit = _with_effects(fit, records, a.workers)
     _write(fit.model, records, a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
     if said := unexplained(records.validation, fit.held_out_nrmse):
@@ -374,6 +381,22 @@ def _records(paths: Sequence[Path], cutoff: float | None = None) -> RecordSet:
 
     records = embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
     return records if cutoff is None else records.smoothed(cutoff)
+
+
+def _with_effects(fit: Fit, records: RecordSet, threads: int) -> Fit:
+    """The fit with the effects that its records pay for; prints what they are worth."""
+    from mrdamp.diagnosis.form import form_of
+    from mrdamp.identify.fit import error
+
+    form = form_of(fit.model, records.train, threads=threads, progress=_show_progress)
+    if not form.effects:
+        print("no effect of the catalogue pays for itself on left-out records")
+        return fit
+    named = ", ".join(f"{name} (probability {p:.2f})" for name, p in form.effects.items())
+    print(f"fitted along: {named}")
+    print(f"  on records left out of the fits they leave {100 * form.left:.0f} % of the squared error of the law alone")
+    errors = (tuple(error(form.model, r) for r in half) for half in (records.train, records.validation))
+    return replace(fit, model=form.model, train=next(errors), held_out=next(errors), space=None, point=())
 
 
 def _write(model: Model, records: RecordSet, out: Path) -> None:

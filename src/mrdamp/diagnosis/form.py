@@ -1,0 +1,60 @@
+"""The effects that a law's own identification records pay for: `mrdamp identify --extras auto`.
+
+What a simulator misses on the records that it was identified on and the choice of a model's form are one question. The
+diagnosis answers it: every effect of the catalogue is fitted along with the law, and judged on records left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.evidence.judgement import scored
+from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
+from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.run import concluded, searched
+from mrdamp.model import Model
+from mrdamp.records import Record
+
+
+@dataclass(frozen=True)
+class Form:
+    """A model with the effects that its records pay for.
+
+    effects: probability by name; empty if there is none, and the model is the given one. left: share of the squared
+    error of the law without them that they leave on left-out records, both fitted in the same way.
+    """
+
+    model: Model
+    effects: Mapping[str, float]
+    left: float = 1.0
+
+
+def form_of(
+    model: Model,
+    records: Sequence[Record],
+    *,
+    threads: int = 1,
+    progress: Callable[[str, float], None] = lambda what, share: None,
+) -> Form:
+    """The effects of the catalogue that a model of a damper misses on the records that it was identified on, fitted
+    along with its law. Raises InputError."""
+    case = Case(model.name, Path(), model, tuple(records), (), own=len(records))
+    with threadpool_limits(limits=1):
+        found = searched(case, threads, progress, None, Store())
+        fits, decision, final = concluded(found, progress)
+    if decision.verdict != "effect":
+        return Form(model, {})
+    search, chosen = found.search, fits[decision.chosen.index]
+    alone = search.base if chosen.hypothesis.nominal else search.fits[False, frozenset()]
+    likely = of_cause(by_causes(scored(fits), decision.probabilities))
+    share = 1 - decision.unknown
+    return Form(
+        found.rig.model(final.fit.settings),
+        {cause: share * likely[cause] for cause in chosen.hypothesis.causes},
+        search.left_out_cost(chosen) / search.left_out_cost(alone),
+    )

@@ -1,0 +1,64 @@
+"""Further causes beside an established one, with a law that is not the rig's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamp.diagnosis.evidence import further
+from mrdamp.diagnosis.evidence.further import with_further
+from mrdamp.diagnosis.evidence.judgement import decided
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.residuals import Problem
+from toy_rig import toy
+
+
+def found(**truth: float) -> tuple[Search, list[Fit], Decision]:
+    """A search in records of a toy with a part that the catalogue lacks; single causes alone are decided on."""
+    search = Search(Problem(toy({"outside": 0.4, **truth}, records=6, noise=0.02)), 1e-6)
+    for free in (False, True):
+        search.extend(free, 1)
+    fits = [*search.ranked(False), *search.ranked(True)]
+    return search, fits, decided(search, fits, {}, None)
+
+
+def test_a_second_cause_is_found_beside_the_first() -> None:
+    search, fits, decision = found(offset=0.5, sign=0.3)
+    assert (decision.verdict, len(decision.chosen.causes)) == ("effect", 1)
+    more, both = with_further(search, fits, decision)
+    assert set(both.chosen.causes) == {"offset", "sign"}
+    fit = more[both.chosen.index]
+    assert fit.settings["offset"] == pytest.approx(0.5, rel=0.1)
+    assert fit.settings["sign"] == pytest.approx(0.3, rel=0.1)
+    assert more[: len(fits)] == fits
+    # Probabilities: what the first cause had is shared between it alone and both.
+    assert len(both.probabilities) == len(more)
+    assert sum(both.probabilities) == pytest.approx(sum(decision.probabilities))
+    first = set(decision.chosen.causes)
+    before, after = (
+        sum(p for p, f in zip(d.probabilities, some, strict=False) if first <= set(f.hypothesis.causes))
+        for d, some in ((decision, fits), (both, more))
+    )
+    assert after == pytest.approx(before)
+
+
+def test_nothing_is_added_where_there_is_no_second_cause() -> None:
+    search, fits, decision = found(offset=0.5)
+    assert decision.chosen.causes == ("offset",)
+    assert with_further(search, fits, decision) == (fits, decision)
+
+
+def test_unknown_causes_and_exact_laws_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, fits, decision = found(offset=0.5, sign=0.3)
+    unknown = replace(decision, verdict="unknown")
+    assert with_further(search, fits, unknown) == (fits, unknown)
+    monkeypatch.setattr(further, "_MOST", 1)
+    assert with_further(search, fits, decision) == (fits, decision)
+    monkeypatch.undo()
+    search.floor = np.inf
+    assert not search.inexact
+    assert with_further(search, fits, decision) == (fits, decision)
