@@ -26,6 +26,9 @@ UNKNOWN_ABOVE = 0.12
 WRONG_FORM = 0.5
 
 
+#: A part of the most probable set of causes is the answer if it is this many times as probable: what is tied is told in
+#: its simplest form. A preload with a spring had .48, the spring alone .48, with the same gap.
+EQUALLY = 0.5
 #: Additional penalty (nats) of a cause outside the catalogue: such causes are rarer than the catalogue's.
 OUTSIDE_PENALTY = 1.5
 #: Penalty (nats) of a cause whose fitted parameters make it equal to another cause.

@@ -10,6 +10,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import (
     CAUSE_PENALTY,
+    EQUALLY,
     FLOOR_RESOLUTION,
     FREE_PENALTY,
     INDEPENDENT,
@@ -115,7 +116,7 @@ def decide(
     # The answer is the most probable set of causes over all its forms, in its best form.
     known = by_causes(fits, probabilities)
     found = standing(known) if inexact else None
-    likely = next(iter(known))
+    likely = _simplest(known)
     if found is not None:
         likely = _fitted_with(known, found.causes) if found.probability > 0.5 else _without_cause(known)
     chosen = fits[max((k for k, f in enumerate(fits) if _named(f) == likely), key=lambda k: float(scores[k]))]
@@ -174,6 +175,13 @@ def _stated(scores: Array, other: Array, nominal: int) -> tuple[tuple[float, ...
     own = stated[: len(scores)] / max(1 - unknown, 1e-9)
     own[nominal] = 0.0
     return tuple(float(p) for p in own), unknown
+
+
+def _simplest(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:
+    """The most probable set of causes, or a part of it that is at least EQUALLY times as probable."""
+    likely = next(iter(known))
+    parts = [s for s, p in known.items() if s and set(s) < set(likely) and p >= EQUALLY * known[likely]]
+    return parts[0] if parts else likely
 
 
 def _fitted_with(known: Mapping[tuple[str, ...], float], causes: tuple[str, ...]) -> tuple[str, ...]:

@@ -7,13 +7,12 @@ tenth of the cycle counts there, whatever the law misses in the rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.constants import CELL_SCALE
-from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.least_squares import Fit, refitted
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 from mrdamp.records.motion import stroke_since_reversal
@@ -25,8 +24,6 @@ Numbers = NDArray[np.intp]
 _GROUPS, _PARTS, _SEED = 4, 3, 1
 #: Parts of a stroke. A turn counts once the motion has come back by this share of its range.
 _EIGHTHS, _BACK = 8, 0.02
-#: Iterations of a fit without a fold, which starts at the fit of everything.
-_STEPS = 5
 
 
 def folds(problem: Problem) -> list[Mask]:
@@ -43,15 +40,12 @@ def folds(problem: Problem) -> list[Mask]:
 
 
 def predicted(problem: Problem, found: Fit, left: Sequence[Mask]) -> Array:
-    """Residuals (samples,) of each fold `left` at a fit made without it. The fits keep the Jacobian of `found`."""
+    """Residuals (samples,) of each fold `left` at a fit made without it."""
     if not found.hypothesis.coordinates:
         return found.residual
     out = np.empty(problem.samples)
     for mask in left:
-        part = copy(problem)
-        part.weights = problem.weights * ~mask
-        again = fit(part, found.hypothesis, found.point, most=_STEPS, known=found.jacobian, frozen=True)
-        out[mask] = problem.residuals(found.hypothesis, again.point)[0][mask]
+        out[mask] = refitted(problem, found, mask)[mask]
     return out
 
 
