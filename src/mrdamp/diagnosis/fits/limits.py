@@ -32,5 +32,5 @@ class Limits:
 
 #: If no fit so far reaches the noise: limits for causes beside free nominal parameters, beside an established cause,
 #: and for pairs.
-FREE, BESIDE = Limits(forms=1), Limits(singles=4, forms=1, polished=2)
+FREE, BESIDE = Limits(forms=1), Limits(singles=4, forms=1, polished=1)
 NARROW = Limits(singles=3, beam=2, additions=3, forms=1, polished=1)
