@@ -54,6 +54,7 @@ from mrdamp.diagnosis.report.result import (
     pooled,
     step,
 )
+from mrdamp.diagnosis.signatures.loops import Signature, compared
 from mrdamp.model.core import Array
 
 #: Number of simulators with parameters drawn within their intervals.
@@ -156,6 +157,7 @@ def assemble(
     ties = tie_classes(search, chosen, known) if decision.verdict == "effect" else ()
     hidden = unseen(search, chosen)
     test, signal = next_test(search, chosen, fits, decision, ties, hidden, noise.levels)
+    loops = _signatures(whole, nominal, residual) if isinstance(rig, DamperRig) else ()
     found = Diagnosis(
         case=case.name,
         rig=case.model.rig,
@@ -182,8 +184,20 @@ def assemble(
         remainder=None if decision.verdict == "none" else left,
         standing=None if decision.standing is None else asdict(decision.standing),
         pictures=pictures,
+        signatures=loops,
     )
     return found
+
+
+def _signatures(whole: Problem, nominal: Array, corrected: Array) -> tuple[Signature, ...]:
+    """Signatures of the loops of a damper's own force: measured, and of both simulators by their residuals."""
+    measured = whole.measured()
+    series = {"measured": measured} | {
+        name: measured + r / whole.weights for name, r in (("nominal", nominal), ("corrected", corrected))
+    }
+    own = [b for b in whole.blocks if whole.rig.channels[b.channel] == "force_N"]
+    motions = [whole.rig.conditions(b.record)["displacement (m)"][whole.taken(b.record)] for b in own]
+    return compared(motions, {name: [values[b.span] for b in own] for name, values in series.items()})
 
 
 def _on_whole(search: Search, whole: Problem, found: Fit) -> Fit:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
+from mrdamp.diagnosis.signatures.loops import Signature
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 
@@ -171,6 +172,7 @@ class Diagnosis:
     compared: tuple[Mapping[str, Any], ...] = ()  # channels of one quantity
     remainder: Remainder | None = None  # None if the corrected simulator reaches the noise
     standing: Mapping[str, Any] | None = None  # log odds of the causes if no fit reaches the noise
+    signatures: tuple[Signature, ...] = ()  # of a damper's loops: measured, nominal, corrected
     outside: Mapping[str, Any] | None = (
         None  # cause outside the catalogue that explains an unknown gap
     )
@@ -215,6 +217,7 @@ class Diagnosis:
             "waterfall": [s.to_dict() for s in self.waterfall],
             "corrections": list(self.corrections),
             "parameter_intervals": {k: list(v) for k, v in self.intervals.items()},
+            "signatures": [asdict(s) for s in self.signatures],
             "mujoco": [dict(row) for row in self.stepped],
             "next_experiment": dict(self.next_experiment),
             "notes": list(self.notes),

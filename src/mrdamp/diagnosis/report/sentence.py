@@ -208,6 +208,11 @@ def table(d: Diagnosis) -> str:
     for m in d.where.measured:
         text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
         lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
+    if d.signatures:
+        lines.append("  loops: measured, nominal, corrected simulator (medians over the records)")
+        lines += [
+            f"    {s.name:40s} {s.measured:9.3g} {s.nominal:9.3g} {s.corrected:9.3g} {s.unit}" for s in d.signatures
+        ]
     for row in d.compared:
         one, other = row["channels"]
         cause = f", which is {row['effect']}: {percent(row['left'])} left" if row["effect"] else ""

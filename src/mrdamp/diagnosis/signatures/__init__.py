@@ -1,0 +1,1 @@
+"""What loops of force over displacement show without a law."""
