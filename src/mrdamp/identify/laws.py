@@ -32,7 +32,7 @@ OF_COMMAND = ("driver_lag", "command_delay")
 #: s, the most that a displacement channel may be late or early, and a command late.
 _SHIFT, _DELAY = 0.02, 0.1
 #: Share of the largest command by which commands must differ to count as two.
-_SAME_COMMAND = 0.02
+_SAME_COMMAND = 0.05
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mrdamp.diagnosis.constants import LOGIT_SECOND
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import of_itself, unreferenced
@@ -51,13 +52,11 @@ def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
     tried = [f for f in search.beside(parent) if not (f.hypothesis.nominal and unreferenced(search.problem.rig, f))]
     before = search.predicted(parent)
     numbers = len(parent.point)
-    worth = [
-        utility(
-            ratio(search.predicted(f), before, search.cells), 1, len(f.point) - numbers, penalty=of_itself(f)
-        )
-        + search.direct.get(f.hypothesis.causes[-1], 0.0)
-        for f in tried
-    ]
+    worth = []
+    for f in tried:
+        left, more = ratio(search.predicted(f), before, search.cells), len(f.point) - numbers
+        direct = search.direct.get(f.hypothesis.causes[-1], 0.0)
+        worth.append(utility(left, 1, more, penalty=of_itself(f)) - LOGIT_SECOND + direct)
     sets: dict[tuple[str, ...], float] = {}
     names = [(), *((f.hypothesis.causes[-1],) for f in tried)]
     for name, p in zip(names, softmax([0.0, *worth]), strict=True):

@@ -1,0 +1,88 @@
+"""Measured rigs as they are: what their owners document is named, and kept records are predicted better.
+
+Records are used from ../shared/data. Truth: the owners' notes and causes that are seen without a law (../shared/design,
+natural gaps); the errors on kept records are measured.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamp.diagnosis.case.folder import read_case
+from mrdamp.diagnosis.form import form_of
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.identify import identify
+from mrdamp.model import Model
+from mrdamp.records import Record, read_record
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+DATA = Path(os.environ.get("MRDAMP_DATA", SHARED / "data"))
+
+#: Set, law, dependence, extras, every so many samples; effects one of which is named; and a mark for the error on kept
+#: records (RMS over records of the error over the force's deviation), that of a least-squares run with the effect.
+RIGS = {
+    "friction damper": ("arts", "bouc_wen", "constant", ("offset",), 1, {"backlash", "mount_compliance"}, 0.21),
+    "utfpr": ("utfpr", "bouc_wen", "quadratic", ("offset",), 1, {"shear_thinning"}, 0.13),
+    "nees": ("nees", "modified_bouc_wen", "linear", ("offset", "driver_lag"), 5, {"channel_shift"}, 0.125),
+}
+
+
+def records(name: str, half: str, every: int) -> list[Record]:
+    found = [read_record(f) for f in sorted((DATA / name / half).glob("*.csv*"))]
+    if name == "arts" and half == "validation":
+        found = [r for r in found if "1.5in" in r.name]
+    return [r.resample(every * r.sample_time) if every > 1 else r for r in found]
+
+
+def error(model: Model, kept: Sequence[Record]) -> float:
+    squares = []
+    for r in kept:
+        force, first = np.asarray(r.channel("force_N")), r.n // 10
+        inputs = {"displacement_m": r.displacement, "command": r.command}
+        off = model.simulate(r.sample_time, inputs)["force_N"] - force
+        squares.append(float(np.mean(off[first:] ** 2) / np.var(force[first:])))
+    return float(np.sqrt(np.mean(squares)))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs the measured records of ../shared/data")
+@pytest.mark.parametrize("rig", list(RIGS))
+def test_the_documented_cause_of_a_measured_rig_is_fitted_along(rig: str) -> None:
+    name, law, dependence, extras, every, cause, mark = RIGS[rig]
+    train, kept = records(name, "train", every), records(name, "validation", every)
+    fit = identify(law, train, extras=extras, dependence=dependence)
+    more = train if name != "arts" else [*train, *short_strokes()]
+    form = form_of(fit.model, more)
+    assert set(form.effects) & cause
+    assert form.left < 0.85
+    before, after = error(fit.model, kept), error(form.model, kept)
+    assert after < min(mark, 0.9 * before)
+
+
+def short_strokes() -> list[Record]:
+    return [read_record(f) for f in sorted((DATA / "arts" / "validation").glob("*_0.5in*"))]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (SHARED / "cases" / "faults").is_dir(), reason="needs the cases of ../shared")
+def test_what_changed_does_not_decide_whether_the_baseline_counts() -> None:
+    """80 N of seal friction were put in; the law identified again on the baseline fits the changed records worse."""
+    found = diagnose(read_case(SHARED / "cases" / "faults" / "21_damper_rig" / "q2_seal_80N"))
+    assert [e.effect for e in found.effects] == ["seal_friction"]
+    assert found.effects[0].parameters["coulomb"] == pytest.approx(80, rel=0.02)
+    assert found.question == "changed"
+    assert found.baseline_law is not None
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (SHARED / "cases" / "faults").is_dir(), reason="needs the cases of ../shared")
+def test_a_tie_is_told_in_its_simplest_form() -> None:
+    """150 N of preload and 6,000 N/m: a spring, not a spring and the bias of a sensor."""
+    found = diagnose(read_case(SHARED / "cases" / "faults" / "21_damper_rig" / "q2_gas_150N"))
+    assert [e.effect for e in found.effects] == ["gas_spring"]
+    assert found.effects[0].parameters["k"] == pytest.approx(6000, rel=0.05)
