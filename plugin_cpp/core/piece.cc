@@ -72,14 +72,15 @@ double Known(double start, const double* rate, int k, double dt) {
   return start;
 }
 
-// The error of a stiffness' force in a step: against the rule of second order of the first two stages. What stands against
+// The error of a stiffness' force in a step whose rates bend by `off`: against the rule of second order. What stands against
 // the stiffness takes most of it back at once where it is soft (slope: N s/m): an implicit Euler step of the error.
 // Source: Hairer & Wanner (1996), Solving Ordinary Differential Equations II, eq. IV.8.20.
-double Doubt(const double* rate, double dt, double stiffness, double slope) {
+double Doubt(double off, double dt, double stiffness, double slope) {
   const double step = kGamma * dt;
-  const double error = stiffness * step * std::fabs(rate[0] - 2 * rate[1] + rate[2]);
-  return error / (1 + stiffness * step / std::fmax(slope, 1e-9));
+  return stiffness * step * std::fabs(off) / (1 + stiffness * step / std::fmax(slope, 1e-9));
 }
+
+double Bend(const double* rate) { return rate[0] - 2 * rate[1] + rate[2]; }
 
 // A stage of that: dt from the last one to this one, h the implicit part of it, `gas` the pocket's stretch without that.
 struct Stage {
@@ -177,7 +178,7 @@ double PocketPiece(const Damper& d, State* s, const Piece& m, double field0, dou
     from = to;
   }
   FollowSeal(d.p, &s->c, m);
-  return Doubt(rate, m.dt, 1 / PocketGive(d.p, s->c.gas.stretch), s->c.gas.slope);
+  return Doubt(Bend(rate), m.dt, 1 / PocketGive(d.p, s->c.gas.stretch), s->c.gas.slope);
 }
 
 // The piston behind the mount over a piece of rod motion: its position by the rule above, each stage the balance of the
@@ -247,7 +248,8 @@ double MountPiece(const Damper& d, State* s, const Piece& m, double field0, doub
     gas_rate[k] = s->c.gas.rate;
     node = at;
   }
-  double error = Doubt(velocity, m.dt, stiffest, s->c.piston_slope + mass / h);
+  const double slope = s->c.piston_slope + mass / h;
+  double error = Doubt(Bend(velocity), m.dt, stiffest, slope);
   if (mass > 0) {
     const auto side = [&](double stretch) { return (stretch > 0) - (stretch < 0); };
     const double from = BeyondGap(p, m.x - x0), to = BeyondGap(p, m.x + m.path() - s->c.piston);
@@ -257,10 +259,10 @@ double MountPiece(const Damper& d, State* s, const Piece& m, double field0, doub
   }
   if (MaySlip(p)) {
     const double back = velocity[0] + (velocity[0] - velocity[1]) * kNode[0] / (kNode[1] - kNode[0]);
-    const double stiff = stiffest + SealSigma(p);
-    error = std::fmax(Doubt(velocity, m.dt, stiff, kInf), stiff * kGamma * m.dt * std::fabs(v0 - back));
+    const double stiff = MountStiffness(p) + SealSigma(p);
+    error = std::fmax(error, Doubt(std::fmax(std::fabs(Bend(velocity)), std::fabs(v0 - back)), m.dt, stiff, kInf));
   }
-  return HasPocket(p) ? std::fmax(error, Doubt(gas_rate, m.dt, 1 / PocketGive(p, s->c.gas.stretch), s->c.gas.slope)) : error;
+  return HasPocket(p) ? std::fmax(error, Doubt(Bend(gas_rate), m.dt, 1 / PocketGive(p, s->c.gas.stretch), s->c.gas.slope)) : error;
 }
 
 }  // namespace

@@ -164,7 +164,8 @@ def never_worse(
     elif search.inexact and decision.verdict == "unknown":
         left = search.left_out_cost(fits[decision.chosen.index])
         most = float(left <= UNNAMED_GAP**2 * search.nominal_cost)
-    if problem.cost(final.heldout) <= most * problem.cost(gaps):
+    costs = [(problem.cost(final.heldout), problem.cost(gaps)), (np.sum(final.heldout**2), np.sum(gaps**2))]
+    if all(left <= most * before for left, before in costs):  # weighted as fitted, and as the report's figures
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)
