@@ -30,7 +30,5 @@ class Limits:
     reformed: int = 4
 
 
-#: If no fit so far reaches the noise: limits for causes beside free nominal parameters, beside an established cause,
-#: and for pairs.
+#: Limits for causes beside free nominal parameters, and beside an established cause, if no fit reaches the noise.
 FREE, BESIDE = Limits(forms=1), Limits(singles=4, forms=1, polished=1)
-NARROW = Limits(singles=3, beam=2, additions=3, forms=1, polished=1)

@@ -20,7 +20,7 @@ from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, refo
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.left_out import ratio
-from mrdamp.diagnosis.fits.limits import BESIDE, FREE, NARROW, Limits
+from mrdamp.diagnosis.fits.limits import BESIDE, FREE, Limits
 from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
@@ -92,8 +92,9 @@ class Search(FitTable):
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
-            if self.inexact and (free or depth > 1):
-                self.extend(free, depth, FREE if depth == 1 else NARROW)
+            # Beside a wrong law further causes are found one at a time (`evidence.further`).
+            if self.inexact and free and depth == 1:
+                self.extend(free, depth, FREE)
             if not self.inexact or not (free or depth > 1) or self.nears_noise():
                 self.extend(free, depth)
             single = self.best(free, 1)
@@ -240,7 +241,7 @@ class Search(FitTable):
     def beside(self, parent: Fit) -> list[Fit]:
         """Fits with one more cause than a fit, each of those with a predicted gain in its best form, by cost."""
         ranked = screen(self, parent, self.addable(parent.hypothesis.causes))
-        chosen = worth_a_fit(worth_a_look(ranked, parent.cost), 1, BESIDE)
+        chosen = worth_a_fit(worth_a_look(ranked, parent.cost, second=True), 1, BESIDE)
         known = self.law_columns(parent)
         tasks = [(*self.start_from(parent, p.term, p.start, p.by), known, parent.cost) for p in chosen]
         fits = self._by_cost(self.map(self.tried, tasks))
