@@ -158,14 +158,14 @@ def never_worse(
     problem = final.problem
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
-    most = 1.0
-    if search.inexact and decision.verdict == "effect":
-        most = 1 - MATERIAL
-    elif search.inexact and decision.verdict == "unknown":
-        left = search.left_out_cost(fits[decision.chosen.index])
-        most = float(left <= UNNAMED_GAP**2 * search.nominal_cost)
-    costs = [(problem.cost(final.heldout), problem.cost(gaps)), (np.sum(final.heldout**2), np.sum(gaps**2))]
-    if all(left <= most * before for left, before in costs):  # weighted as fitted, and as the report's figures
+    reason = True
+    if search.inexact and decision.verdict in ("effect", "unknown"):
+        most = 1 - MATERIAL if decision.verdict == "effect" else UNNAMED_GAP**2
+        chosen = fits[decision.chosen.index]
+        left, before = (search.problem.gaps(r) for r in (search.predicted(chosen), search.residual))
+        pooled = float(np.sum(left**2) / np.sum(before**2))  # as in the report; the other one as fitted
+        reason = max(pooled, search.problem.cost(left) / search.nominal_cost) <= most
+    if reason and problem.cost(final.heldout) <= problem.cost(gaps):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)

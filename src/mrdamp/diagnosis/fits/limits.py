@@ -31,4 +31,4 @@ class Limits:
 
 
 #: Limits for causes beside free nominal parameters, and beside an established cause, if no fit reaches the noise.
-FREE, BESIDE = Limits(forms=1), Limits(singles=4, forms=1, polished=1)
+FREE, BESIDE = Limits(forms=1), Limits(additions=2, forms=1, polished=1)

@@ -241,7 +241,7 @@ class Search(FitTable):
     def beside(self, parent: Fit) -> list[Fit]:
         """Fits with one more cause than a fit, each of those with a predicted gain in its best form, by cost."""
         ranked = screen(self, parent, self.addable(parent.hypothesis.causes))
-        chosen = worth_a_fit(worth_a_look(ranked, parent.cost, second=True), 1, BESIDE)
+        chosen = worth_a_fit(worth_a_look(ranked, parent.cost), 2, BESIDE)
         known = self.law_columns(parent)
         tasks = [(*self.start_from(parent, p.term, p.start, p.by), known, parent.cost) for p in chosen]
         fits = self._by_cost(self.map(self.tried, tasks))
