@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms
 from mrdamp.diagnosis.hypotheses.terms import Sizes
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model import Model
 from mrdamp.records import Record
 
@@ -43,7 +46,8 @@ def test_a_command_that_hardly_changes_shows_nothing_of_what_acts_while_it_chang
         u = level + wobble * np.cos(2 * np.pi * t)
         channels = {"displacement_m": x, "command": u, "force_N": 500 * np.gradient(x)}
         records.append(Record(f"{k}", None, 0.005, channels))
-    effects = {term.effect for term in DamperRig(model, tuple(records)).terms}
+    search = Search(Problem(DamperRig(model, tuple(records))), 1e-6, Limits(base=0))
+    effects = {term.effect for term in search.addable(())}
     assert {"seal_friction", "saturation", "channel_shift"} <= effects
     assert ({"driver_lag", "command_delay", "remanence"} <= effects) is shown
     assert shown or not {"driver_lag", "command_delay", "remanence"} & effects

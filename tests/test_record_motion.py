@@ -105,7 +105,7 @@ def test_held_out_records_that_say_nothing_get_a_sentence_and_no_table(
     assert code == 0
     assert (tmp_path / "m.json").exists()
     assert "the held-out records do not judge it" in out
-    assert f"{still}: the law explains this force no better than a constant" in out
+    assert f"{still}: the law explains this force worse than a constant" in out
     assert "held out" not in out
 
 

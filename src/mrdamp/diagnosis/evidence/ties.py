@@ -66,7 +66,7 @@ def unseen(search: Search, chosen: Fit) -> tuple[dict[str, Any], ...]:
     rough = search.problem.rougher(base.hypothesis)
     before = rough.residuals(base.hypothesis, base.point)[0]
     out = []
-    for term in search.addable(()):
+    for term in (t for t in search.problem.rig.terms if not t.later):
         if term.cause in chosen.hypothesis.causes:
             continue
         hypothesis, point = search.start_from(base, term, 0)

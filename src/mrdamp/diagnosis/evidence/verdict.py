@@ -172,9 +172,9 @@ def _stated(scores: Array, other: Array, nominal: int) -> tuple[tuple[float, ...
     """
     stated = softmax(np.concatenate([scores, other]) / LOGIT_TEMPER)
     unknown = float(stated[nominal] + np.sum(stated[len(scores) :]))
-    own = stated[: len(scores)] / max(1 - unknown, 1e-9)
+    own = stated[: len(scores)].copy()
     own[nominal] = 0.0
-    return tuple(float(p) for p in own), unknown
+    return tuple(float(p) for p in own / max(own.sum(), 1e-300)), unknown
 
 
 def _simplest(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:

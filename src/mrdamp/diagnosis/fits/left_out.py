@@ -24,6 +24,8 @@ Numbers = NDArray[np.intp]
 _GROUPS, _PARTS, _SEED = 4, 3, 1
 #: Parts of a stroke. A turn counts once the motion has come back by this share of its range.
 _EIGHTHS, _BACK = 8, 0.02
+#: The mean over so many cells is shrunk to one half: a frame of two records has two, a damper sixteen a record.
+_FEW = 2
 
 
 def folds(problem: Problem) -> list[Mask]:
@@ -50,9 +52,14 @@ def predicted(problem: Problem, found: Fit, left: Sequence[Mask]) -> Array:
 
 
 def cells(problem: Problem) -> Numbers:
-    """Number of each sample's cell (samples,), from 0."""
+    """Number of each sample's cell (samples,), from 0. A frame's floors do not follow the stroke of its damper: the
+    cells of a frame are its records."""
     out = np.empty(problem.samples, dtype=np.intp)
+    of_damper = all(name.endswith("force_N") for name in problem.rig.channels)
     for number, b in enumerate(problem.blocks):
+        out[b.span] = b.record
+        if not of_damper:
+            continue
         conditions = problem.rig.conditions(b.record)
         x, taken = conditions["displacement (m)"], problem.taken(b.record)
         stroke = np.abs(stroke_since_reversal(x, _BACK * float(np.ptp(x))))
@@ -72,4 +79,5 @@ def ratio(residual: Array, reference: Array, cell: Numbers) -> float:
     count = np.bincount(cell)
     own, other = (np.bincount(cell, r**2) / count for r in (residual, reference))
     scale = CELL_SCALE * float(np.mean(other))
-    return float(np.exp(np.mean(np.log((own + scale) / (other + scale)))))
+    mean = float(np.mean(np.log((own + scale) / (other + scale))))
+    return float(np.exp(mean * len(count) / (len(count) + _FEW)))

@@ -30,5 +30,7 @@ class Limits:
     reformed: int = 4
 
 
-#: Limits for causes beside free nominal parameters, and beside an established cause, if no fit reaches the noise.
-FREE, BESIDE = Limits(forms=1), Limits(additions=2, forms=1, polished=1)
+#: Limits if no fit so far reaches the noise: for causes beside free nominal parameters, for pairs, and for a cause
+#: beside an established one.
+FREE, NARROW = Limits(forms=1), Limits(singles=3, beam=2, additions=3, forms=1, polished=1)
+BESIDE = Limits(additions=2, forms=1, polished=1)

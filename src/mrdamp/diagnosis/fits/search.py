@@ -20,7 +20,7 @@ from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, refo
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.left_out import ratio
-from mrdamp.diagnosis.fits.limits import BESIDE, FREE, Limits
+from mrdamp.diagnosis.fits.limits import BESIDE, FREE, NARROW, Limits
 from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
 from mrdamp.diagnosis.fits.table import NEARLY, SOLVED, FitTable
@@ -92,9 +92,8 @@ class Search(FitTable):
             count = ("one cause", "two causes", "three causes")[depth - 1]
             law = "free" if free else "held"
             progress(f"{count}, nominal parameters {law}", number / (2 * self.limits.depth))
-            # Beside a wrong law further causes are found one at a time (`evidence.further`).
-            if self.inexact and free and depth == 1:
-                self.extend(free, depth, FREE)
+            if self.inexact and (free or depth > 1):
+                self.extend(free, depth, FREE if depth == 1 else NARROW)
             if not self.inexact or not (free or depth > 1) or self.nears_noise():
                 self.extend(free, depth)
             single = self.best(free, 1)

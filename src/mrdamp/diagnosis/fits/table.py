@@ -28,6 +28,11 @@ SOLVED = 0.001
 NEARLY = 0.02
 
 
+def acts_while_it_changes(term: Term) -> bool:
+    """True for a cause that acts only while the command changes."""
+    return term.stage == "driver" or term.effect == "remanence"
+
+
 @dataclass
 class FitTable:
     """Fits of hypotheses to one problem: the best of each set of terms, with fixed and with free nominal
@@ -97,8 +102,14 @@ class FitTable:
         return float(residual @ residual)
 
     def addable(self, taken: Collection[str]) -> list[Term]:
-        """Terms of the catalogue that may be added to the causes `taken`."""
-        return [t for t in self.problem.rig.terms if t.cause not in taken and not t.later]
+        """Terms of the catalogue that may be added to the causes `taken`; not what acts only while the command changes,
+        if it hardly does."""
+        still = getattr(self.problem.rig, "still", False)
+        return [
+            t
+            for t in self.problem.rig.terms
+            if t.cause not in taken and not t.later and not (still and acts_while_it_changes(t))
+        ]
 
     def start_from(self, found: Fit, term: Term, k: int, by: float = 1.0) -> tuple[Hypothesis, Array]:
         """Hypothesis and starting point for a fit with a term added at one of its starts; linear coordinates

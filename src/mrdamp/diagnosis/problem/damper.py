@@ -168,10 +168,12 @@ class DamperRig:
 
     @cached_property
     def _catalogue(self) -> tuple[Term, ...]:
-        terms = with_waves(damper_terms(self.sizes), self.records)
-        if all(float(np.ptp(r.command)) <= _STEADY * self.sizes.command for r in self.records):
-            return tuple(t for t in terms if t.stage != "driver" and t.effect != "remanence")
-        return terms
+        return with_waves(damper_terms(self.sizes), self.records)
+
+    @property
+    def still(self) -> bool:
+        """True if the command hardly changes in any record."""
+        return all(float(np.ptp(r.command)) <= _STEADY * self.sizes.command for r in self.records)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:

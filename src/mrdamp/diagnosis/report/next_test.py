@@ -115,8 +115,8 @@ class Bench:
         if fitted:
             wanted += [self.middle, *self.law.settings, *(s for p in pairs for s in p.own.settings)]
         runs = self._tried(wanted, signal)
-        kept = compared(runs.shape[2], self.rig.envelope.sample_time)
-        flat = (runs[:, :, kept] / self.noise[:, None]).reshape(len(wanted), -1)
+        first = compared(runs.shape[2], self.rig.envelope.sample_time).start
+        flat = (runs[:, :, first:] / self.noise[:, None]).reshape(len(wanted), -1)
         if not np.isfinite(flat[: 2 * len(pairs)]).all():
             return np.zeros(len(pairs))
         at, out = 2 * len(pairs), []
