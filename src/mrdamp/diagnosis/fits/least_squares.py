@@ -308,8 +308,11 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
 
 
 def refitted(problem: Problem, found: Fit, left: NDArray[np.bool_]) -> Array:
-    """Residuals (samples,) of a fit made again without the samples `left`: Gauss-Newton steps from the fit to all with
-    its Jacobian, each a quarter if the others are no better."""
+    """Residuals (samples,) of a fit made again without the samples `left`.
+
+    Gauss-Newton steps from the fit to all, with its Jacobian. A step that does not make the other samples better is
+    tried again at a quarter of its length.
+    """
     prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
     low, high = found.hypothesis.bounds()
     j, keep = found.jacobian[~left], ~left

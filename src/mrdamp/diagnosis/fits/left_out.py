@@ -55,11 +55,11 @@ def cells(problem: Problem) -> Numbers:
     """Number of each sample's cell (samples,), from 0. A frame's floors do not follow the stroke of its damper: the
     cells of a frame are its records."""
     out = np.empty(problem.samples, dtype=np.intp)
-    of_damper = all(name.endswith("force_N") for name in problem.rig.channels)
+    if not all(name.endswith("force_N") for name in problem.rig.channels):
+        for b in problem.blocks:
+            out[b.span] = problem.records.index(b.record)
+        return out
     for number, b in enumerate(problem.blocks):
-        out[b.span] = b.record
-        if not of_damper:
-            continue
         conditions = problem.rig.conditions(b.record)
         x, taken = conditions["displacement (m)"], problem.taken(b.record)
         stroke = np.abs(stroke_since_reversal(x, _BACK * float(np.ptp(x))))

@@ -104,12 +104,9 @@ class FitTable:
     def addable(self, taken: Collection[str]) -> list[Term]:
         """Terms of the catalogue that may be added to the causes `taken`; not what acts only while the command changes,
         if it hardly does."""
-        still = getattr(self.problem.rig, "still", False)
-        return [
-            t
-            for t in self.problem.rig.terms
-            if t.cause not in taken and not t.later and not (still and acts_while_it_changes(t))
-        ]
+        rig = self.problem.rig
+        terms = [t for t in rig.terms if t.cause not in taken and not t.later]
+        return [t for t in terms if not acts_while_it_changes(t)] if rig.still else terms
 
     def start_from(self, found: Fit, term: Term, k: int, by: float = 1.0) -> tuple[Hypothesis, Array]:
         """Hypothesis and starting point for a fit with a term added at one of its starts; linear coordinates

@@ -172,7 +172,7 @@ class DamperRig:
 
     @property
     def still(self) -> bool:
-        """True if the command hardly changes in any record."""
+        """See `mrdamp.diagnosis.problem.rig.Rig`."""
         return all(float(np.ptp(r.command)) <= _STEADY * self.sizes.command for r in self.records)
 
     @cached_property

@@ -256,6 +256,11 @@ class FrameRig:
         """Ratio of the noise after averaging over `block` samples to the white noise of a record."""
         return float(np.sqrt(self.block / self._blocks[record]))
 
+    @property
+    def still(self) -> bool:
+        """See `mrdamp.diagnosis.problem.rig.Rig`: a frame's causes outside its driver are told by its floors."""
+        return False
+
     def conditions(self, record: int) -> dict[str, Array]:
         """Variables for the regimes of the gap: name with unit -> (n,)."""
         r, (low, high) = self.records[record], self.structure.damper_between

@@ -43,6 +43,11 @@ class Rig(Protocol):
         """Causes outside the catalogue, with which its effects are compared."""
         ...
 
+    @property
+    def still(self) -> bool:
+        """True if the command hardly changes in any record, so that nothing is seen of what acts only while it does."""
+        ...
+
     def measured(self, record: int) -> Array:
         """(channels, n) of a record."""
         ...

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
-from mrdamp.records.record import Record
+from mrdamp.model import Model
+from mrdamp.records import Record, RecordSet
 
 #: Key of a model file and of a case.json.
 IDENTIFIED_ON = "identified_on"
@@ -21,8 +23,14 @@ def text_hash(path: Path) -> str:
     return hashlib.sha256(decode(str(path), read_bytes(path)).encode()).hexdigest()[:_DIGITS]
 
 
-def identified_on(records: Iterable[Record]) -> list[dict[str, str]]:
-    """Entry of a model file; records that were not read from a file are left out."""
+def write_identified(model: Model, records: RecordSet, out: Path) -> None:
+    """Writes a model with the names and hashes of its records, by which `mrdamp case` recognises them."""
+    used = _entry([*records.train, *records.validation])
+    replace(model, extra={**model.extra, IDENTIFIED_ON: used} if used else model.extra).write(out)
+
+
+def _entry(records: Iterable[Record]) -> list[dict[str, str]]:
+    """Records that were not read from a file are left out."""
     paths = dict.fromkeys(r.path for r in records if r.path is not None)
     return [{"record": path.name, "sha256": text_hash(path)} for path in paths]
 
