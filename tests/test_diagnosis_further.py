@@ -17,9 +17,9 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import toy
 
 
-def found(**truth: float) -> tuple[Search, list[Fit], Decision]:
+def found(noise: float = 0.02, **truth: float) -> tuple[Search, list[Fit], Decision]:
     """A search in records of a toy with a part that the catalogue lacks; single causes alone are decided on."""
-    search = Search(Problem(toy({"outside": 0.4, **truth}, records=6, noise=0.02)), 1e-6)
+    search = Search(Problem(toy({"outside": 0.4, **truth}, records=6, noise=noise)), 1e-6)
     for free in (False, True):
         search.extend(free, 1)
     fits = [*search.ranked(False), *search.ranked(True)]
@@ -49,6 +49,14 @@ def test_a_second_cause_is_found_beside_the_first() -> None:
 def test_nothing_is_added_where_there_is_no_second_cause() -> None:
     search, fits, decision = found(offset=0.5)
     assert decision.chosen.causes == ("offset",)
+    assert with_further(search, fits, decision) == (fits, decision)
+
+
+def test_a_second_cause_that_takes_little_is_not_added() -> None:
+    """In the noise of .2 a friction of .09 is a sixth of the squares: fitted, and not worth another cause."""
+    search, fits, decision = found(noise=0.2, offset=0.8, sign=0.09)
+    assert decision.chosen.causes == ("offset",)
+    assert ("offset", "sign") in [f.hypothesis.causes for f in search.beside(fits[decision.chosen.index])]
     assert with_further(search, fits, decision) == (fits, decision)
 
 

@@ -11,12 +11,13 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import CAUSE_PENALTY, INDEPENDENT, LAPSE, NUMBER_PENALTY, UNKNOWN_ABOVE
+from mrdamp.diagnosis.constants import LAPSE, UNKNOWN_ABOVE
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit
 from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.verdict import (
     Scored,
+    _simplest,
     by_causes,
     decide,
     lapse_of,
@@ -336,13 +337,11 @@ def test_the_answer_is_the_most_probable_one() -> None:
     assert 0.3 < shared.unknown < 0.5
 
 
-def test_a_pair_that_is_no_more_probable_than_its_part_is_told_as_the_part() -> None:
-    """Penalties by hand: a second cause with one parameter costs 4.9 nats, which a remainder of exp(-4.9 / 7) pays."""
-    nominal, alone = Scored((), False, 1.0, 0, 0), Scored(("a",), False, 0.01, 1, 1)
-    for share, causes in ((1.0, ("a",)), (0.9, ("a",)), (0.5, ("a", "b"))):
-        left = 0.001 + share * np.exp(-(CAUSE_PENALTY + NUMBER_PENALTY) * 2 / INDEPENDENT) * 0.009
-        pair = Scored(("a", "b"), False, float(left), 2, 2)
-        assert decide([nominal, alone, pair], 0.001).chosen.causes == causes
+@pytest.mark.parametrize(("alone", "answer"), [(0.30, ("a",)), (0.24, ("a", "b"))])
+def test_a_pair_is_told_as_its_part_if_that_is_half_as_probable(alone: float, answer: tuple[str, ...]) -> None:
+    known = {("a", "b"): 0.5, ("c",): 0.45 - alone / 2, ("a",): alone, (): 0.04}
+    assert _simplest(dict(sorted(known.items(), key=lambda item: -item[1]))) == answer
+    assert _simplest({(): 0.6, ("a",): 0.4}) == ()
 
 
 def test_what_does_not_repeat_is_neither_nothing_nor_wrong_numbers() -> None:
