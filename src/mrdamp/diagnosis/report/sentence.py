@@ -155,7 +155,7 @@ def _unknown(d: Diagnosis) -> str:
         )
     if same:
         handed = (
-            f"no correction holds in regimes left out of its fit, so the simulator is handed over {unchanged}"
+            f"no correction holds on records left out of its fit, so the simulator is handed over {unchanged}"
         )
     else:
         handed = f"the best correction leaves {percent(g.corrected)}"
