@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from scipy.integrate import solve_ivp
 from mrdamp.errors import InputError
 from mrdamp.identify import RecordError, error, identify, pooled
 from mrdamp.model.core import Array
-from mrdamp.records import Record, embedded
+from mrdamp.records import Record, embedded, read_record
+from mrdamp.records.motion import slowness
 
 TRUE = {"c0a": 400.0, "c0b": 250.0, "fya": 40.0, "fyb": 300.0, "alpha_a": 60.0, "alpha_b": 400.0}
 
@@ -102,3 +104,29 @@ def test_bad_input_is_told() -> None:
         identify("maxwell", [r])
     with pytest.raises(InputError, match="driver_lag"):
         identify("bingham", [r], extras=("ghost",))
+
+
+def test_steps_grow_with_slow_motions() -> None:
+    t = np.linspace(0, 1, 10_001)
+    for period, times in ((1.0, 1.0), (10.0, 1.0), (200.0, 20.0)):
+        w = 2 * math.pi / period
+        assert slowness([(np.sin(w * period * t), w * np.cos(w * period * t))]) == pytest.approx(times, rel=1e-3)
+    # A force that depends on the path alone: the same numbers, fifty times as slow.
+    fast = record("a", "bouc_wen", 0.004, 2.0, 1)
+    force = fast.channel("force_N") - (TRUE["c0a"] + TRUE["c0b"] * fast.command) * fast.velocity()
+    made = [Record("a", None, dt, {**fast.channels, "force_N": force}) for dt in (fast.sample_time, 0.1)]
+    one, slow = (identify("bouc_wen", [r], starts=1).model.parameters for r in made)
+    assert 1 / slow["A"] == pytest.approx(4e-4, rel=0.1)
+    for name in ("A", "alpha_a", "alpha_b"):
+        assert slow[name] == pytest.approx(one[name], rel=0.02), name
+
+
+FAULT = Path(__file__).parents[2] / "shared" / "cases" / "faults" / "03_start_in_motion"
+
+
+@pytest.mark.skipif(not FAULT.is_dir(), reason="shared/cases is not there")
+def test_a_law_does_not_depend_on_where_its_records_were_cut() -> None:
+    """Four cuts of one test of one damper, whose loops differ by .6 %."""
+    first, *others = [read_record(f) for which in ("base", "new") for f in sorted((FAULT / which).glob("*.csv"))]
+    fit = identify("bouc_wen", [first], others, starts=4, extras=("offset",))
+    assert fit.held_out_nrmse < 1.25 * error(fit.model, first).nrmse

@@ -21,6 +21,7 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
 from mrdamp.records.log_filter import held, rings_before_jumps
+from mrdamp.records.motion import slowness
 
 Progress = Callable[[str, float], None]
 
@@ -129,9 +130,10 @@ class Problem:
         freed: bool = True,
         hold: bool = False,
     ) -> None:
-        self.space, self.threads, self.substep, self.evaluations = search, threads, substep, 0
+        self.space, self.threads, self.evaluations = search, threads, 0
         self.freed, self.hold = freed and search.law == "modified_bouc_wen", hold
         self.records = [(r, r.velocity(), r.channel("force_N")) for r in records]
+        self.substep = substep * slowness((r.displacement, v) for r, v, _ in self.records)
         #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
         self.led = [is_led(r) for r in records]
         # One scale for all: a record with a small force must not pull the others with its noise.

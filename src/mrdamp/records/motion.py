@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from mrdamp.records.sampling import Array
@@ -14,6 +16,8 @@ FITTED_SHARE = 2.0 / 3.0
 _TURN = 0.1
 #: Below this ratio of a channel's range to its noise, a loop of force over displacement is not resolved.
 _RESOLVED = 20.0
+#: s, ratio of RMS displacement to RMS velocity of a sine of .1 Hz.
+_SLOW = 10.0 / (2.0 * np.pi)
 
 
 def path(x: Array) -> Array:
@@ -32,6 +36,15 @@ def path(x: Array) -> Array:
             total += abs(step)
         out[k] = total
     return out
+
+
+def slowness(motions: Iterable[tuple[Array, Array]]) -> float:
+    """How many times slower the fastest motion is than a sine of .1 Hz; at least 1. A law needs steps by its travel.
+
+    motions: displacement (n,) m and velocity (n,) m/s of each record.
+    """
+    times = [float(np.std(x)) / max(float(np.sqrt(np.mean(np.square(v)))), 1e-300) for x, v in motions]
+    return max(min(times, default=0.0) / _SLOW, 1.0)
 
 
 def stroke_since_reversal(x: Array, back: float) -> Array:

@@ -30,6 +30,7 @@ from mrdamp.model import Model, core, effects_from
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.log_filter import FILTERED, LOGGER, logged, rings_before_jumps
+from mrdamp.records.motion import slowness
 from mrdamp.records.sampling import derivative
 from mrdamp.records.smoothing import noise_level, smoothed
 from mrdamp.records.upsampling import FineInputs as Fine
@@ -94,6 +95,11 @@ class DamperRig:
         x, v, _ = self.motions[record]
         return derivative(x, self.records[record].sample_time) if v is None else v
 
+    @cached_property
+    def slow(self) -> float:
+        """See `mrdamp.records.motion.slowness`."""
+        return slowness((x, self.velocity(k)) for k, (x, _, _) in enumerate(self.motions))
+
     @property
     def hold(self) -> bool:
         """True if the command is held between samples."""
@@ -132,7 +138,7 @@ class DamperRig:
 
     def searched(self) -> DamperRig:
         """The rig for a search: with excerpts of long records."""
-        short = excerpts(self.records, self.heat, thinned=not self.as_logged)
+        short = excerpts(self.records, self.heat, thinned=not self.as_logged, slow=self.slow)
         if short == self.records:
             return self
         leads = tuple(self._lead(k, one) for k, one in enumerate(short))
@@ -224,7 +230,7 @@ class DamperRig:
     def rougher(self, terms: Sequence[Term]) -> DamperRig | None:
         """The same rig with longer steps in a search. None if the records' samples are no further apart, or
         with a command delay: a fraction of a step matters at the jumps of the command."""
-        longer = any(r.sample_time > 1.5 * _COARSE for r in self.records)
+        longer = any(r.sample_time > 1.5 * _COARSE * self.slow for r in self.records)
         if any(t.stage == "mount" for t in terms):
             return self._rough
         return self._rough if longer and all(t.stage != "driver" for t in terms) else None
@@ -246,7 +252,7 @@ class DamperRig:
         if moved is not None:
             x, a = x + moved, None
             v = None if v is None else v + derivative(moved, r.sample_time)
-        factor = max(1, round(r.sample_time / _COARSE))
+        factor = self._factor(r.sample_time, _COARSE)
         inputs = upsampled(
             x, command, r.sample_time, factor, v, a, filtered=self.filtered, hold=self.hold
         )
@@ -254,9 +260,13 @@ class DamperRig:
         out = self._run([settings], inputs, columns)[0]
         return dict(zip(columns, out, strict=True))
 
+    def _factor(self, sample_time: float, step: float) -> int:
+        """Number of the chain's steps between samples, of about `step` (s) times the records' slowness."""
+        return max(1, round(sample_time / (step * self.slow)))
+
     def _fine(self, record: int, step: float) -> Fine:
         """A record's inputs at about this step (s), cached."""
-        factor = max(1, round(self.records[record].sample_time / step))
+        factor = self._factor(self.records[record].sample_time, step)
         if (record, factor) not in self._inputs:
             r = self.records[record]
             x, v, a = self.motions[record]
@@ -330,7 +340,7 @@ class DamperRig:
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
-        factor = max(1, round(self.sizes.sample_time / _ROUGH))
+        factor = self._factor(self.sizes.sample_time, _ROUGH)
         inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor, hold=self.hold)
         return self._run(settings, inputs)
 

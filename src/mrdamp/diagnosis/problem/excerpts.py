@@ -26,20 +26,22 @@ EACH, LONGEST = 3.5, 15.0
 STEP = 2e-3
 
 
-def excerpts(records: Sequence[Record], heat: Sequence[float], *, thinned: bool = True) -> tuple[Record, ...]:
+def excerpts(
+    records: Sequence[Record], heat: Sequence[float], *, thinned: bool = True, slow: float = 1.0
+) -> tuple[Record, ...]:
     """The middle parts of the records if their total length is large; a machine starts and stops at the ends.
 
-    heat: J dissipated, by record. thinned: decimate to a sample time of STEP.
+    heat: J dissipated, by record. thinned: decimate to a sample time of STEP. slow: factor on all times.
     """
-    if sum(r.n * r.sample_time for r in records) <= WHOLE:
+    if sum(r.n * r.sample_time for r in records) <= WHOLE * slow:
         return tuple(records)
-    hottest = int(np.argmax(heat))
-    return tuple(_middle(r, LONGEST if k == hottest else EACH, thinned) for k, r in enumerate(records))
+    hottest, step = int(np.argmax(heat)), STEP * slow if thinned else 0.0
+    return tuple(_middle(r, slow * (LONGEST if k == hottest else EACH), step) for k, r in enumerate(records))
 
 
-def _middle(record: Record, seconds: float, thinned: bool) -> Record:
+def _middle(record: Record, seconds: float, step: float) -> Record:
     n = min(record.n, max(round(seconds / record.sample_time), 1))
-    first, every = (record.n - n) // 2, max(1, round(STEP / record.sample_time)) if thinned else 1
+    first, every = (record.n - n) // 2, max(1, round(step / record.sample_time))
     channels = {
         name: np.asarray(values)[first : first + n : every] for name, values in record.channels.items()
     }
