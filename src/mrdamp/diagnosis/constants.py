@@ -74,10 +74,12 @@ LOGIT_GAIN, LOGIT_CAUSE, LOGIT_SECOND, LOGIT_NUMBER, LOGIT_LAW = 30.0, 6.0, 3.0,
 CELL_SCALE = 0.05
 #: Temperature of the stated probabilities: utilities are divided by it. The decision uses the utilities without it.
 LOGIT_TEMPER = 1.3
-#: Effects that add hysteresis to a law without any. If such a law is wrong, any law with hysteresis fits as
-#: well, so these effects have the penalty of free nominal parameters.
+#: Effects that add a hysteresis that a law lacks: play and phase to Bingham's, one that does not depend on the rate to
+#: the hyperbolic tangent's. If such a law is wrong, any law with that hysteresis fits as well, so these effects have the
+#: penalty of free nominal parameters unless baseline records determine the law.
 LOOPS: Mapping[str, frozenset[str]] = {
-    "bingham": frozenset({"mount_compliance", "backlash", "channel_shift", "sensor_lag"})
+    "bingham": frozenset({"mount_compliance", "backlash", "channel_shift", "sensor_lag", "seal_friction"}),
+    "hyperbolic_tangent": frozenset({"seal_friction"}),
 }
 #: Effects with nearly the same signature in every test; neither is evidence against the other. Delay and lag
 #: overlap by .90 to .98 in nearly all records; a stiff spring and a small clearance, and a preload and an

@@ -107,7 +107,7 @@ def judge(search: Search, baseline: Problem | None = None) -> Judged:
     """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
     fits = [*search.ranked(False), *search.ranked(True)]
     rig = search.problem.rig
-    penalties = {id(f): of_damper(rig, f, search.base, inexact=search.inexact) for f in fits}
+    penalties = {id(f): of_damper(rig, f, search.base, inexact=search.inexact, baseline=search.own > 0) for f in fits}
     return fits, decided(search, fits, penalties, baseline)
 
 

@@ -17,16 +17,16 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False) -> float:
-    """Penalty of a fit of a damper's records if free nominal parameters alone (`free`) are as good or
+def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False, baseline: bool = False) -> float:
+    """Penalty of a fit of a damper's records if free nominal parameters alone (`free`) or another law are as good or
     equivalent.
 
     inexact: the law is not the rig's; its parameters are then no simpler explanation than a gain, and the two
-    are reported as tied.
+    are reported as tied. baseline: there are baseline records.
     """
     held = inexact and not found.hypothesis.nominal
     penalty = 0.0 if held else NOT_ITSELF * unreferenced(rig, found)
-    law = rig.model({}).law if inexact else ""
+    law = rig.model({}).law if inexact and not baseline else ""
     if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
         penalty += LOGIT_LAW
     if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * free.cost:
