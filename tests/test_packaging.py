@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from mrdamp.former_paths import FORMER_PATHS
-
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODEL = """
 <mujoco>
@@ -84,7 +82,7 @@ def test_import_loads_one_engine_and_one_plugin(tmp_path: Path) -> None:
 
 
 def test_import_loads_nothing_heavy(tmp_path: Path) -> None:
-    heavy = "{'mujoco', 'numpy', 'scipy', 'gymnasium', 'matplotlib', 'torch', 'rich'}"
+    heavy = "{'mujoco', 'scipy', 'matplotlib', 'torch', 'rich'}"
     for name in ("mrdamp", "mrdamp.cli"):
         assert python(f"import {name}, sys; print(sorted({heavy} & set(sys.modules)))", tmp_path) == "[]"
 
@@ -103,28 +101,6 @@ def test_import_of_the_package_registers_the_environments(tmp_path: Path, first:
 
 def test_environments_need_no_import_with_the_package_in_the_id(tmp_path: Path) -> None:
     assert python("import gymnasium as g; print(g.make('mrdamp:mrdamp/Frame-v0').spec.id)", tmp_path)
-
-
-def test_former_paths_of_public_modules_give_the_same_modules(tmp_path: Path) -> None:
-    assert FORMER_PATHS
-    for former, there in FORMER_PATHS.items():
-        # The former path first, so that nothing else has imported the module.
-        code = (
-            f"import {former} as a, {there} as b, importlib, sys\n"
-            f"from mrdamp import {former.partition('.')[2]} as c\n"
-            "importlib.reload(a)\n"
-            f"print(a is b is c, a.__spec__.name == a.__name__ == {there!r})"
-        )
-        assert python(code, tmp_path) == "True True"
-
-
-def test_modules_that_are_waited_for_keep_their_own_loaders(tmp_path: Path) -> None:
-    code = (
-        "import mrdamp, sys, gymnasium, mujoco\n"
-        "print(*(type(m.__spec__.loader).__name__ + type(m.__loader__).__name__ for m in (gymnasium, mujoco)))\n"
-        "print(any(type(f).__module__ == 'mrdamp.on_import' for f in sys.meta_path))"
-    )
-    assert python(code, tmp_path).split() == ["SourceFileLoaderSourceFileLoader"] * 2 + ["False"]
 
 
 @pytest.mark.parametrize("first", ["mrdamp", "mujoco, mrdamp", "mrdamp, mujoco", "mrdamp.cli"])
@@ -151,7 +127,6 @@ sys.path.insert(0, {folder!r})
     "then",
     [
         "import mujoco, mrdamp",
-        "import mrdamp, mujoco",
         "import mrdamp.model.native; mrdamp.model.native.library()",
         "import mrdamp; mrdamp.load_plugin()",
     ],

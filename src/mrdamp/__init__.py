@@ -1,7 +1,7 @@
 """Magnetorheological dampers for MuJoCo, from measured record to controlled structure.
 
-Importing the package registers the plugins `mrdamp.damper` and `mrdamp.force_sensor` with MuJoCo, and the environments
-with Gymnasium. Both happen when the other package is imported, so that `import mrdamp` itself loads neither.
+Importing the package registers the environments with Gymnasium. MuJoCo's own import loads the plugins `mrdamp.damper`
+and `mrdamp.force_sensor` by the entry point `mujoco.plugins`.
 """
 
 from __future__ import annotations
@@ -9,18 +9,14 @@ from __future__ import annotations
 import sys
 
 from mrdamp.errors import EngineError, InputError, MrdampError
-from mrdamp.former_paths import FormerPaths
 from mrdamp.library import library_path, load_plugin
-from mrdamp.on_import import on_import
 from mrdamp.registration import register
 
 __all__ = ["EngineError", "InputError", "MrdampError", "__version__", "library_path", "load_plugin"]
 
-# MuJoCo's own import loads the plugin by the entry point `mujoco.plugins`; this is for trees without metadata, and
-# turns the warning that MuJoCo makes of an error into the error.
-on_import("mujoco", load_plugin)
-on_import("gymnasium", register)
-sys.meta_path.append(FormerPaths())
+register()
+if "mujoco" in sys.modules:  # which warned of another engine than the plugins'; here it is an error
+    load_plugin()
 
 
 def __getattr__(name: str) -> str:

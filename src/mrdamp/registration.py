@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gymnasium
+
 #: id -> class of the environment, class of the vector environment. Gymnasium imports them when one is made.
 ENVIRONMENTS = {
     "mrdamp/Frame-v0": ("mrdamp.envs.frame:FrameEnv", "mrdamp.envs.vector:FrameVectorEnv"),
@@ -12,8 +14,6 @@ ENVIRONMENTS = {
 
 def register() -> None:
     """Makes the environments known to `gymnasium.make`; safe to call again."""
-    import gymnasium
-
     for name, (single, vector) in ENVIRONMENTS.items():
         if name not in gymnasium.registry:
             gymnasium.register(name, entry_point=single, vector_entry_point=vector)

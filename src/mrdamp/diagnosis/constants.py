@@ -75,8 +75,8 @@ CELL_SCALE = 0.05
 #: Temperature of the stated probabilities: utilities are divided by it. The decision uses the utilities without it.
 LOGIT_TEMPER = 1.3
 #: Effects that add a hysteresis that a law lacks: play and phase to Bingham's, one that does not depend on the rate to
-#: the hyperbolic tangent's. If such a law is wrong, any law with that hysteresis fits as well, so these effects have the
-#: penalty of free nominal parameters unless baseline records determine the law.
+#: the hyperbolic tangent's. If such a law is wrong, any law with that hysteresis fits as well, so these effects have
+#: the penalty of free nominal parameters unless baseline records determine the law.
 LOOPS: Mapping[str, frozenset[str]] = {
     "bingham": frozenset({"mount_compliance", "backlash", "channel_shift", "sensor_lag", "seal_friction"}),
     "hyperbolic_tangent": frozenset({"seal_friction"}),
