@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/tanh.h"
+
 namespace mrdamp {
 
 constexpr double kExact = 1e-6;  // changes z by as much, relative to its largest value
@@ -27,7 +29,7 @@ inline double Square(double u, double A, double B, double s, double* left) {
   }
   const double c = std::sqrt(std::fabs(A / B));  // |u| at rest (B > 0)
   if (B > 0) {
-    const double t = std::tanh(rate * s);
+    const double t = Tanh(rate * s);
     const double next = c * (u + c * t) / (c + u * t);
     if (u >= 0 || next <= 0) return next;
     *left = s - std::atanh(-u / c) / rate;
