@@ -11,7 +11,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.model.core import Array
 from mrdamp.records import read_records
-from mrdamp.records.motion import cut, faults, path, turns
+from mrdamp.records.motion import cut, faults, path, share_of_stroke, turns
 
 DT = 0.002
 
@@ -117,3 +117,15 @@ def test_turns_are_counted_with_hysteresis() -> None:
     assert turns(np.sin(2 * math.pi * t)) == 2
     assert turns(-np.cos(8 * math.pi * t) + 0.02 * np.cos(400 * t)) == 7
     assert faults(np.sin(20 * t), np.cos(20 * t)) == []
+
+
+def test_the_share_of_a_stroke_grows_from_each_turn() -> None:
+    """Over a triangle: up by 10, back by 10; a turn back by a hundredth of the range is none."""
+    up = np.linspace(0, 10, 101)
+    x = np.concatenate([up, up[::-1][1:]])
+    share = share_of_stroke(x)
+    assert share[:101] == pytest.approx(up / 10)
+    assert share[125:] == pytest.approx(up[25:] / 10)
+    bent = x.copy()
+    bent[50] -= 0.2
+    assert share_of_stroke(bent)[60:100] == pytest.approx(up[60:100] / 10)

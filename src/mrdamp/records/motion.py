@@ -64,6 +64,12 @@ def stroke_since_reversal(x: Array, back: float) -> Array:
     return out
 
 
+def share_of_stroke(x: Array) -> Array:
+    """(n,) distance from the last turning point over the largest one, 0 to 1. A turn counts from `DEAD_BAND` on."""
+    stroke = np.abs(stroke_since_reversal(x, DEAD_BAND * float(np.ptp(x))))
+    return np.asarray(stroke / max(float(stroke.max()), 1e-30))
+
+
 def cut(x: Array) -> int:
     """Sample at which a displacement (n,) has covered `FITTED_SHARE` of its path; of its time, where it stands still.
 

@@ -60,7 +60,7 @@ def of_fit(problem: Problem, residual: Array, floor: float) -> Ceiling:
         record = problem.rig.records[b.record]
         conditions = problem.rig.conditions(b.record)
         taken, dt = problem.taken(b.record), record.sample_time * problem.stride
-        inputs = [v[taken] for name, v in conditions.items() if not name.startswith("time")]
+        inputs = [v[taken] for v in conditions.values()]
         motion = next((v for name, v in conditions.items() if name.startswith("displacement")), inputs[0])
         speed = next((v for name, v in conditions.items() if name.startswith("velocity")), inputs[0])
         stroke = stroke_since_reversal(motion, 0.01 * float(np.std(motion)))[taken]

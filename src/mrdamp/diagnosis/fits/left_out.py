@@ -15,15 +15,15 @@ from mrdamp.diagnosis.constants import CELL_SCALE
 from mrdamp.diagnosis.fits.least_squares import Fit, refitted
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
-from mrdamp.records.motion import stroke_since_reversal
+from mrdamp.records.motion import share_of_stroke
 
 Mask = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
 #: Groups of records that are left out in turn; parts in time of each record if there are fewer records.
 _GROUPS, _PARTS, _SEED = 4, 3, 1
-#: Parts of a stroke. A turn counts once the motion has come back by this share of its range.
-_EIGHTHS, _BACK = 8, 0.02
+#: Parts of a stroke.
+_EIGHTHS = 8
 #: The mean over so many cells is shrunk to one half: a frame of two records has two, a damper sixteen a record.
 _FEW = 2
 
@@ -62,8 +62,7 @@ def cells(problem: Problem) -> Numbers:
     for number, b in enumerate(problem.blocks):
         conditions = problem.rig.conditions(b.record)
         x, taken = conditions["displacement (m)"], problem.taken(b.record)
-        stroke = np.abs(stroke_since_reversal(x, _BACK * float(np.ptp(x))))
-        eighth = (_EIGHTHS * stroke / max(float(stroke.max()), 1e-30)).astype(np.intp).clip(max=_EIGHTHS - 1)
+        eighth = (_EIGHTHS * share_of_stroke(x)).astype(np.intp).clip(max=_EIGHTHS - 1)
         forward = conditions["velocity (m/s)"] > 0
         out[b.span] = ((number * _EIGHTHS + eighth) * 2 + forward)[taken]
     return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)

@@ -357,7 +357,6 @@ class DamperRig:
             "command rate (1/s)": derivative(r.command, r.sample_time),
             "displacement (m)": self.motions[record][0],
             "acceleration (m/s2)": derivative(v, r.sample_time),
-            "time (s)": np.asarray(r.time),
         }
 
     def model(self, settings: Mapping[str, float]) -> Model:

@@ -275,7 +275,7 @@ class FrameRig:
             if (j - 1, j) != (low, high):
                 out[f"drift of storey {j} (m)"] = self._floor(record, j) - self._floor(record, j - 1)
         ground = np.asarray(r.channel("ground_acceleration_m_s2"))
-        return out | {"ground acceleration (m/s2)": ground, "time (s)": np.asarray(r.time)}
+        return out | {"ground acceleration (m/s2)": ground}
 
     def model(self, settings: Mapping[str, float]) -> Model:
         own, s = set(self.nominal_model.parameters), self.structure

@@ -56,6 +56,7 @@ from mrdamp.diagnosis.report.result import (
 )
 from mrdamp.diagnosis.signatures.loops import Signature, compared
 from mrdamp.model.core import Array
+from mrdamp.records.motion import share_of_stroke
 
 #: Number of simulators with parameters drawn within their intervals.
 _DRAWN = 20
@@ -323,7 +324,11 @@ def _conditions(problem: Problem) -> tuple[dict[str, Array], Array]:
     for b in problem.blocks:
         record = problem.rig.records[b.record]
         take = problem.taken(b.record)
-        for name, values in problem.rig.conditions(b.record).items():
+        conditions = problem.rig.conditions(b.record)
+        conditions["share of the stroke since its turn"] = share_of_stroke(conditions["displacement (m)"])
+        if all("temperature_C" in r.channels for r in problem.rig.records):
+            conditions["temperature (C)"] = np.asarray(record.channel("temperature_C"))
+        for name, values in conditions.items():
             parts.setdefault(name, []).append(values[take])
         halves.append(np.floor(record.time[take]) % 2 == 0)
     return {name: np.concatenate(v) for name, v in parts.items()}, np.concatenate(halves)
