@@ -39,6 +39,7 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     _stages(out, found)
     _shrink(out, found)
     _remains(out, found, worst)
+    _loops(out, found, worst[0])
     _next(out, found)
     _answer(out, found, command_unit)
     _where(out, found, shown, command_unit)
@@ -229,13 +230,26 @@ def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]
         "Measured less simulated, on the records with the largest gap: nominal above, corrected below, on one scale.",
         "Residuals over time of the nominal and the corrected simulator.",
     )
-    if worst[0].displacement is not None:
-        out.figure(
+
+
+def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
+    """What the loops show without a law, and the loops of the record with the largest nominal gap."""
+    if worst.displacement is None:
+        return
+    out.figure(
+        "What the loops show",
+        pictures.loops(worst),
+        "Measured force with the nominal and the corrected simulator's, over displacement and velocity.",
+        "Hysteresis loops: measured, nominal and corrected.",
+    )
+    if found.signatures:
+        out.table(
             "",
-            pictures.loops(worst[0]),
-            "Measured force with the nominal and the corrected simulator's, over displacement and velocity.",
-            "Hysteresis loops: measured, nominal and corrected.",
-        )
+            ("from turn to turn", "measured", "nominal", "corrected"),
+            [(f"{s.name}, {s.unit}", *(f"{v:.3g}" for v in (s.measured, s.nominal, s.corrected)))
+             for s in found.signatures],
+            "Medians over the records; no law is in them.",
+        )  # fmt: skip
 
 
 def _records(out: Page, shown: Sequence[pictures.ResidualData]) -> None:
