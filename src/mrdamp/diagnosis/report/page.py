@@ -30,17 +30,17 @@ def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[p
 def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_unit: str = "A") -> Page:
     """The whole page. nominal: the nominal simulator; records: all of the case.
 
-    Actionable results come first: the stage, the reduction of the gap, the remainder, the next step.
+    Actionable results come first: the next step, the stage, the reduction of the gap, the remainder.
     """
     out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
     shown = views(nominal, found.corrected, records)
     order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))
     worst = [shown[k] for k in order[:_SHOWN]]
+    _next(out, found)
     _stages(out, found)
     _shrink(out, found)
     _remains(out, found, worst)
     _loops(out, found, worst[0])
-    _next(out, found)
     _answer(out, found, command_unit)
     _where(out, found, shown, command_unit)
     _records(out, shown)
@@ -246,7 +246,7 @@ def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
         out.table(
             "",
             ("from turn to turn", "measured", "nominal", "corrected"),
-            [(f"{s.name}, {s.unit}", *(f"{v:.3g}" for v in (s.measured, s.nominal, s.corrected)))
+            [(f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected)))
              for s in found.signatures],
             "Medians over the records; no law is in them.",
         )  # fmt: skip
