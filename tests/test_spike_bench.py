@@ -63,6 +63,18 @@ def test_a_sensors_effect_is_put_in_after_a_force_on_the_rod() -> None:
     assert mass_ratio(two) == pytest.approx(mass_ratio(one), rel=0.03)
 
 
+@pytest.mark.slow
+def test_a_bent_simulator_was_identified_with_the_effect() -> None:
+    """It is nearer to the records with the effect than the one from before."""
+    effects = ("moving_mass",)
+    bent = bench.make("embedded", effects, simulator(), records(), "all", np.random.default_rng(3), bent=True)
+    assert bent is not None
+    assert bent.label["size"] == made(*effects).label["size"]
+    assert bent.label["gap"] > bench.SHOWN * bent.label["base"]
+    before, after = (bench.test_gap(m, bent.records) for m in (simulator(), bent.model))
+    assert after < 0.9 * before
+
+
 def test_pairs_have_effects_of_two_stages_that_the_set_lacks() -> None:
     drawn = bench.slots(12, 2, 6, ["embedded", "nees"], np.random.default_rng(1))
     assert [len(effects) for _, effects in drawn] == [0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2]
