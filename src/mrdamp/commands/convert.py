@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.output import OutFolder
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,11 +37,12 @@ def add_to(commands: Any) -> None:
     p.add_argument(
         "--rate", type=float, metavar="HZ", help="resample to it; without a time_s column: the files' own"
     )
-    p.add_argument("-o", "--out", type=Path, required=True, help="folder of the records")
+    p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder of the records")
 
 
 def run_convert(a: argparse.Namespace) -> int:
     """Converts all files, then writes them, and prints the range of each channel."""
+    from mrdamp.files import together
     from mrdamp.records.conversion import column, convert
 
     columns = [column(text) for text in a.columns]
@@ -48,12 +50,10 @@ def run_convert(a: argparse.Namespace) -> int:
     names = [c.record.name for c in found]
     if len(set(names)) < len(names):
         raise InputError(f"two files would be one record: {', '.join(names)}")
-    try:
-        a.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
-    for one in found:
-        one.record.save(a.out / f"{one.record.name}.csv")
+    a.out.mkdir(parents=True, exist_ok=True)
+    with together():
+        for one in found:
+            one.record.save(a.out / f"{one.record.name}.csv")
     for one in found:
         print(_summary(one))
     print(f"records: {a.out}")

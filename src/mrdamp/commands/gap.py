@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command, seed
-from mrdamp.commands.output import progress_bar, save_picture
+from mrdamp.commands.output import OutFolder, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,8 +59,9 @@ def add_to(commands: Any) -> None:
         "--jobs", type=int, default=2, help="processes; the answer is the same (default: %(default)s)"
     )
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder to write; the same command continues an interrupted run"
-    )
+        "-o", "--out", type=OutFolder, required=True,
+        help="folder to write; the same command continues an interrupted run",
+    )  # fmt: skip
 
 
 def run_gap(a: argparse.Namespace) -> int:

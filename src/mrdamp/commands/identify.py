@@ -16,7 +16,7 @@ from mrdamp.commands import HOLD, add_command, seed
 from mrdamp.commands.calibrate import add_calibrate
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
-from mrdamp.commands.output import check_file, check_picture, progress_bar, save_picture
+from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,13 +77,13 @@ def add_identify(commands: Any) -> None:
     )
     p.add_argument(
         "--picture",
-        type=Path,
+        type=Picture,
         help="loops over the held-out record of the largest force, the lines of --by-command, or a network's choice"
         " and pruning (.svg, .png or .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     _add_cutoff(p)
-    p.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
+    p.add_argument("-o", "--out", type=OutFile, required=True, help="model file to write")
     _add_json(p)
     add_protocol_options(p)
     add_narx_options(p)
@@ -106,7 +106,7 @@ def add_table1(commands: Any) -> None:
     p.add_argument("--no-network", action="store_true", help="leave the network out")
     p.add_argument("--workers", "--jobs", type=int, default=1, help="processes for the network's training")
     p.add_argument("--starts", type=int, default=4)
-    p.add_argument("--picture", type=Path, help="loops of all models over each other (.svg, .png or .pdf)")
+    p.add_argument("--picture", type=Picture, help="loops of all models over each other (.svg, .png or .pdf)")
     p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
     _add_json(p)
     _add_cutoff(p)
@@ -137,11 +137,9 @@ def run_identify(a: argparse.Namespace) -> int:
 
         if a.law not in (*PARAMETRIC, "narx"):
             raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
-        check_file(a.out)
         records = _records(a.records, a.cutoff)
         if a.starts < 1 or a.resamples < 20 or a.workers < 1:
             raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
-        check_picture(a.picture)
         report = {"model": str(a.out), **_identified(a, records)}
         if a.norms:
             report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
@@ -238,7 +236,6 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
 
     if a.starts < 1 or a.workers < 1:
         raise InputError("--starts and --workers must be at least 1")
-    check_picture(a.picture)
     records = _records(a.records, a.cutoff)
     others = {}
     if a.network:

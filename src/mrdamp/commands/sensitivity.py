@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command, seed
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import OutFolder, progress_bar
 from mrdamp.errors import InputError
 
 
@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records (rig damper)")
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder to write; an interrupted run goes on there"
+        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run goes on there"
     )
     p.add_argument("--effects", nargs="+", default=[], metavar="NAME", help="of the catalogue (default: all)")
     p.add_argument(

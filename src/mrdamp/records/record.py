@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
 
 Array = NDArray[np.float64]
 
-SUFFIXES = (".csv", ".csv.gz")
 #: Share of the largest command within which two commands are the same.
 _SAME_COMMAND = 0.02
 
@@ -253,7 +252,7 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
 def read_records(
     source: Path | str | Sequence[Path | str], required: Sequence[str] | None = None
 ) -> RecordSet:
-    """Read a folder, a file or a list of files, sorted by name.
+    """Read a folder, a file or a list of them, sorted by name.
 
     A folder with ``train/`` and ``validation/`` gives the division. Otherwise records are held out whole:
     every third one (the last of two) is for validation, another in its place where its command goes beyond those of
@@ -269,22 +268,31 @@ def read_records(
         InputError: no records, a half of the set missing, two files of one name, or a bad record.
     """
     if not isinstance(source, Path | str):
-        files = sorted((Path(item) for item in source), key=lambda path: (path.name, str(path)))
+        files = sorted((f for item in source for f in record_files(item)), key=lambda path: (path.name, str(path)))
         return _hold_out("records", _read_all("the list", files, required))
     folder = Path(source)
     if folder.is_file():
         return _hold_out(_stem(folder.name), (read_record(folder, required),))
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder or file")
     name = folder.resolve().name
     halves = [folder / "train", folder / "validation"]
     if any(half.is_dir() for half in halves):
         for half in halves:
             if not half.is_dir():
                 raise InputError(f"{half}: no such folder; a set has both train/ and validation/")
-        train, validation = (_read_all(str(half), _files(half), required) for half in halves)
+        train, validation = (_read_all(str(half), files_in(half), required) for half in halves)
         return RecordSet(name, train, validation)
-    return _hold_out(name, _read_all(str(folder), _files(folder), required))
+    return _hold_out(name, _read_all(str(folder), files_in(folder), required))
+
+
+def record_files(path: Path | str) -> list[Path]:
+    """A file, or the records of a folder: those of its ``train/`` and ``validation/`` where it has them.
+
+    Raises:
+        InputError: there is nothing there, or none in the folder.
+    """
+    folder = Path(path)
+    halves = [half for half in (folder / "train", folder / "validation") if half.is_dir()]
+    return [file for where in halves or [folder] for file in files_in(where)]
 
 
 def embedded() -> RecordSet:
@@ -313,17 +321,6 @@ def _parse(file: str, name: str, path: Path | None, data: bytes, required: Seque
 def _stem(name: str) -> str:
     lower = name.lower()
     return name[: -len(".csv.gz")] if lower.endswith(".csv.gz") else name.removesuffix(name[-4:])
-
-
-def _files(folder: Path) -> list[Path]:
-    found = [
-        path
-        for path in sorted(folder.iterdir(), key=lambda path: path.name)
-        if path.name.lower().endswith(SUFFIXES) and not path.name.startswith(".") and path.is_file()
-    ]
-    if not found:
-        raise InputError(f"{folder}: no .csv or .csv.gz in this folder")
-    return found
 
 
 def _read_all(where: str, files: Sequence[Path], required: Sequence[str] | None) -> tuple[Record, ...]:

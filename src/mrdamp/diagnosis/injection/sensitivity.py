@@ -205,10 +205,7 @@ def run_study(
     """Yields all answers so far, after each new one and at least once. out: folder, with the answers in
     `runs`."""
     folder = out / "runs"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made: {error.strerror}") from None
+    folder.mkdir(parents=True, exist_ok=True)
     before = {t: kept(study, t, folder) for t in study.trials}
     answers = {t: a for t, a in before.items() if a is not None}
     left = [t for t in study.trials if t not in answers]
