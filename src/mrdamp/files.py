@@ -20,6 +20,8 @@ SUFFIXES = (".csv", ".csv.gz")
 _GZIP_MAGIC = b"\x1f\x8b"
 #: Bytes that a file may hold, unpacked: ten million samples of a record; and those of a JSON file.
 LARGEST, _LARGEST_JSON = 1 << 29, 1 << 26
+#: Of a whole number in JSON.
+_DIGITS = 30
 #: Files that wait for the end of `together`: each as written, and where it belongs.
 _waiting: list[tuple[Path, Path]] | None = None
 
@@ -105,22 +107,20 @@ def read_json(path: Path) -> Any:
     """Content of a JSON file.
 
     Raises:
-        InputError: as `read_bytes` and `decode`; no JSON, a key twice in one object, NaN or infinity, an integer of
-            thousands of digits, objects thousands deep.
+        InputError: as `read_bytes` and `decode`; no JSON, a key twice in one object, NaN or infinity, a whole
+            number of more than 30 digits, objects thousands deep.
     """
     text = decode(str(path), read_bytes(path))
     if len(text) > _LARGEST_JSON:
         raise _too_large(str(path), _LARGEST_JSON)
     try:
-        return json.loads(text, object_pairs_hook=_once, parse_constant=_refused)
+        return json.loads(text, object_pairs_hook=_once, parse_int=_whole, parse_constant=_refused)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
     except RecursionError:
         raise InputError(f"{path}: no JSON of ours: objects or lists are nested too deeply") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except ValueError:
-        raise InputError(f"{path}: a whole number in it has thousands of digits; allowed: a number") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -130,6 +130,12 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             raise InputError(f"{key!r} stands twice in one object; allowed: once")
         found[key] = value
     return found
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > _DIGITS:
+        raise InputError(f"it holds a whole number of {len(digits)} digits; allowed: at most {_DIGITS}")
+    return int(digits)
 
 
 def _refused(constant: str) -> float:

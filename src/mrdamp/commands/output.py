@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -41,7 +42,7 @@ def check_outputs(a: argparse.Namespace) -> None:
     outputs = [v for v in given if isinstance(v, OutFile | OutFolder)]
     rest = [v for v in given if not isinstance(v, OutFile | OutFolder)]
     inputs = [v for v in rest if isinstance(v, Path) and v.exists()]
-    inputs += [Path(v) for v in rest if isinstance(v, str) and Path(v).is_file()]
+    inputs += [Path(v) for v in rest if isinstance(v, str) and os.path.isfile(v)]
     for k, out in enumerate(outputs):
         for source in inputs:
             if _replaces(out, source.resolve()):

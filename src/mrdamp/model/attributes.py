@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, nearest
 from mrdamp.model.native import Array, checked, library, pointer
 
 
@@ -61,7 +61,7 @@ def laws() -> tuple[str, ...]:
 def law_number(law: str) -> int:
     """Number of a law in the C interface; InputError lists the laws."""
     if law not in laws():
-        raise InputError(f"law '{law}' is unknown; allowed: {', '.join(laws())}")
+        raise InputError(f"law '{law}' is unknown; allowed: {', '.join(laws())}{nearest(law, laws())}")
     return laws().index(law)
 
 
@@ -113,6 +113,7 @@ def vector(law: str, parameters: Mapping[str, float]) -> Array:
         if row is None or (row.group in ("law", "dependence") and name not in allowed):
             raise InputError(
                 f"parameter '{name}' is none of law {law}; it takes {' '.join(law_parameters(law)) or 'weights alone'}"
+                f"{nearest(name, allowed)}"
             )
         out[index[name]] = value
     check(number, out)
