@@ -162,14 +162,22 @@ def _demo(a: argparse.Namespace) -> int:
 
 
 def _predict(a: argparse.Namespace) -> int:
+    from mrdamp.identify.fit import error_of
     from mrdamp.model import Model
     from mrdamp.records import read_record
+    from mrdamp.records.checks import warnings_of
     from mrdamp.simulation.predict import INPUTS, clamped, write_prediction
 
     model = Model.read(a.model)
-    write_prediction(model, a.record, a.out)
-    if beyond := clamped(model, read_record(a.record, required=INPUTS[model.rig])):
-        print(f"mrdamp: warning: {a.record}: {beyond}", file=sys.stderr)
+    record = read_record(a.record, required=INPUTS[model.rig])
+    columns = write_prediction(model, record, a.out)
+    for name in columns:
+        if name != "time_s" and name in record.channels:
+            found = error_of(record, name, columns[name])
+            print(f"{name}: RMS error {found.rmse:.4g}, {found.nrmse:.3f} of its standard deviation")
+    beyond = clamped(model, record)
+    for check in [*([f"{a.record}: {beyond}"] if beyond else []), *warnings_of([record])]:
+        print(f"check: {check}", file=sys.stderr)
     return 0
 
 

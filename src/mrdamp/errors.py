@@ -6,6 +6,9 @@ import difflib
 import math
 from collections.abc import Iterable
 
+#: The largest number that an input may hold: its square and cube still are numbers.
+LARGEST = 1e30
+
 
 class MrdampError(Exception):
     """Base of every error that mrdamp raises on purpose."""

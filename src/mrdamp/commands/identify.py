@@ -211,7 +211,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
     checks = findings(fit, records.train, records.validation)
-    _found(fit, left, records.train, checks)
+    _found(fit, left, records.records, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
         save_picture(loops_of(fit.model, records.validation or records.train), a.picture)

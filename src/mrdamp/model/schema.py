@@ -6,12 +6,10 @@ import reprlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mrdamp.errors import InputError, nearest
+from mrdamp.errors import LARGEST, InputError, nearest
 
 #: Whether a value is of a kind, and how messages name the kind.
 Kind = tuple[Callable[[Any], bool], str]
-#: The largest number that a file may hold: its square and cube still are numbers.
-LARGEST = 1e30
 FORMAT = 1
 RIGS = ("damper", "frame")
 

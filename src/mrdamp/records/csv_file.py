@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import LARGEST, InputError
 from mrdamp.records.channels import check_header, listed, show
 
 Array = NDArray[np.float64]
@@ -109,7 +109,11 @@ def render(columns: Mapping[str, Array], digits: int = 9) -> str:
     """CSV text of equally long columns, ``digits`` significant digits; the inverse of `parse`.
 
     Time has three digits more, and as many as a step needs: it is a small part of a time, of an epoch's above all.
+    Raises InputError for a column that is not finite.
     """
+    for name, values in columns.items():
+        if (bad := np.flatnonzero(~np.isfinite(values))).size:
+            raise InputError(f"{name} is no finite number from sample {bad[0] + 1} on: nothing is written")
     more = 3
     if len(time := np.asarray(columns.get("time_s", ()))) > 1 and time[-1] != time[0]:
         step = abs(float(time[-1] - time[0])) / (len(time) - 1)
@@ -149,12 +153,13 @@ def numbers(
         values = None
     if values is None or values.shape != (len(rows), len(picked)):
         raise _not_a_number(file, names, rows, picked, first_line)
-    bad = np.argwhere(~np.isfinite(values))
+    bad = np.argwhere(~(np.abs(values) <= LARGEST))
     if bad.size:
         row, column = (int(index) for index in bad[0])
-        what = "NaN" if np.isnan(values[row, column]) else "infinite"
+        cell = float(values[row, column])
+        what = "NaN" if math.isnan(cell) else f"{cell:g}" if math.isfinite(cell) else "infinite"
         where = f"{file}: line {first_line + row}: {names[picked[column]]}"
-        raise InputError(f"{where} is {what}: every cell must be a finite number")
+        raise InputError(f"{where} is {what}: every cell must be a finite number up to {LARGEST:g}")
     return values
 
 

@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import LARGEST, InputError
 from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
 
 Array = NDArray[np.float64]
 
+#: A measured velocity that is so many times the displacement's rate, or that part of it, has another unit.
+_RATE = 2.0
 #: Share of the largest command within which two commands are the same.
 _SAME_COMMAND = 0.02
 
@@ -62,8 +64,8 @@ class Record:
         for name, values in channels.items():
             if not is_channel(name):
                 raise InputError(f"{self.label}: {name} is not a channel")
-            if not np.isfinite(values).all():
-                raise InputError(f"{self.label}: {name} holds NaN or infinity")
+            if not (np.abs(values) <= LARGEST).all():
+                raise InputError(f"{self.label}: {name} holds NaN, infinity or a number above {LARGEST:g}")
             values.setflags(write=False)
         object.__setattr__(self, "channels", channels)
 
@@ -113,25 +115,21 @@ class Record:
         return self.channels[name]
 
     def velocity(self, cutoff_hz: float | None = None) -> Array:
-        """(n,) m/s: as measured where there is such a channel, else the displacement's central difference.
+        """(n,) m/s: the displacement's central difference, whether a velocity was measured or not.
 
         Args:
-            cutoff_hz: zero-phase Butterworth low-pass before differentiation (or of the measured channel).
+            cutoff_hz: zero-phase Butterworth low-pass before differentiation.
         """
-        if "velocity_m_s" in self.channels:
-            return self._smooth("velocity_m_s", cutoff_hz)
         return sampling.derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
     def acceleration(self, cutoff_hz: float | None = None) -> Array:
-        """(n,) m/s2: as measured, else from the measured velocity, else from the displacement.
+        """(n,) m/s2: as measured, else from the displacement.
 
         Args:
             cutoff_hz: as in `velocity`.
         """
         if "acceleration_m_s2" in self.channels:
             return self._smooth("acceleration_m_s2", cutoff_hz)
-        if "velocity_m_s" in self.channels:
-            return sampling.derivative(self._smooth("velocity_m_s", cutoff_hz), self.sample_time)
         return sampling.second_derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
     def part(self, t0: float, t1: float) -> Record:
@@ -313,6 +311,13 @@ def embedded() -> RecordSet:
 
 def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
     channels, ignored, sample_time = csv_file.parse(file, decode(file, data), required)
+    if "velocity_m_s" in channels and "displacement_m" in channels:
+        ratio = motion.rate_ratio(channels["displacement_m"], channels["velocity_m_s"], sample_time)
+        if not 1 / _RATE < ratio < _RATE:
+            raise InputError(
+                f"{file}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
+                " or leave the column out"
+            )
     time = channels["time_s"]
     channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
     return Record(name, path, sample_time, channels, ignored)
