@@ -13,6 +13,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.injection import summary
+from mrdamp.diagnosis.injection.page import page
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, Trial, injected, lasting
 from mrdamp.model import Model
 from mrdamp.records import Record, embedded
@@ -78,6 +79,12 @@ def knowing(case: Path, monkeypatch: pytest.MonkeyPatch) -> Knowing:
     found = Knowing(case, least=0.1)
     monkeypatch.setattr("mrdamp.diagnosis.run.diagnose", found)
     return found
+
+
+def test_a_page_is_written_before_any_trial_has_an_outcome(case: Path) -> None:
+    study = Study.of(read_case(case), ["sensor_gain"], [0.3])
+    told = page(study, [Answer(AS_THEY_ARE, 0.0), Answer("sensor_gain", 0.3, reached=False)])
+    assert "out of reach" in told.html()
 
 
 ASKED = ("--effects", "sensor_gain", "sensor_offset", "command_delay", "heating", "--sizes", "0.02", "0.3")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study
 from mrdamp.diagnosis.injection.summary import confusion, findings, own_effects, percent, sentence
 from mrdamp.pictures.blindtest import confusion as confusion_picture
-from mrdamp.pictures.sensitivity import detection
+from mrdamp.pictures.sensitivity import DRAWN, detection
 from mrdamp.report import Cell, Page
 
 
@@ -20,7 +20,7 @@ def page(study: Study, answers: Sequence[Answer]) -> Page:
     )
     out = Page(f"Detection limits on {study.case.name}", sentence(study, answers), state)
     found = findings(answers)
-    if found:
+    if any(outcome in DRAWN for f in found for outcome in f.outcomes.values()):
         sizes = sorted({s for f in found for s in f.outcomes})
         out.figure(
             "Detection by effect and size",

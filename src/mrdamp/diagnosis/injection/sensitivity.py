@@ -23,8 +23,8 @@ from mrdamp.diagnosis.fits.store import Store, content_key
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.inject import (
     NOT_EXACT,
-    OF_FORM,
     Injection,
+    NotPut,
     change_of,
     refusal,
     strength_of,
@@ -118,7 +118,7 @@ class Study:
         # Large sizes first: an effect that is not found there will not be found in small sizes.
         trials = [Trial(e, s) for s in sorted(set(sizes), reverse=True) for e in possible]
         never, untried = (
-            {e: r for e, r in reasons.items() if r and (e in OF_FORM) is of_form} for of_form in (False, True)
+            {e: r for e, r in reasons.items() if r and isinstance(r, NotPut) is untried} for untried in (False, True)
         )
         return cls(case, (Trial(AS_THEY_ARE, 0.0), *trials), never, untried, seed)
 
