@@ -42,7 +42,7 @@ def parse(
     """
     lines = text.rstrip().split("\n")
     header = [name.strip() for name in lines[0].split(",")]
-    if all(_NUMBER.fullmatch(name) or _NOT_FINITE.fullmatch(name) or not name for name in header):
+    if all(is_number(name) or not name for name in header):
         raise InputError(f"{file}: no header: line 1 must name the channels (time_s,command,...)")
     if len(header) == 1 and re.search(r"[;\t]", lines[0]):
         raise InputError(f"{file}: columns must be separated by commas")
@@ -125,7 +125,7 @@ def render(columns: Mapping[str, Array], digits: int = 9) -> str:
 
 
 def numbers(
-    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2
+    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2, least: int = 3
 ) -> Array:
     """(n, len(picked)) finite numbers of the rows' columns ``picked``.
 
@@ -135,12 +135,13 @@ def numbers(
         rows: the lines, one a sample.
         picked: the columns to read; the others may hold anything.
         first_line: line of the file that rows[0] is.
+        least: number of rows.
 
     Raises:
-        InputError: a ragged row, a cell that is not a number, NaN or infinity, with its line.
+        InputError: too few rows, a ragged row, a cell that is not a number, NaN or infinity, with its line.
     """
-    if len(rows) < 3:
-        raise InputError(f"{file}: {len(rows)} samples: at least 3 are needed")
+    if len(rows) < least:
+        raise InputError(f"{file}: {len(rows)} samples: at least {least} are needed")
     commas = np.fromiter((row.count(",") for row in rows), dtype=np.int64, count=len(rows))
     ragged = np.flatnonzero(commas != len(names) - 1)
     if ragged.size:
@@ -163,6 +164,11 @@ def numbers(
     return values
 
 
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, or NaN or infinity."""
+    return bool(_NUMBER.fullmatch(cell) or _NOT_FINITE.fullmatch(cell))
+
+
 def _not_a_number(
     file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int
 ) -> InputError:
@@ -171,7 +177,7 @@ def _not_a_number(
         cells = row.split(",")
         for column in picked:
             cell = cells[column]
-            if not _NUMBER.fullmatch(cell) and not _NOT_FINITE.fullmatch(cell):
+            if not is_number(cell):
                 what = f"is not a number: {show(cell.strip())}" if cell.strip() else "is empty"
                 return InputError(f"{file}: line {first_line + k}: {names[column]} {what}")
     return InputError(f"{file}: the rows are not a table of numbers")
