@@ -173,6 +173,8 @@ def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
         run("identify", folder, "--starts", "0", "-o", tmp_path / "m.json")
     with pytest.raises(InputError, match=r"allowed: bingham, .*, narx"):
         run("identify", folder, "--law", "binghamm", "-o", tmp_path / "m.json")
+    with pytest.raises(InputError, match=r"--page is for a network \(--law narx\); the law is bingham"):
+        run_bingham(folder, "--page", tmp_path / "p.html", "-o", tmp_path / "m.json")
     with pytest.raises(InputError, match="cannot be written: there is no folder"):
         run_bingham(folder, "-o", tmp_path / "none" / "m.json")
     with pytest.raises(InputError, match="cannot be written: it is a folder"):

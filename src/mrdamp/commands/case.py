@@ -46,6 +46,7 @@ def run_case(a: argparse.Namespace) -> int:
     from mrdamp.diagnosis.case.folder import read_case
     from mrdamp.identify.provenance import IDENTIFIED_ON
     from mrdamp.records import read_record, record_files
+    from mrdamp.records.checks import warnings_of
     from mrdamp.simulation.predict import INPUTS
 
     if a.out.exists():
@@ -92,5 +93,7 @@ def run_case(a: argparse.Namespace) -> int:
     except BaseException:
         shutil.rmtree(a.out, ignore_errors=True)
         raise
+    for check in warnings_of(list(records.values())):
+        print(f"check: {check}")
     print(a.out / "case.json")
     return 0

@@ -69,8 +69,9 @@ def add_identify(commands: Any) -> None:
         help="the command is held between samples, or runs along lines (default: whichever is nearer to the records)",
     )
     p.add_argument(
-        "--workers",
         "--jobs",
+        "--workers",
+        dest="workers",
         type=int,
         default=1,
         help="processes, for --refit and narx; the answer is the same",
@@ -104,7 +105,7 @@ def add_table1(commands: Any) -> None:
         "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
     )
     p.add_argument("--no-network", action="store_true", help="leave the network out")
-    p.add_argument("--workers", "--jobs", type=int, default=1, help="processes for the network's training")
+    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, help="processes for the network")
     p.add_argument("--starts", type=int, default=4)
     p.add_argument("--picture", type=Picture, help="loops of all models over each other (.svg, .png or .pdf)")
     p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
@@ -137,9 +138,12 @@ def run_identify(a: argparse.Namespace) -> int:
 
         if a.law not in (*PARAMETRIC, "narx"):
             raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
+        given = [name for name, default in a.of_networks.items() if getattr(a, name) != default]
+        if a.law != "narx" and given:
+            raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
         records = _records(a.records, a.cutoff)
         if a.starts < 1 or a.resamples < 20 or a.workers < 1:
-            raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
+            raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
         report = {"model": str(a.out), **_identified(a, records)}
         if a.norms:
             report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
@@ -235,7 +239,7 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
     from mrdamp.model import Model
 
     if a.starts < 1 or a.workers < 1:
-        raise InputError("--starts and --workers must be at least 1")
+        raise InputError("--starts and --jobs must be at least 1")
     records = _records(a.records, a.cutoff)
     others = {}
     if a.network:

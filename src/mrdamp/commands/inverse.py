@@ -47,7 +47,8 @@ def add_to(commands: Any) -> None:
                    help="its frequencies with --stroke, Hz (default: 0.5 5)")  # fmt: skip
     p.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)s)")
     p.add_argument("--seed", type=seed, default=0)
-    p.add_argument("--workers", type=int, default=1, help="processes for the network; the answer is the same")
+    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1,
+                   help="processes for the network; the answer is the same")  # fmt: skip
     p.add_argument("--command-unit", choices=("A", "V"), help="(default: that of a parameter set, else A)")
     p.add_argument("--picture", type=Picture, help="tracks of a force between the extremes (.svg, .png or .pdf)")
     p.add_argument("--json", action="store_true", help="print the table as JSON")

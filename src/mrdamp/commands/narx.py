@@ -64,6 +64,8 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
         choices=("surgeon", "magnitude", "structure"),
         help="then remove weights, or whole neurons and lags, and keep the smallest network within 10 %% of the best",
     )
+    # What only a network takes; the sample time is one of the protocols' too.
+    parser.set_defaults(of_networks={o.dest: o.default for o in p._group_actions if o.dest != "sample_time"})
 
 
 def add_protocol_options(p: argparse.ArgumentParser) -> None:

@@ -269,8 +269,8 @@ class Model:
         if repeated := {e.name for e in effects if sum((o.name, o.place) == (e.name, e.place) for o in effects) > 1}:
             raise InputError(f"{where}: effect {', '.join(sorted(repeated))} stands there twice; allowed: once")
         rig = data.get("rig", "frame" if "structure" in body else "damper")
-        if rig == "damper" and "structure" in body:
-            raise InputError(f"{where}: rig is 'damper' and the model has a structure; allowed: rig 'frame'")
+        if rig == "damper" and ("structure" in body or "damper_between" in body):
+            raise InputError(f"{where}: rig is 'damper' and the model has one in a structure; allowed: rig 'frame'")
         structure = None
         if rig == "frame":
             schema.check(body.get("structure", {}), schema.STRUCTURE, f"{where}: structure")
