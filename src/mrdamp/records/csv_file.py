@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.IGNORECASE)
+_ROWS = 50_000  # written at a time: as Python's numbers they take many times their size
 _STEP_TOLERANCE = 0.01  # of a step: the jitter of a time axis that still counts as uniform
 _GRID_TOLERANCE = 0.05  # of a step: how far a sample may lie from the uniform grid of the whole record
 
@@ -120,8 +121,11 @@ def render(columns: Mapping[str, Array], digits: int = 9) -> str:
         more = min(max(more, math.ceil(math.log10(float(np.abs(time).max()) / step)) + 4 - digits), 17 - digits)
     formats = [f"%.{digits + more if name == 'time_s' else digits}g" for name in columns]
     row = ",".join(formats)
-    table = np.column_stack(list(columns.values())).tolist()
-    return "\n".join([",".join(columns), *(row % tuple(values) for values in table)]) + "\n"
+    parts = [",".join(columns)]
+    for first in range(0, len(next(iter(columns.values()))), _ROWS):
+        table = np.column_stack([values[first : first + _ROWS] for values in columns.values()]).tolist()
+        parts.append("\n".join(row % tuple(values) for values in table))
+    return "\n".join(parts) + "\n"
 
 
 def numbers(
