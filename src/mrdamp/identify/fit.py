@@ -22,7 +22,7 @@ from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
 from mrdamp.records.log_filter import held, rings_before_jumps
-from mrdamp.simulation.predict import free_run
+from mrdamp.simulation.predict import free_run, motion
 
 Progress = Callable[[str, float], None]
 
@@ -125,17 +125,17 @@ class Problem:
     ) -> None:
         self.space, self.threads, self.substep, self.evaluations = search, threads, substep, 0
         self.freed, self.hold = freed and search.law == "modified_bouc_wen", hold
-        self.records = [(r, r.velocity(), r.channel("force_N")) for r in records]
+        self.records = [(r, *motion(r), r.channel("force_N")) for r in records]
         #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
         self.led = [is_led(r) for r in records]
         # One scale for all: a record with a small force must not pull the others with its noise.
-        total = sum(float(np.var(f)) for _, _, f in self.records)
-        self.weights = [1 / np.sqrt(total * (len(f) - skipped(r))) for r, _, f in self.records]
+        total = sum(float(np.var(f)) for *_, f in self.records)
+        self.weights = [1 / np.sqrt(total * (len(f) - skipped(r))) for r, *_, f in self.records]
 
     @property
     def slices(self) -> list[slice]:
         """Where each record's residuals stand."""
-        ends = np.cumsum([0, *(len(f) - skipped(r) for r, _, f in self.records)])
+        ends = np.cumsum([0, *(len(f) - skipped(r) for r, *_, f in self.records)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     @property
@@ -171,13 +171,13 @@ class Problem:
 
     def _of_record(self, k: int, vectors: Array) -> Array:
         """Residual (points, samples) of a record."""
-        record, velocity, force = self.records[k]
+        record, x, velocity, force = self.records[k]
         self.evaluations += len(vectors)
         out = core.run_many(
             self.space.law,
             vectors,
             record.sample_time,
-            record.displacement,
+            x,
             record.command,
             v=velocity,
             threads=self.threads,

@@ -127,6 +127,12 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     return factor, found.sample_time, moved | {"acceleration_m_s2": found.a if quiet is None else quiet}
 
 
+def motion(record: Record) -> tuple[Array, Array]:
+    """Displacement (n,) m and velocity (n,) m/s that a damper is predicted with, at the samples of its record."""
+    x = repaired_ends(np.asarray(record.displacement))
+    return x, upsampled(x, np.asarray(record.command), record.sample_time, 1).v
+
+
 def write_prediction(model: Model, record: Record | Path | str, path: Path | str) -> dict[str, Array]:
     """Predicts and writes the CSV in one go; returns its columns. Raises InputError, also where one is not finite."""
     columns = predict(model, record)
