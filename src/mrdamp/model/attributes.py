@@ -105,7 +105,7 @@ def vector(law: str, parameters: Mapping[str, float]) -> Array:
     missing = [name for name in law_parameters(law) if name not in parameters]
     if missing:
         raise InputError(
-            f"law {law} needs parameter '{missing[0]}'; it takes {' '.join(law_parameters(law))}"
+            f"law {law} needs parameter {', '.join(map(repr, missing))}; it takes {' '.join(law_parameters(law))}"
         )
     allowed = set(law_parameters(law)) | set(law_options(law))
     for name, value in parameters.items():
