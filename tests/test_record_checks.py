@@ -72,4 +72,5 @@ def test_milliseconds_taken_for_seconds_are_doubted() -> None:
     record = grid()[0]
     slow = Record(record.name, None, 1000 * record.sample_time, {"command": record.command})
     (line,) = warnings_of([slow])
-    assert line.startswith(f"{record.name}: the clock runs at 0.5 Hz; usual are 20 to 100000")
+    told = "the clock runs at 0.5 Hz, and every 0.5 ms is computed; usual are 20 to 100000"
+    assert line.startswith(f"{record.name}: {told}")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.comparison import RecordNorms
     from mrdamp.identify.intervals import ChannelFinding, Interval
-    from mrdamp.records import Record, RecordSet
+    from mrdamp.records import RecordSet
 
 _UNITS = "A", "V"
 #: Of --extras: whatever the records pay for.
@@ -135,6 +135,7 @@ def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
     with words(a.json):
         from mrdamp.identify.laws import PARAMETRIC
+        from mrdamp.records.checks import warnings_of
 
         if a.law not in (*PARAMETRIC, "narx"):
             raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
@@ -142,9 +143,12 @@ def run_identify(a: argparse.Namespace) -> int:
         if a.law != "narx" and given:
             raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
         records = _records(a.records, a.cutoff)
+        warnings = warnings_of(records.records)
+        for warning in warnings:
+            print(f"check: {warning}", flush=True)
         if a.starts < 1 or a.resamples < 20 or a.workers < 1:
             raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
-        report = {"model": str(a.out), **_identified(a, records)}
+        report = {"model": str(a.out), "warnings": warnings, **_identified(a, records)}
         if a.norms:
             report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
     if a.json:
@@ -215,7 +219,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
     checks = findings(fit, records.train, records.validation)
-    _found(fit, left, records.records, checks)
+    _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
         save_picture(loops_of(fit.model, records.validation or records.train), a.picture)
@@ -319,16 +323,12 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
 _MATERIAL = 0.05
 
 
-def _found(
-    fit: Fit, left_over: Sequence[ChannelFinding], records: Sequence[Record], checks: Sequence[str]
-) -> None:
+def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str]) -> None:
     """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
-    from mrdamp.records.checks import warnings_of
-
     if fit.left_out:
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
-    for warning in [*warnings_of(records), *checks]:
-        print(f"  check: {warning}")
+    for check in checks:
+        print(f"  check: {check}")
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),

@@ -27,7 +27,7 @@ _SAID = {
     "displacement_m": "displacement_m spans {:.3g} m",
     "force_N": "force_N is up to {:.3g} N",
     "command": "command is up to {:.3g}",
-    "rate": "the clock runs at {:.3g} Hz",
+    "rate": "the clock runs at {:.3g} Hz, and every 0.5 ms is computed",
 }
 _UNITS = "channels are in m, N, s, and A or V"
 #: A record of a set has another unit where a channel is so many times the set's median, or that part of it.
