@@ -48,22 +48,23 @@ def add_identify(commands: Any) -> None:
         default="modified_bouc_wen",
         help="bingham, bouc_wen, hyperbolic_tangent, modified_bouc_wen, or narx for a network (default: %(default)s)",
     )
-    p.add_argument(
+    laws = p.add_argument_group("law", "without --law narx")
+    laws.add_argument(
         "--dependence",
         help="how coefficients follow the command: constant, linear (default), quadratic, saturating,"
         " quadratic_saturating, or compare for all",
     )
-    p.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
-    p.add_argument(
+    laws.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
+    laws.add_argument(
         "--intervals", action="store_true", help="95 %% intervals by bootstrap, and what is not identifiable"
     )
     p.add_argument(
         "--norms", action="store_true", help="E_t, E_x, E_v and delta_2 of both papers, by held-out record"
     )
-    p.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
-    p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
-    p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
-    p.add_argument(
+    laws.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
+    laws.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
+    laws.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
+    laws.add_argument(
         "--hold",
         choices=HOLD,
         help="the command is held between samples, or runs along lines (default: whichever is nearer to the records)",

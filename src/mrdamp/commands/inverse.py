@@ -58,6 +58,7 @@ def add_to(commands: Any) -> None:
 def run_inverse(a: argparse.Namespace) -> int:
     """Trains, tracks, prints the table and writes page, picture and network."""
     from mrdamp.commands.models import named_model, named_unit
+    from mrdamp.files import together
     from mrdamp.inverse.network import NetworkInverse
     from mrdamp.inverse.page import draw, write_page
     from mrdamp.inverse.tracking import RandomMotion
@@ -82,7 +83,8 @@ def run_inverse(a: argparse.Namespace) -> int:
             seconds=a.seconds, seed=a.seed, workers=a.workers, progress=progress,
         )  # fmt: skip
     unit = a.command_unit or named_unit(a.model)
-    page = write_page(result, a.out, unit)
+    with together():
+        page = write_page(result, a.out, unit)
     print(_json(result) if a.json else _text(result, page))
     if a.picture:
         save_picture(draw(result, "between", unit), a.picture)
