@@ -23,6 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     record = embedded().train[0].part(0.0, 1.0)
     for name in ("r.csv", "r.csv.gz", "set/a.csv", "set/b.csv"):
         record.save(tmp_path / name)
+    (tmp_path / "set" / "case.json").write_text("{}")
     (tmp_path / "m.json").write_text('{"model": {"law": "bingham", "parameters": {"c0a": 1, "c0b": 0, "fya": 1,'
                                      ' "fyb": 0, "v_ref": 0.1}}}')  # fmt: skip
     monkeypatch.chdir(tmp_path)
@@ -44,6 +45,7 @@ def outputs() -> Iterator[tuple[str, argparse.ArgumentParser, argparse.Action]]:
         "predict m.json r.csv -o ./set/../r.csv",
         "identify r.csv -o r.csv",
         "identify set -o set/b.csv",
+        "identify set -o set/case.json",
         "convert r.csv --columns displacement_m=displacement_m -o .",
         "mjcf m.json -o .",
         "demo --data set -o set",

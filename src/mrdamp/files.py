@@ -22,8 +22,8 @@ _GZIP_MAGIC = b"\x1f\x8b"
 LARGEST, _LARGEST_JSON = 1 << 29, 1 << 26
 #: Of a whole number in JSON.
 _DIGITS = 30
-#: Files that wait for the end of `together`: each as written, and where it belongs.
-_waiting: list[tuple[Path, Path]] | None = None
+#: Files that wait for the end of `together`: as each is written -> where it belongs.
+_waiting: dict[Path, Path] | None = None
 
 
 def read_bytes(path: Path) -> bytes:
@@ -167,7 +167,7 @@ def write_atomic(path: Path, content: str | bytes) -> None:
             if _waiting is None:
                 os.replace(temporary, real)
             else:
-                _waiting.append((temporary, real))
+                _waiting[temporary] = real
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
@@ -182,15 +182,15 @@ def together() -> Iterator[None]:
     if _waiting is not None:
         yield
         return
-    waiting: list[tuple[Path, Path]] = []
+    waiting: dict[Path, Path] = {}
     _waiting = waiting
     try:
         yield
-        for temporary, real in waiting:
+        for temporary, real in waiting.items():
             os.replace(temporary, real)
     finally:
         _waiting = None
-        for temporary, _ in waiting:
+        for temporary in waiting:
             temporary.unlink(missing_ok=True)
 
 

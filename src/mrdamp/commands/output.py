@@ -56,11 +56,12 @@ def check_outputs(a: argparse.Namespace) -> None:
 
 
 def _replaces(out: Path, source: Path) -> bool:
-    """Whether an output is a source, is a folder with it, or is a record in it."""
+    """Whether an output is a source, is a folder with it, or is what commands read in it."""
     real = out.resolve()
     if isinstance(out, OutFolder):
         return real in (source, source.parent) if source.is_file() else real == source
-    return real == source or (source in real.parents and real.is_file() and real.name.lower().endswith(SUFFIXES))
+    read = real.name.lower().endswith((*SUFFIXES, "case.json"))
+    return real == source or (read and real.is_file() and source in real.parents)
 
 
 def _unwritable(out: Path) -> str:

@@ -270,7 +270,7 @@ class Model:
             raise InputError(f"{where}: effect {', '.join(sorted(repeated))} stands there twice; allowed: once")
         rig = data.get("rig", "frame" if "structure" in body else "damper")
         if rig == "damper" and ("structure" in body or "damper_between" in body):
-            raise InputError(f"{where}: rig is 'damper' and the model has one in a structure; allowed: rig 'frame'")
+            raise InputError(f"{where}: rig is 'damper' and the model has a structure; allowed: rig 'frame'")
         structure = None
         if rig == "frame":
             schema.check(body.get("structure", {}), schema.STRUCTURE, f"{where}: structure")
@@ -286,15 +286,16 @@ class Model:
         return replace(model, name=str(data.get("name", Path(where).stem)))
 
     def _check_values(self) -> None:
-        """Raises InputError for a coefficient that is negative at every command, and for a frame that cannot be run."""
+        """Raises InputError for a coefficient that is negative at both ends of the commands, and for a frame that the
+        chain does not take."""
         given = self.attributes
         low, high = given.get("command_min", 0.0), given.get("command_max", 0.0)
         for stem in ("c0", "c1", "fy", "alpha_"):
             a, b, c, e = (given.get(f"{stem}{part}", 0.0) for part in "abce")
             rate = given.get(f"{stem}r", 1.0)
-            least, most = (a + b * u + c * u * u - e * np.expm1(-rate * u) for u in (low, max(low, high)))
-            if least < 0 and most < 0:
-                what = f"{stem.rstrip('_')} is {least:g} at command {low:g}"
+            first, last = (a + b * u + c * u * u - e * np.expm1(-rate * u) for u in (low, max(low, high)))
+            if first < 0 and last < 0:
+                what = f"{stem.rstrip('_')} is {first:g} at command {low:g}"
                 raise InputError(f"{self.name}: {stem}a is {a:g}: {what}; allowed: at least 0")
         if self.structure is not None:
             try:

@@ -19,17 +19,12 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
-def _list_of(of: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, list) and bool(value) and all(map(of, value))
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-TEXT: Kind = _is_text, "a text"
+TEXT: Kind = (lambda value: isinstance(value, str)), "a text"
 NUMBER: Kind = is_number, "a finite number"
-NUMBERS: Kind = _list_of(is_number), "a list of finite numbers, one a storey"
+NUMBERS: Kind = (
+    (lambda value: isinstance(value, list) and bool(value) and all(map(is_number, value))),
+    "a list of finite numbers, one a storey",
+)
 OBJECT: Kind = (lambda value: isinstance(value, Mapping)), "an object"
 ANY: Kind = (lambda value: True), "anything"
 #: Key -> what it holds. `channels`, `records` and `baseline` are a case's and are looked at where one is read.
@@ -67,19 +62,11 @@ STRUCTURE: Mapping[str, Kind] = dict.fromkeys(("mass_kg", "stiffness_n_m", "damp
 def check(data: Any, keys: Mapping[str, Kind] | None, where: str) -> None:
     """Raises InputError for an unknown key of an object or a value of another kind. keys None: numbers of any name."""
     if not isinstance(data, Mapping):
-        raise InputError(f"{where} is {shown(data)}; allowed: an object")
+        raise InputError(f"{where} is {reprlib.repr(data)}; allowed: an object")
     for key, value in data.items():
         if keys is not None and key not in keys:
             allowed = f"allowed: {', '.join(keys)}{nearest(key, keys)}"
-            raise InputError(f"{where}: {shown(key)} is unknown; {allowed}")
+            raise InputError(f"{where}: {reprlib.repr(key)} is unknown; {allowed}")
         of_kind, kind = NUMBER if keys is None else keys[key]
         if not of_kind(value):
-            raise InputError(f"{where}: {key} is {shown(value)}; allowed: {kind}")
-
-
-def shown(value: Any) -> str:
-    """A value of a file for a message, cut where it is long."""
-    try:
-        return reprlib.repr(value)
-    except ValueError:  # an integer of thousands of digits
-        return "a whole number of thousands of digits"
+            raise InputError(f"{where}: {key} is {reprlib.repr(value)}; allowed: {kind}")
