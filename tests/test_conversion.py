@@ -129,7 +129,7 @@ NUMBERED = ("time_s=2:ms", "displacement_m=4:mm", "command=5:mA", "force_N=-3:kN
 def test_forms_of_tables(change: Callable[[str], str], columns: Sequence[str], tmp_path: Path) -> None:
     record = converted(tmp_path / "a.csv", change(table(EVEN)), columns).record
     assert record.n == len(EVEN)
-    np.testing.assert_allclose(record.time - record.time[0], EVEN, atol=2e-6)
+    np.testing.assert_allclose(record.time - record.time[0], EVEN, atol=1e-9)
     np.testing.assert_allclose(record.displacement, 5e-3 * np.sin(WAVE * EVEN), atol=1e-11)
     np.testing.assert_allclose(record.channel("force_N"), 800.0 * np.cos(WAVE * EVEN), atol=1e-5)
     np.testing.assert_allclose(np.abs(record.command), 0.75)

@@ -97,7 +97,7 @@ def _values(
         raise InputError(f"{path}: {n} samples: at least 3 are needed")
     table = np.concatenate(parts)
     found = {header[column]: table[:, k] for k, column in enumerate(picked)}
-    return found | ({time: np.array(stamps) - stamps[0]} if stamped else {})
+    return found | ({time: np.array([(s - stamps[0]).total_seconds() for s in stamps])} if stamped else {})
 
 
 def _blocks(lines: list[str], at: int, header: list[str], separator: str) -> Iterator[tuple[int, list[str]]]:
@@ -122,13 +122,13 @@ def _plain(row: str, separator: str, columns: int) -> str:
     return row if separator == "," else row.replace(",", ".").replace(separator, ",")
 
 
-def _stamps(path: Path, rows: list[str], first_line: int, column: int, name: str) -> list[float]:
-    """s; of cells with date and time."""
+def _stamps(path: Path, rows: list[str], first_line: int, column: int, name: str) -> list[datetime]:
+    """Of cells with date and time, whose zone is one for all."""
     found = []
     for k, row in enumerate(rows):
         cell = row.split(",")[column].strip()
         try:
-            found.append(datetime.fromisoformat(cell).timestamp())
+            found.append(datetime.fromisoformat(cell).replace(tzinfo=None))
         except ValueError:
             raise InputError(
                 f"{path}: line {first_line + k}: {name} is neither a number nor a date with a time: {show(cell)}"
@@ -180,7 +180,9 @@ def _hdf5(path: Path, data: io.BytesIO) -> dict[str, Any]:
     found: dict[str, Any] = {}
     with h5py.File(data, "r") as file:
         file.visititems(
-            lambda name, item: found.update({name.replace("/", "."): item[()].T}) if hasattr(item, "shape") else None
+            lambda name, item: (
+                found.update({name.replace("/", "."): np.asarray(item[()]).T}) if hasattr(item, "shape") else None
+            )
         )
     return found
 
