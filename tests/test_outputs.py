@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from mrdamp.cli import build_parser, main
+from mrdamp.commands.output import OutFile
 from mrdamp.files import together, write_atomic
 from mrdamp.records import embedded
 from refusals import refuses
@@ -77,10 +78,11 @@ def test_every_command_looks_at_its_outputs_before_any_work() -> None:
     for name, command, action in seen:
         assert action.type is not None
         given = argparse.Namespace(**{a.dest: None for a in command._actions})
-        for path, why in (("/proc/none", "cannot be written"), (__file__ + "/none", "cannot be written")):
+        nodes = ("/dev/full", "/dev") if action.type is OutFile else ()
+        for path in ("/proc/none.svg", f"{__file__}/none.svg", *nodes):
             assert callable(action.type), name
-            setattr(given, action.dest, action.type(path + ".svg"))
-            refuses(lambda g=given, c=command: c.get_default("run")(g), why)  # type: ignore[misc]
+            setattr(given, action.dest, action.type(path))
+            refuses(lambda g=given, c=command: c.get_default("run")(g), "cannot be written")  # type: ignore[misc]
 
 
 def test_a_link_is_written_through(folder: Path) -> None:
