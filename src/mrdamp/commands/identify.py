@@ -118,7 +118,8 @@ def _add_records(p: argparse.ArgumentParser, more: str = "") -> None:
     p.add_argument(
         "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
     )
-    p.add_argument("--extras", nargs="*", default=["offset"], help=f"effects fitted along (default: offset){more}")
+    about = f"effects fitted along (default: offset; without a name: none){more}"
+    p.add_argument("--extras", nargs="*", default=["offset"], help=about)
     p.add_argument("--seed", type=seed, default=0)
 
 
