@@ -12,7 +12,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import read_case
 from mrdamp.files import write_atomic
-from mrdamp.records import embedded
+from mrdamp.records import embedded, read_records
 from mrdamp.records.csv_file import render
 
 
@@ -32,6 +32,25 @@ def test_a_case_is_what_went_in(folder: Path, capsys: pytest.CaptureFixture[str]
     assert case.model.law == "modified_bouc_wen"
     assert [r.name for r in case.records] == sorted(r.name for r in embedded().train[:2])
     assert [(r.name, of) for r, of in case.repeats] == [("repeat_again", 0)]
+
+
+@pytest.mark.parametrize("halves", [False, True])
+def test_a_folder_holds_the_same_records_for_every_command(folder: Path, halves: bool) -> None:
+    first, second = sorted(folder.iterdir())
+    (folder / ".hidden.csv").write_text("no record")
+    (folder / "notes.txt").write_text("no record")
+    if halves:
+        for half, file in (("train", first), ("validation", second)):
+            (folder / half).mkdir()
+            file.rename(folder / half / file.name.replace(".csv", ".CSV"))
+    else:
+        first.rename(folder / "B.CSV")
+    out = folder.parent / "case"
+    assert main(["case", "dyke1996_3kN", str(folder), "-o", str(out)]) == 0
+    names = json.loads((out / "case.json").read_text())["records"]
+    taken = {name[: -len(".csv")] for name in names}
+    assert taken == {r.name for r in read_records(folder)} == {r.name for r in read_records([folder])}
+    assert len(taken) == 2
 
 
 def test_bad_input_leaves_no_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,8 +14,9 @@ from mrdamp.demo import run as demo
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.records import embedded, read_record
-from mrdamp.simulation.predict import played
+from mrdamp.simulation.predict import played, write_prediction
 from mrdamp.simulation.stepping import drive_rig
+from refusals import refuses
 
 
 @pytest.fixture
@@ -61,6 +62,36 @@ def test_predict_does_not_look_at_the_outputs(record: Path, model: Path, tmp_pat
         outs.append(tmp_path / f"pred{k}.csv")
         assert cli.main(["predict", str(model), str(changed), "-o", str(outs[-1])]) == 0
     assert outs[0].read_text() == outs[1].read_text()
+
+
+def test_a_prediction_holds_no_nan(record: Path, tmp_path: Path) -> None:
+    found = sets.load("dyke1996_3kN")
+    beyond = Model(found.law, {**found.parameters, "x0": 1e308})
+    refuses(lambda: write_prediction(beyond, record, tmp_path / "p.csv"), "force_N is no finite number from sample")
+    assert not (tmp_path / "p.csv").exists()
+
+
+def test_predict_prints_the_error_that_identify_calls_held_out(
+    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And neither takes a measured velocity for the displacement's, here one that is a tenth too large."""
+    one = read_record(record)
+    fitted, held = one.part(0.0, 1.3), one.part(1.302, 2.0)
+    names = []
+    for name, part in (("train/a.csv", fitted), ("validation/b.csv", held)):
+        names.append(tmp_path / "set" / name)
+        names[-1].parent.mkdir(parents=True)
+        part.with_channels({"velocity_m_s": 1.1 * part.velocity()}).save(names[-1])
+    out = tmp_path / "fit.json"
+    call = ["identify", str(tmp_path / "set"), "--law", "bingham", "--starts", "1", "--json", "-o", str(out)]
+    assert cli.main(call) == 0
+    (told,) = json.loads(capsys.readouterr().out)["held_out"]["records"]
+    assert cli.main(["predict", str(out), str(names[1]), "-o", str(tmp_path / "p.csv")]) == 0
+    force = np.genfromtxt(tmp_path / "p.csv", delimiter=",", names=True)["force_N"]
+    skip = round(0.02 / held.sample_time)
+    by_hand = float(np.sqrt(np.mean((force - held.channel("force_N"))[skip:] ** 2)))
+    assert told["rmse_N"] == pytest.approx(by_hand, rel=1e-4)
+    assert f"force_N: RMS error {by_hand:.4g}, {told['nrmse']:.3f} of its" in capsys.readouterr().out
 
 
 def test_mjcf_writes_a_model_that_loads(

@@ -288,7 +288,7 @@ def test_motions_of_files_and_folders(tmp_path: Path) -> None:
     found = read_motions([tmp_path / "a", tmp_path / "b" / "shake.csv"])
     assert [m.name for m in found] == ["shake", "shake#2"]
     (tmp_path / "c").mkdir()
-    with pytest.raises(InputError, match="no ground motion in this folder"):
+    with pytest.raises(InputError, match=r"no \.csv or \.csv\.gz or \.at2 in this folder"):
         read_motions([tmp_path / "c"])
 
 

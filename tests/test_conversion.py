@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
 
 from mrdamp.cli import main
 from mrdamp.errors import InputError
 from mrdamp.records import read_record
 from mrdamp.records.conversion import Converted, column, convert
+from refusals import refuses
 
 COLUMNS = ("time_s=t [ms]:ms", "displacement_m=LVDT:mm", "command=I coil:mA", "force_N=-Load:kN")
 WAVE = 2 * np.pi * 2.0
@@ -78,6 +82,135 @@ def test_a_rate(tmp_path: Path) -> None:
     np.testing.assert_allclose(fewer.displacement[inner], wanted[inner], atol=2e-5)
 
 
+def quoted(text: str) -> str:
+    """Every cell in quotes, as Instron's Bluehill writes them, below a line that is not a table."""
+    head, *rows = text.rstrip().split("\n")
+    cells = ['"' + row.replace(",", '","') + '"' for row in rows]
+    return 'General : End date,"10/11/2022, 3:18 PM"\n\n' + "\n".join([head, *cells]) + "\n"
+
+
+def in_blocks(text: str) -> str:
+    """The header with units again before every 300th row, as MTS 793 writes each buffer."""
+    head, *rows = text.rstrip().split("\n")
+    block = ["", "Data Acquisition,,,Time:,1.0,Sec,7:48", head, "-,ms,kN,mm,mA,-"]
+    lines = [x for k in range(0, len(rows), 300) for x in (*block, *rows[k : k + 300])]
+    return "\n".join(lines) + "\n"
+
+
+def stamped(text: str) -> str:
+    """Date and time in place of milliseconds."""
+    head, *rows = text.rstrip().split("\n")
+    start = datetime(2025, 11, 14, 23, 59, 59)
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        row[1] = str(start + timedelta(milliseconds=float(row[1])))
+    return "\n".join([head, *(",".join(row) for row in cells)]) + "\n"
+
+
+def headless(text: str) -> str:
+    return text.split("\n", 1)[1]
+
+
+NUMBERED = ("time_s=2:ms", "displacement_m=4:mm", "command=5:mA", "force_N=-3:kN")
+
+
+@pytest.mark.parametrize(
+    ("change", "columns"),
+    [
+        (quoted, COLUMNS),
+        (in_blocks, COLUMNS),
+        (stamped, ("time_s=t [ms]", *COLUMNS[1:])),
+        (headless, NUMBERED),
+        (lambda text: "a note\n" + headless(text), NUMBERED),
+        (str, (*COLUMNS[:2], "command=-750:mA", COLUMNS[3])),
+        (headless, (*NUMBERED[:2], "command=0.75", NUMBERED[3])),
+    ],
+)
+def test_forms_of_tables(change: Callable[[str], str], columns: Sequence[str], tmp_path: Path) -> None:
+    record = converted(tmp_path / "a.csv", change(table(EVEN)), columns).record
+    assert record.n == len(EVEN)
+    np.testing.assert_allclose(record.time - record.time[0], EVEN, atol=1e-9)
+    np.testing.assert_allclose(record.displacement, 5e-3 * np.sin(WAVE * EVEN), atol=1e-11)
+    np.testing.assert_allclose(record.channel("force_N"), 800.0 * np.cos(WAVE * EVEN), atol=1e-5)
+    np.testing.assert_allclose(np.abs(record.command), 0.75)
+
+
+def arrays() -> dict[str, Any]:
+    x, v = 5.0 * np.sin(WAVE * EVEN), np.cos(WAVE * EVEN)
+    return {"t": EVEN, "x": x, "load": np.column_stack([v, -0.8 * v])}
+
+
+def save_npz(path: Path) -> None:
+    np.savez_compressed(path, **arrays())
+
+
+def save_mat(path: Path) -> None:
+    scipy.io.savemat(path, arrays())
+
+
+def save_hdf5(path: Path) -> None:
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        for name, array in arrays().items():
+            file[name] = array.T  # MATLAB's order
+
+
+def flat() -> dict[str, Any]:
+    found = arrays()
+    load = found.pop("load")
+    return found | {"load(1)": load[:, 0], "load(2)": load[:, 1]}
+
+
+def save_parquet(path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    pytest.importorskip("pyarrow.parquet").write_table(pyarrow.table(flat()), path)
+
+
+def save_xlsx(path: Path) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    book.active.append(list(flat()))
+    for row in zip(*flat().values(), strict=True):
+        book.active.append([float(cell) for cell in row])
+    book.save(path)
+
+
+@pytest.mark.parametrize(
+    ("save", "suffix"),
+    [(save_npz, "npz"), (save_mat, "mat"), (save_hdf5, "mat"), (save_parquet, "parquet"), (save_xlsx, "xlsx")],
+)
+def test_arrays_of_other_programs(save: Callable[[Path], None], suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{suffix}"
+    save(path)
+    columns = [column(c) for c in ("time_s=t", "displacement_m=x:mm", "command=0", "force_N=-load(2):kN")]
+    record = convert(path, columns).record
+    assert record.name == "a"
+    np.testing.assert_allclose(record.time, EVEN, atol=1e-12)
+    np.testing.assert_allclose(record.displacement, 5e-3 * np.sin(WAVE * EVEN), atol=1e-11)
+    np.testing.assert_allclose(record.channel("force_N"), 800.0 * np.cos(WAVE * EVEN), atol=1e-6)
+    refuses(lambda: convert(path, [*columns[:3], column("force_N=f")]), "no column 'f'; the file has t, x, load")
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(InputError, match=rf"a\.{suffix}: no \.{suffix} file"):
+        convert(path, columns)
+
+
+def test_no_pickle_is_read(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", t=np.array([{}], dtype=object))
+    columns = [column(c) for c in ("displacement_m=t", "command=0", "force_N=t")]
+    with pytest.raises(InputError, match=r"a\.npz: no \.npz file"):
+        convert(tmp_path / "a.npz", columns, 100.0)
+
+
+def test_a_preload_over_an_open_path_is_no_turned_sign(tmp_path: Path) -> None:
+    """160 N hold while the rod goes out and half the way back: they do more work than 8 N of friction take."""
+    x = 1e-3 * np.concatenate([np.linspace(38, 0, 600), np.linspace(0, 20, 401)])
+    force = 160.0 + 8.0 * np.sign(np.gradient(x))
+    assert np.mean(force * np.gradient(x)) < 0
+    lines = ["x,F", *(f"{a:.9f},{b:.6f}" for a, b in zip(x, force, strict=True))]
+    columns = ("displacement_m=x", "command=0", "force_N=F")
+    assert converted(tmp_path / "a.csv", "\n".join(lines), columns, 50.0).record.n == 1001
+    with pytest.raises(InputError, match="would drive the rig"):
+        converted(tmp_path / "a.csv", "\n".join(lines), (*columns[:2], "force_N=-F"), 50.0)
+
+
 def holed(text: str) -> str:
     lines = text.split("\n")
     return "\n".join(lines[:300] + lines[320:])
@@ -91,6 +224,10 @@ def holed(text: str) -> str:
         (("time_s=Zeit:s", *COLUMNS[1:]), str, r"no column 'Zeit'; the file has No, t \[ms\], Load"),
         (COLUMNS[1:], str, "no column is named for time_s"),
         (COLUMNS[:3], str, "no column is named for force_N"),
+        ((*COLUMNS[:2], COLUMNS[3]), str, "no column is named for command; .* a constant is command=0:A"),
+        (COLUMNS, headless, "the file has no header and 6 columns: name them by their numbers, such as time_s=1:ms"),
+        (COLUMNS, lambda text: in_blocks(text).replace("\n700,", "\n700;"), "line 713 has 5 cells, 6 columns are"),
+        (COLUMNS, lambda text: stamped(text).replace("14 23:59:59.014", "x"), "line 9: t .* neither a number nor a d"),
         ((*COLUMNS, "force_N=Load"), str, "a channel is named twice"),
         (COLUMNS, holed, r"sample 300: 0\.042 s are missing at 0\.596 s"),
         (COLUMNS, lambda text: text.replace("\n7,14.0", "\n7,4.0"), r"sample 8: the time does not increase"),
@@ -127,5 +264,15 @@ def test_the_command_writes_what_is_read_again(tmp_path: Path, capsys: pytest.Ca
     record = read_record(tmp_path / "records" / "a.csv")
     assert float(record.channel("force_N").max()) == pytest.approx(800.0)
     (tmp_path / "b.txt").write_text(holed(table(EVEN)))
-    assert main([*call, "-o", str(tmp_path / "again")]) == 2
+    (tmp_path / "c.txt").write_text(table(EVEN).replace("I coil", "I"))
+    call = [*call[:3], str(tmp_path / "c.txt"), *call[3:], "-o", str(tmp_path / "again")]
+    assert main(call) == 2
+    said = capsys.readouterr().err
+    assert "b.txt: sample 300" in said
+    assert "c.txt: no column 'I coil'" in said
+    assert said.endswith("nothing is written; --skip writes the other 1\n")
     assert not (tmp_path / "again").exists()
+    assert main([*call, "--skip"]) == 0
+    assert [p.name for p in (tmp_path / "again").iterdir()] == ["a.csv"]
+    assert main(["convert", str(tmp_path / "a.txt"), *call[1:], "--skip"]) == 2
+    assert "a.txt is given twice" in capsys.readouterr().err

@@ -68,7 +68,7 @@ def test_a_set_is_fetched_and_read(served: tuple[Path, Dataset], tmp_path: Path)
     assert (train.name, held.name) == ("sine_05mm_3.00Hz_0.25A", "sine_10mm_1.00Hz_0.00A")
     assert train.sample_time == pytest.approx(1e-3)
     np.testing.assert_allclose(train.displacement[0], 4.2749043e-6, rtol=1e-8)
-    np.testing.assert_allclose(train.velocity()[3], 1.25e-3, rtol=1e-8)
+    np.testing.assert_allclose(train.channel("velocity_m_s")[3], 1.25e-3, rtol=1e-8)
     np.testing.assert_allclose(train.channel("force_N")[1], 26.286505, rtol=1e-8)
     assert (train.command == 0.25).all()
 

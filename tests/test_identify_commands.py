@@ -173,6 +173,8 @@ def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
         run("identify", folder, "--starts", "0", "-o", tmp_path / "m.json")
     with pytest.raises(InputError, match=r"allowed: bingham, .*, narx"):
         run("identify", folder, "--law", "binghamm", "-o", tmp_path / "m.json")
+    with pytest.raises(InputError, match=r"--page is for a network \(--law narx\); the law is bingham"):
+        run_bingham(folder, "--page", tmp_path / "p.html", "-o", tmp_path / "m.json")
     with pytest.raises(InputError, match="cannot be written: there is no folder"):
         run_bingham(folder, "-o", tmp_path / "none" / "m.json")
     with pytest.raises(InputError, match="cannot be written: it is a folder"):
@@ -181,3 +183,13 @@ def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
         run("table1", tmp_path / "none")
     with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):
         run("calibrate", "--picture", tmp_path / "c.bmp")
+
+
+def test_units_are_doubted_before_the_fit(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for record in read_records(folder):
+        in_kn = record.with_channels({"force_N": 1e-3 * record.channel("force_N")})
+        in_kn.save(tmp_path / f"{record.name}.csv")
+    assert run_bingham(tmp_path, "--json", "-o", tmp_path / "m.json") == 0
+    said = capsys.readouterr()
+    assert said.err.startswith("check: ")
+    assert len(json.loads(said.out)["warnings"]) == len(read_records(folder))

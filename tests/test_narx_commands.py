@@ -228,7 +228,7 @@ def test_bad_input_is_told_in_a_line(folder: Path, tmp_path: Path) -> None:
         ((folder, *SMALL, "--counts", "1:2", "--protocol", "varying"), "--counts 1:2"),
         ((folder, *SMALL, "--refined", "2"), "1, 2 of them refined"),
         ((folder, *SMALL, "--picture", "p.bmp"), r"\.svg, \.png or \.pdf"),
-        ((folder, *SMALL, "--jobs", "0"), "--workers"),
+        ((folder, *SMALL, "--jobs", "0"), "--jobs"),
     )
     for arguments, message in cases:
         with pytest.raises(InputError, match=message) as found:

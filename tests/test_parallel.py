@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,3 +60,28 @@ def test_a_ray_cluster_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         ray.shutdown()
     assert [k for k, _ in out] == [0, 1, 2, 3]
     assert os.getpid() not in {pid for _, pid in out}
+
+
+def test_a_killed_process_leaves_no_worker() -> None:
+    code = (
+        "import os, time\nfrom mrdamp.parallel import mapped\n"
+        "def work(k):\n    print(os.getpid(), flush=True)\n    time.sleep(60)\n"
+        "list(mapped(work, [(k,) for k in range(2)], jobs=2))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout
+        workers = [int(run.stdout.readline()) for _ in range(2)]
+        run.kill()
+        assert run.pid not in workers
+        ends = time.monotonic() + 20.0
+        while any(map(alive, workers)) and time.monotonic() < ends:
+            time.sleep(0.2)
+    assert not any(map(alive, workers))
+
+
+def alive(pid: int) -> bool:
+    """A process that has ended may wait for its parent to take notice."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

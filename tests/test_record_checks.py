@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
-from mrdamp.records import embedded
+from mrdamp.records import Record, embedded
 from mrdamp.records.checks import check_clipping, clipped, warnings_of
 from sine_records import grid
 
@@ -47,8 +49,28 @@ def test_too_few_samples_are_told() -> None:
         identify("bingham", short)
 
 
-def test_a_displacement_in_mm_is_doubted() -> None:
+@pytest.mark.parametrize(
+    ("channel", "factor", "told"),
+    [
+        ("displacement_m", 1000.0, "2.4A_4mm: displacement_m spans 8 m; usual are 0.0001 to 3"),
+        ("force_N", 1e-3, "2.4A_4mm: force_N is up to 0.[0-9]+ N; usual are 5 to 1e[+]07"),
+        ("command", 1000.0, "2.4A_4mm: command is up to 2.4e[+]03; usual are 0 to 50"),
+        ("displacement_m", 300.0, "2.4A_4mm: displacement_m spans 2.4 m, the other records 0.01[26]"),
+    ],
+)
+def test_units_are_doubted(channel: str, factor: float, told: str) -> None:
+    """By what dampers are, and by the other records of the set."""
+    records = grid(commands=(0.0, 1.2, 2.4))
+    assert warnings_of(records) == []
+    k = next(k for k, r in enumerate(records) if r.name == "2.4A_4mm")
+    records[k] = records[k].with_channels({channel: factor * records[k].channel(channel)})
+    (line,) = warnings_of(records)
+    assert re.match(f"{told}: channels are in m, N, s, and A or V", line)
+
+
+def test_milliseconds_taken_for_seconds_are_doubted() -> None:
     record = grid()[0]
-    assert warnings_of([record]) == []
-    in_mm = record.with_channels({"displacement_m": 1000 * record.displacement})
-    assert warnings_of([record, in_mm]) == ["0A_4mm: displacement_m spans 8 m; channels are in m, N and s"]
+    slow = Record(record.name, None, 1000 * record.sample_time, {"command": record.command})
+    (line,) = warnings_of([slow])
+    told = "the clock runs at 0.5 Hz, and every 0.5 ms is computed; usual are 20 to 100000"
+    assert line.startswith(f"{record.name}: {told}")

@@ -87,6 +87,7 @@ def test_frame_channels_decide_what_is_required(tmp_path: Path) -> None:
         (7, "0.014,nan,0.5,1", "line 9: displacement_m is NaN"),
         (7, "0.014,0.1,-inf,1", "line 9: command is infinite"),
         (7, "0.014,0.1,0.5,1e999", "line 9: force_N is infinite"),
+        (7, "0.014,0.1,0.5,1e308", "line 9: force_N is 1e+308: every cell must be a finite number up to 1e+30"),
         (7, "0.014,0.1,abc,1", "line 9: command is not a number: 'abc'"),
         (7, "0.014,0.1,,1", "line 9: command is empty"),
         (7, "0.014,0.1,0.5", "line 9 has 3 cells, 4 columns are needed"),

@@ -12,6 +12,7 @@ import pytest
 from mrdamp.errors import InputError
 from mrdamp.records import Record, RecordSet, read_record, read_records
 from record_tables import HEADER, table, write
+from refusals import refuses
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 needs_shared = pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the shared data folder is not here")
@@ -23,7 +24,7 @@ def sine(n: int = 2001, dt: float = 0.001, f: float = 2.0, extra: bool = False) 
     channels = {"displacement_m": 0.003 * np.sin(w * t), "command": np.where(t < 1.0, 0.2, 0.9)}
     channels["force_N"] = 100 * np.cos(w * t)
     if extra:
-        channels["velocity_m_s"] = np.full(n, 7.0) * t
+        channels["velocity_m_s"] = 0.0033 * w * np.cos(w * t)
     return Record("sine", None, dt, channels)
 
 
@@ -61,12 +62,34 @@ def test_velocity_and_acceleration_of_a_sine() -> None:
     assert np.abs(record.velocity(60.0) - v)[inside].max() < 2e-3 * 0.003 * w
 
 
-def test_measured_velocity_goes_first() -> None:
+def test_the_velocity_is_the_displacements_whether_one_was_measured_or_not() -> None:
     record = sine(extra=True)
-    np.testing.assert_array_equal(record.velocity(), 7.0 * record.time)
-    np.testing.assert_allclose(record.acceleration(), 7.0, rtol=1e-9)
+    np.testing.assert_array_equal(record.velocity(), sine().velocity())
     measured = record.with_channels({"acceleration_m_s2": np.full(record.n, 3.0)})
     np.testing.assert_array_equal(measured.acceleration(), 3.0)
+
+
+@pytest.mark.parametrize(("factor", "ratio"), [(1e3, "1.1e[+]03"), (-1.0, "-1.1"), (0.0, "0"), (1 / 3, "0.367")])
+def test_a_measured_velocity_of_another_unit_is_refused(factor: float, ratio: str, tmp_path: Path) -> None:
+    """Noise of the displacement that drowns its derivative does not matter."""
+    record = sine(extra=True)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(record.n)
+    noisy = record.with_channels({"displacement_m": record.displacement + noise})
+    noisy.save(tmp_path / "a.csv")
+    assert read_record(tmp_path / "a.csv").n == record.n
+    noisy.with_channels({"velocity_m_s": factor * record.channel("velocity_m_s")}).save(tmp_path / "b.csv")
+    refuses(lambda: read_record(tmp_path / "b.csv"), f"velocity_m_s is {ratio} times the rate of displacement_m")
+
+
+def test_no_file_is_waited_for_or_read_without_end(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "zero.csv").symlink_to("/dev/zero")
+    for name in ("pipe.csv", "zero.csv"):
+        refuses(lambda n=name: read_record(tmp_path / n), "is a device or a pipe")  # type: ignore[misc]
+    with gzip.open(tmp_path / "bomb.csv.gz", "wb", compresslevel=1) as packed:
+        for _ in range(520):
+            packed.write(bytes(1 << 20))
+    refuses(lambda: read_record(tmp_path / "bomb.csv.gz"), "more than 512 MiB")
 
 
 def test_smoothing_cuts_noise_without_delay() -> None:

@@ -13,6 +13,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.injection import summary
+from mrdamp.diagnosis.injection.page import page
 from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, Trial, injected, lasting
 from mrdamp.model import Model
 from mrdamp.records import Record, embedded
@@ -80,6 +81,12 @@ def knowing(case: Path, monkeypatch: pytest.MonkeyPatch) -> Knowing:
     return found
 
 
+def test_a_page_is_written_before_any_trial_has_an_outcome(case: Path) -> None:
+    study = Study.of(read_case(case), ["sensor_gain"], [0.3])
+    told = page(study, [Answer(AS_THEY_ARE, 0.0), Answer("sensor_gain", 0.3, reached=False)])
+    assert "out of reach" in told.html()
+
+
 ASKED = ("--effects", "sensor_gain", "sensor_offset", "command_delay", "heating", "--sizes", "0.02", "0.3")
 
 
@@ -115,12 +122,22 @@ def test_an_interrupted_run_goes_on(case: Path, knowing: Knowing, capsys: pytest
     told = json.loads((out / "sensitivity.json").read_text())
     assert not told["complete"]
     assert len(told["trials"]) == 3
-    assert "3 of 5 trials done so far" in (out / "index.html").read_text()
+    assert "3 trials done so far, at most 2 to come" in (out / "index.html").read_text()
     knowing.calls, knowing.stop_at = 0, None
     assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
     assert knowing.calls == 2
     assert json.loads((out / "sensitivity.json").read_text())["complete"]
     assert not list((out / "runs").glob(".*"))  # no diagnosis left its own store behind
+
+
+def test_what_was_missed_in_a_size_is_not_tried_in_smaller_ones(case: Path, knowing: Knowing) -> None:
+    out = case.parent / "out"
+    knowing.least = 0.5
+    assert main(["sensitivity", str(case), "-o", str(out), *ASKED]) == 0
+    assert knowing.calls == 3  # as they are, and each effect in its larger size
+    told = json.loads((out / "sensitivity.json").read_text())
+    assert told["complete"]
+    assert [e["outcomes"] for e in told["effects"]] == [{"0.3": "unknown"}] * 2
 
 
 def test_results_of_other_records_are_void(case: Path, knowing: Knowing) -> None:

@@ -83,6 +83,7 @@ bool ParseDamper(const Lookup& config, const Lookup& text, Damper* damper, std::
   damper->law = static_cast<Law>(law);
   damper->p = Params();
   damper->net = nullptr;
+  std::string missing;
   for (int i = 0; i < kParamCount; i++) {
     const Attribute& a = kAttributes[i];
     const char* value = config(a.name);
@@ -95,10 +96,7 @@ bool ParseDamper(const Lookup& config, const Lookup& text, Damper* damper, std::
       return false;
     }
     if (!given) {
-      if (use == 1) {
-        *error = "law " + std::string(law_name) + " needs attribute '" + a.name + "' (" + a.unit + ")";
-        return false;
-      }
+      if (use == 1) missing += std::string(missing.empty() ? "'" : ", '") + a.name + "' (" + a.unit + ")";
       continue;
     }
     std::string why;
@@ -106,6 +104,10 @@ bool ParseDamper(const Lookup& config, const Lookup& text, Damper* damper, std::
       *error = "attribute '" + std::string(a.name) + "' = " + why + "; allowed: a number (" + a.unit + ")";
       return false;
     }
+  }
+  if (!missing.empty()) {
+    *error = "law " + std::string(law_name) + " needs attribute " + missing;
+    return false;
   }
   const char* weights = config("weights");
   const bool given = weights && *weights;

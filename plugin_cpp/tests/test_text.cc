@@ -138,6 +138,8 @@ TEST(BadParameters) {
   Texts t = Bingham();
   t.erase("fyb");
   HAS(Refusal(t), "law bingham needs attribute 'fyb' (N per command)");
+  t.erase("c0a");
+  HAS(Refusal(t), "law bingham needs attribute 'c0a' (N s/m), 'fyb' (N per command)");
   HAS(Refusal(With(Bingham(), "alpha_a", "3")), "'alpha_a' = '3' is no parameter of law bingham; it takes c0a c0b fya fyb v_ref");
   HAS(Refusal(With(Bingham(), "k1e", "3")), "'k1e'");
   HAS(Refusal(With(Bingham(), "c0a", "6,5")), "attribute 'c0a' = '6,5' is not a number; allowed: a number (N s/m)");

@@ -28,7 +28,7 @@ from mrdamp.commands import compare as comparing
 from mrdamp.commands import identify as identification
 from mrdamp.commands import train as training
 from mrdamp.commands.models import named_model
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import OutFile, OutFolder, progress_bar
 from mrdamp.errors import EngineError, InputError
 
 
@@ -43,15 +43,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (InputError, EngineError) as error:
         print(f"mrdamp: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    except (FileExistsError, NotADirectoryError, PermissionError, FileNotFoundError, IsADirectoryError) as error:
-        print(f"mrdamp: {error.filename}: {error.strerror}; give another file or folder", file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         print("mrdamp: interrupted; run the same command again to go on", file=sys.stderr)
         return 130
     except BrokenPipeError:  # of `mrdamp sets | head`; the interpreter would flush once more at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except OSError as error:
+        print(f"mrdamp: {error.filename or 'output'}: {error.strerror}; give another file or folder", file=sys.stderr)
+        return 2
 
 
 class _Version(argparse.Action):
@@ -90,7 +90,7 @@ def build_parser() -> argparse.ArgumentParser:
     demo.add_argument("--motion", type=Path, help="ground motion, CSV or AT2 (default: the embedded one)")
     demo.add_argument("--seed", type=int, default=0)
     demo.add_argument(
-        "-o", "--out", type=Path, default=Path("out/demo"), help="folder to write (default: %(default)s)"
+        "-o", "--out", type=OutFolder, default="out/demo", help="folder to write (default: %(default)s)"
     )
 
     identification.add_to(commands)
@@ -107,7 +107,7 @@ def build_parser() -> argparse.ArgumentParser:
     predict = add("predict", _predict, about, "mrdamp predict model.json record.csv -o pred.csv")
     predict.add_argument("model", type=Path, help="case.json, corrected.json or a model file")
     predict.add_argument("record", type=Path)
-    predict.add_argument("-o", "--out", type=Path, required=True, help="CSV to write")
+    predict.add_argument("-o", "--out", type=OutFile, required=True, help="CSV to write")
 
     mjcf = add(
         "mjcf",
@@ -116,7 +116,7 @@ def build_parser() -> argparse.ArgumentParser:
         "mrdamp mjcf model.json -o rig",
     )
     mjcf.add_argument("model", help="a model file, or the name of a parameter set")
-    mjcf.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
+    mjcf.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
 
     view = add("view", _view, "look at a model in MuJoCo's viewer", "mrdamp view frame3")
     view.add_argument("model", nargs="?", default="frame3", help="model file, MJCF file or a packaged model")
@@ -162,14 +162,22 @@ def _demo(a: argparse.Namespace) -> int:
 
 
 def _predict(a: argparse.Namespace) -> int:
+    from mrdamp.identify.fit import error_of
     from mrdamp.model import Model
     from mrdamp.records import read_record
+    from mrdamp.records.checks import warnings_of
     from mrdamp.simulation.predict import INPUTS, clamped, write_prediction
 
     model = Model.read(a.model)
-    write_prediction(model, a.record, a.out)
-    if beyond := clamped(model, read_record(a.record, required=INPUTS[model.rig])):
-        print(f"mrdamp: warning: {a.record}: {beyond}", file=sys.stderr)
+    record = read_record(a.record, required=INPUTS[model.rig])
+    columns = write_prediction(model, record, a.out)
+    for name in columns:
+        if name != "time_s" and name in record.channels:
+            found = error_of(record, name, columns[name])
+            print(f"{name}: RMS error {found.rmse:.4g}, {found.nrmse:.3f} of its standard deviation")
+    beyond = clamped(model, record)
+    for check in [*([f"{a.record}: {beyond}"] if beyond else []), *warnings_of([record])]:
+        print(f"check: {check}", file=sys.stderr)
     return 0
 
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import math
+from collections.abc import Iterable
+
+#: The largest number that an input may hold: its square and cube still are numbers.
+LARGEST = 1e30
 
 
 class MrdampError(Exception):
@@ -18,6 +23,12 @@ class InputError(MrdampError, ValueError):
 
 class EngineError(MrdampError, ImportError):
     """The installed MuJoCo is not the release of the plugin; the line states how to install that one."""
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """The end of a message on an unknown name: the allowed one that is most like it, if one is."""
+    found = difflib.get_close_matches(name, list(allowed), n=1)
+    return f"; nearest: {found[0]}" if found else ""
 
 
 def require_positive(what: str, **values: float) -> None:

@@ -8,6 +8,8 @@ task's seed is its own; every task computes with one thread of BLAS, so that the
 from __future__ import annotations
 
 import os
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -19,6 +21,7 @@ from mrdamp.errors import InputError
 
 Result = TypeVar("Result")
 BACKENDS = ("loky", "ray")
+_watched = False
 
 
 def mapped(
@@ -32,18 +35,29 @@ def mapped(
     listed = list(tasks)
     if jobs == 1 or len(listed) < 2:
         for task in listed:
-            yield _alone(function, *task)
+            yield _alone(0, function, *task)
         return
     with _backend() as backend:
         # Ray's backend hands out nothing before all is done.
         how = "list" if backend == "ray" else "generator"
-        calls = (joblib.delayed(_alone)(function, *task) for task in listed)
+        calls = (joblib.delayed(_alone)(os.getpid(), function, *task) for task in listed)
         yield from joblib.Parallel(n_jobs=jobs, return_as=how)(calls)
 
 
-def _alone(function: Callable[..., Result], *task: Any) -> Result:
+def _alone(parent: int, function: Callable[..., Result], *task: Any) -> Result:
+    """parent: process that this one works for, 0 for its own; a kill of it leaves no worker behind."""
+    global _watched
+    if os.getppid() == parent and not _watched:
+        _watched = True
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     with threadpool_limits(1):
         return function(*task)
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
 
 
 @contextmanager

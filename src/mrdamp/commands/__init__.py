@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
+from mrdamp.commands.output import check_outputs
+
 Run = Callable[[argparse.Namespace], int]
 
 #: What `--hold` may be, and what it means.
@@ -21,7 +23,7 @@ def seed(text: str) -> int:
 
 
 def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> argparse.ArgumentParser:
-    """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed."""
+    """Adds a command to the subparsers of an argparse parser; `run` takes what it parsed, its outputs checked."""
     p: argparse.ArgumentParser = commands.add_parser(
         name,
         help=text,
@@ -29,5 +31,10 @@ def add_command(commands: Any, name: str, run: Run, text: str, example: str) -> 
         epilog=f"example: {example}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    p.set_defaults(run=run)
+
+    def checked(a: argparse.Namespace) -> int:
+        check_outputs(a)
+        return run(a)
+
+    p.set_defaults(run=checked)
     return p

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import secrets
-from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import OutFolder, progress_bar
 from mrdamp.errors import InputError
 
 
@@ -21,7 +20,7 @@ def add_to(commands: Any) -> None:
         "check the diagnosis on cases of a reference rig whose causes are sealed until it has answered",
         "mrdamp blindtest out/blind --cases 200 --jobs 2",
     )
-    p.add_argument("out", type=Path, help="folder to write; an interrupted run goes on there")
+    p.add_argument("out", type=OutFolder, help="folder to write; an interrupted run goes on there")
     p.add_argument("--cases", type=int, default=200, help="(default: %(default)s)")
     p.add_argument(
         "--rig", choices=["damper", "frame", "both"], default="both", help="(default: %(default)s)"
@@ -55,10 +54,7 @@ def run_blindtest(a: argparse.Namespace) -> int:
         raise InputError(f"--seed {a.seed}: it must not be negative")
     out = blind.Folders(a.out)
     plan = blind.Plan(a.cases, a.rig, a.timeout, a.jobs, a.misfit)
-    try:
-        a.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    a.out.mkdir(parents=True, exist_ok=True)
     with progress_bar() as progress:
         digest = blind.make_cases(out, plan, secrets.randbits(64) if a.seed is None else a.seed, progress)
     print(f"labels sealed; SHA-256 of salt and labels: {digest}", flush=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import save_picture
+from mrdamp.commands.output import Picture, save_picture
 
 if TYPE_CHECKING:
     from mrdamp.records import Record
@@ -36,7 +36,7 @@ def add_calibrate(commands: Any) -> None:
         type=float,
         help="Hz, low-pass; 0 is none (default: 20, or four times a test's frequency where that is more)",
     )
-    p.add_argument("--picture", type=Path, help="sensitivities by frequency (.svg, .png or .pdf)")
+    p.add_argument("--picture", type=Picture, help="sensitivities by frequency (.svg, .png or .pdf)")
 
 
 def run_calibrate(a: argparse.Namespace) -> int:

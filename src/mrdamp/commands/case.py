@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import HOLD, add_command
+from mrdamp.commands.output import OutFolder
 from mrdamp.errors import InputError
 
 
@@ -36,7 +37,7 @@ def add_to(commands: Any) -> None:
         choices=HOLD,
         help="the command is held between samples, or runs along lines (default: as the model says, or found)",
     )
-    p.add_argument("-o", "--out", type=Path, required=True, help="folder to write; it must not exist")
+    p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write; it must not exist")
 
 
 def run_case(a: argparse.Namespace) -> int:
@@ -44,16 +45,19 @@ def run_case(a: argparse.Namespace) -> int:
     from mrdamp.commands.models import named_model
     from mrdamp.diagnosis.case.folder import read_case
     from mrdamp.identify.provenance import IDENTIFIED_ON
-    from mrdamp.records import SUFFIXES, read_record
+    from mrdamp.records import read_record, record_files
+    from mrdamp.records.checks import warnings_of
     from mrdamp.simulation.predict import INPUTS
 
+    if a.out.exists():
+        raise InputError(f"{a.out}: there is one already; give another folder")
     model = named_model(a.model)
     required = INPUTS[model.rig]
-    files = [f for path in a.records for f in _files(path, SUFFIXES)]
+    files = [f for path in a.records for f in record_files(path)]
     names = {file: file.name for file in files}
     for file in a.repeat:
         names[file] = file.name if "repeat" in file.name.lower() else f"repeat_{file.name}"
-    untouched = {f: f"baseline_{f.name}" for path in a.baseline for f in _files(path, SUFFIXES)}
+    untouched = {f: f"baseline_{f.name}" for path in a.baseline for f in record_files(path)}
     if both := [str(f) for f in untouched if f in names]:
         raise InputError(f"case: --baseline: {', '.join(both)} is among the records too")
     names |= untouched
@@ -80,29 +84,16 @@ def run_case(a: argparse.Namespace) -> int:
         data[IDENTIFIED_ON] = model.extra[IDENTIFIED_ON]
     if untouched:
         data["baseline"] = list(untouched.values())
-    try:
-        a.out.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    a.out.mkdir(parents=True)
     try:
         for file, name in names.items():
             shutil.copyfile(file, a.out / name)
         (a.out / "case.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
         read_case(a.out)  # what `mrdamp diagnose` would refuse is refused here
-    except OSError as error:
-        shutil.rmtree(a.out, ignore_errors=True)
-        raise InputError(f"{a.out}: cannot be written: {error.strerror}") from None
-    except InputError:
+    except BaseException:
         shutil.rmtree(a.out, ignore_errors=True)
         raise
+    for check in warnings_of(list(records.values())):
+        print(f"check: {check}")
     print(a.out / "case.json")
     return 0
-
-
-def _files(path: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    if not path.is_dir():
-        return [path]
-    found = sorted(f for f in path.iterdir() if f.name.endswith(suffixes))
-    if not found:
-        raise InputError(f"{path}: no record in this folder; allowed: {', '.join(suffixes)}")
-    return found

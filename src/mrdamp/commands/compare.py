@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import progress_bar, save_picture
+from mrdamp.commands.output import OutFolder, progress_bar, save_picture
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 
@@ -81,7 +81,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("--json", action="store_true", help="print JSON in place of a table")
     p.add_argument(
-        "-o", "--out", type=Path, help="folder for the page and tables; a run stopped there goes on"
+        "-o", "--out", type=OutFolder, help="folder for the page and tables; a run stopped there goes on"
     )
 
 
@@ -218,10 +218,7 @@ def _settings(
 def _keep(out: Path | None) -> Path | None:
     if out is None:
         return None
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made: {error.strerror}") from None
+    out.mkdir(parents=True, exist_ok=True)
     return out / "kept.jsonl"
 
 

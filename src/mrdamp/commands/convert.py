@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.output import OutFolder
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,38 +26,56 @@ def add_to(commands: Any) -> None:
     """Adds convert to the subparsers of an argparse parser."""
     p = add_command(commands, "convert", run_convert, _HELP, _EXAMPLE)
     p.add_argument(
-        "files", nargs="+", type=Path, help="one test each; lines above the header are passed over"
+        "files", nargs="+", type=Path, help="one test each: text (also .gz), .xlsx, .mat, .npz or .parquet"
     )
     p.add_argument(
         "--columns",
         nargs="+",
         required=True,
         metavar="CHANNEL=NAME:UNIT",
-        help="where each channel comes from; a minus before NAME turns the sign",
+        help="where each channel comes from; a minus before NAME turns the sign, a number as the command's NAME is a"
+        " constant; columns without a header are 1, 2 and so on",
     )
     p.add_argument(
         "--rate", type=float, metavar="HZ", help="resample to it; without a time_s column: the files' own"
     )
-    p.add_argument("-o", "--out", type=Path, required=True, help="folder of the records")
+    p.add_argument("--skip", action="store_true", help="leave out files that cannot be converted, and write the others")
+    p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder of the records")
 
 
 def run_convert(a: argparse.Namespace) -> int:
     """Converts all files, then writes them, and prints the range of each channel."""
+    from mrdamp.files import together
+    from mrdamp.records.checks import warnings_of
     from mrdamp.records.conversion import column, convert
 
     columns = [column(text) for text in a.columns]
-    found = [convert(path, columns, a.rate) for path in a.files]
+    if twice := sorted({str(path) for path in a.files if a.files.count(path) > 1}):
+        raise InputError(f"{', '.join(twice)} is given twice")
+    found, faults = [], []
+    for path in a.files:
+        try:
+            found.append(convert(path, columns, a.rate))
+        except InputError as error:
+            faults.append(str(error))
+    if faults and (not a.skip or not found):
+        for fault in faults[:-1]:
+            print(f"mrdamp: {fault}", file=sys.stderr)
+        rest = f"; nothing is written; --skip writes the other {len(found)}" if found else ""
+        raise InputError(f"{faults[-1]}{rest}")
     names = [c.record.name for c in found]
-    if len(set(names)) < len(names):
-        raise InputError(f"two files would be one record: {', '.join(names)}")
-    try:
-        a.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
-    for one in found:
-        one.record.save(a.out / f"{one.record.name}.csv")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"two files would be one record: {', '.join(twice)}")
+    a.out.mkdir(parents=True, exist_ok=True)
+    with together():
+        for one in found:
+            one.record.save(a.out / f"{one.record.name}.csv")
     for one in found:
         print(_summary(one))
+    for check in warnings_of([one.record for one in found]):
+        print(f"check: {check}")
+    for fault in faults:
+        print(f"left out: {fault}")
     print(f"records: {a.out}")
     return 0
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.output import OutFolder
 from mrdamp.errors import InputError
 
 
@@ -23,7 +24,7 @@ def add_to(commands: Any) -> None:
         "mrdamp diagnose case/ -o out/case",
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records")
-    p.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
+    p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
     p.add_argument(
         "--jobs",
         type=int,
@@ -40,25 +41,23 @@ def run_diagnose(a: argparse.Namespace) -> int:
     from mrdamp.diagnosis.report.page import page
     from mrdamp.diagnosis.report.sentence import table
     from mrdamp.diagnosis.run import diagnose
-    from mrdamp.files import write_atomic
+    from mrdamp.files import together, write_atomic
     from mrdamp.records.csv_file import render
 
     if a.jobs is not None and a.jobs < 1:
         raise InputError(f"--jobs is {a.jobs}; at least 1")
     case = read_case(a.case)
-    try:
-        a.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{a.out}: cannot be made: {error.strerror}") from None
+    a.out.mkdir(parents=True, exist_ok=True)
     store = Store.of(a.out / ".fits.json", case)
     found = diagnose(case, jobs=a.jobs or os.cpu_count() or 1, progress=_show_progress, store=store)
-    found.corrected.write(a.out / "corrected.json")
-    found = hand_over(found, case.records, a.out / "mjcf")
-    if found.next_signal is not None:
-        write_atomic(a.out / "next_experiment.csv", render(found.next_signal))
-    write_arrays(a.out / "arrays.npz", found.pictures)
-    write_atomic(a.out / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
-    page(found, case.model, case.records).write(a.out / "index.html")
+    with together():
+        found.corrected.write(a.out / "corrected.json")
+        found = hand_over(found, case.records, a.out / "mjcf")
+        if found.next_signal is not None:
+            write_atomic(a.out / "next_experiment.csv", render(found.next_signal))
+        write_arrays(a.out / "arrays.npz", found.pictures)
+        write_atomic(a.out / "diagnosis.json", json.dumps(found.to_dict(), indent=1) + "\n")
+        page(found, case.model, case.records).write(a.out / "index.html")
     store.remove()
     print(found.sentence)
     print(table(found))

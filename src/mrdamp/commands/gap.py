@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command, seed
-from mrdamp.commands.output import progress_bar, save_picture
+from mrdamp.commands.output import OutFolder, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,13 +59,14 @@ def add_to(commands: Any) -> None:
         "--jobs", type=int, default=2, help="processes; the answer is the same (default: %(default)s)"
     )
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder to write; the same command continues an interrupted run"
-    )
+        "-o", "--out", type=OutFolder, required=True,
+        help="folder to write; the same command continues an interrupted run",
+    )  # fmt: skip
 
 
 def run_gap(a: argparse.Namespace) -> int:
     """Runs the study, writes study.json, index.html and the pictures, prints the tables."""
-    from mrdamp.files import write_atomic
+    from mrdamp.files import together, write_atomic
     from mrdamp.gap.page import COLUMNS, errors, gap_rows, page, score_rows, scores, ways
     from mrdamp.gap.real import EFFECTS, NONE
     from mrdamp.gap.study import Options, study
@@ -78,11 +79,12 @@ def run_gap(a: argparse.Namespace) -> int:
     nominal = None if a.model is None else Model.read(a.model)
     with progress_bar() as progress:
         found = study(options, a.out, nominal=nominal, jobs=a.jobs, progress=progress)
-    write_atomic(a.out / "study.json", json.dumps(asdict(found), indent=1) + "\n")
-    page(found).write(a.out / "index.html")
-    save_picture(errors(found), a.out / "errors.png")
-    if score_rows(found):
-        save_picture(scores(found), a.out / "scores.png")
+    with together():
+        write_atomic(a.out / "study.json", json.dumps(asdict(found), indent=1) + "\n")
+        page(found).write(a.out / "index.html")
+        save_picture(errors(found), a.out / "errors.png")
+        if score_rows(found):
+            save_picture(scores(found), a.out / "scores.png")
     widths = (20, 28, 14, 16, 8, 16)
     for row in (COLUMNS, *gap_rows(found)):
         print("  ".join(f"{text:{w}s}" for text, w in zip(row, widths, strict=True)).rstrip())

@@ -16,14 +16,14 @@ from mrdamp.commands import HOLD, add_command, seed
 from mrdamp.commands.calibrate import add_calibrate
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
-from mrdamp.commands.output import check_file, check_picture, progress_bar, save_picture
+from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
     from mrdamp.identify import Fit, RecordError
     from mrdamp.identify.comparison import RecordNorms
     from mrdamp.identify.intervals import ChannelFinding, Interval
-    from mrdamp.records import Record, RecordSet
+    from mrdamp.records import RecordSet
 
 _UNITS = "A", "V"
 #: Of --extras: whatever the records pay for.
@@ -48,42 +48,44 @@ def add_identify(commands: Any) -> None:
         default="modified_bouc_wen",
         help="bingham, bouc_wen, hyperbolic_tangent, modified_bouc_wen, or narx for a network (default: %(default)s)",
     )
-    p.add_argument(
+    laws = p.add_argument_group("law", "without --law narx")
+    laws.add_argument(
         "--dependence",
         help="how coefficients follow the command: constant, linear (default), quadratic, saturating,"
         " quadratic_saturating, or compare for all",
     )
-    p.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
-    p.add_argument(
+    laws.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
+    laws.add_argument(
         "--intervals", action="store_true", help="95 %% intervals by bootstrap, and what is not identifiable"
     )
     p.add_argument(
         "--norms", action="store_true", help="E_t, E_x, E_v and delta_2 of both papers, by held-out record"
     )
-    p.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
-    p.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
-    p.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
-    p.add_argument(
+    laws.add_argument("--resamples", type=int, default=200, help="of the bootstrap (default: %(default)s)")
+    laws.add_argument("--refit", action="store_true", help="fit each resample anew in place of one step")
+    laws.add_argument("--starts", type=int, default=4, help="local fits (default: %(default)s)")
+    laws.add_argument(
         "--hold",
         choices=HOLD,
         help="the command is held between samples, or runs along lines (default: whichever is nearer to the records)",
     )
     p.add_argument(
-        "--workers",
         "--jobs",
+        "--workers",
+        dest="workers",
         type=int,
         default=1,
         help="processes, for --refit and narx; the answer is the same",
     )
     p.add_argument(
         "--picture",
-        type=Path,
+        type=Picture,
         help="loops over the held-out record of the largest force, the lines of --by-command, or a network's choice"
         " and pruning (.svg, .png or .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     _add_cutoff(p)
-    p.add_argument("-o", "--out", type=Path, required=True, help="model file to write")
+    p.add_argument("-o", "--out", type=OutFile, required=True, help="model file to write")
     _add_json(p)
     add_protocol_options(p)
     add_narx_options(p)
@@ -104,9 +106,9 @@ def add_table1(commands: Any) -> None:
         "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
     )
     p.add_argument("--no-network", action="store_true", help="leave the network out")
-    p.add_argument("--workers", "--jobs", type=int, default=1, help="processes for the network's training")
+    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, help="processes for the network")
     p.add_argument("--starts", type=int, default=4)
-    p.add_argument("--picture", type=Path, help="loops of all models over each other (.svg, .png or .pdf)")
+    p.add_argument("--picture", type=Picture, help="loops of all models over each other (.svg, .png or .pdf)")
     p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
     _add_json(p)
     _add_cutoff(p)
@@ -116,7 +118,8 @@ def _add_records(p: argparse.ArgumentParser, more: str = "") -> None:
     p.add_argument(
         "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
     )
-    p.add_argument("--extras", nargs="*", default=["offset"], help=f"effects fitted along (default: offset){more}")
+    about = f"effects fitted along (default: offset; without a name: none){more}"
+    p.add_argument("--extras", nargs="*", default=["offset"], help=about)
     p.add_argument("--seed", type=seed, default=0)
 
 
@@ -134,15 +137,20 @@ def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
     with words(a.json):
         from mrdamp.identify.laws import PARAMETRIC
+        from mrdamp.records.checks import warnings_of
 
         if a.law not in (*PARAMETRIC, "narx"):
             raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
-        check_file(a.out)
+        given = [name for name, default in a.of_networks.items() if getattr(a, name) != default]
+        if a.law != "narx" and given:
+            raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
         records = _records(a.records, a.cutoff)
+        warnings = warnings_of(records.records)
+        for warning in warnings:
+            print(f"check: {warning}", flush=True)
         if a.starts < 1 or a.resamples < 20 or a.workers < 1:
-            raise InputError("--starts and --workers must be at least 1 and --resamples at least 20")
-        check_picture(a.picture)
-        report = {"model": str(a.out), **_identified(a, records)}
+            raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
+        report = {"model": str(a.out), "warnings": warnings, **_identified(a, records)}
         if a.norms:
             report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
     if a.json:
@@ -213,7 +221,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
     checks = findings(fit, records.train, records.validation)
-    _found(fit, left, records.train, checks)
+    _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
         save_picture(loops_of(fit.model, records.validation or records.train), a.picture)
@@ -237,8 +245,7 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
     from mrdamp.model import Model
 
     if a.starts < 1 or a.workers < 1:
-        raise InputError("--starts and --workers must be at least 1")
-    check_picture(a.picture)
+        raise InputError("--starts and --jobs must be at least 1")
     records = _records(a.records, a.cutoff)
     others = {}
     if a.network:
@@ -318,16 +325,12 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
 _MATERIAL = 0.05
 
 
-def _found(
-    fit: Fit, left_over: Sequence[ChannelFinding], records: Sequence[Record], checks: Sequence[str]
-) -> None:
+def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str]) -> None:
     """Offsets and delays that the fit found, what the residuals still hold of them, and what could not be seen."""
-    from mrdamp.records.checks import warnings_of
-
     if fit.left_out:
         print(f"  left out, as no record here has a command that varies enough: {', '.join(fit.left_out)}")
-    for warning in [*warnings_of(records), *checks]:
-        print(f"  check: {warning}")
+    for check in checks:
+        print(f"  check: {check}")
     attributes = fit.model.attributes
     for name, unit, scale, what in (
         ("gas_spring_f0", "N", 1.0, "force offset or preload"),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command, seed
+from mrdamp.commands.output import OutFolder, Picture, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,17 +47,18 @@ def add_to(commands: Any) -> None:
                    help="its frequencies with --stroke, Hz (default: 0.5 5)")  # fmt: skip
     p.add_argument("--seconds", type=float, default=20.0, help="of each run (default: %(default)s)")
     p.add_argument("--seed", type=seed, default=0)
-    p.add_argument("--workers", type=int, default=1, help="processes for the network; the answer is the same")
+    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1,
+                   help="processes for the network; the answer is the same")  # fmt: skip
     p.add_argument("--command-unit", choices=("A", "V"), help="(default: that of a parameter set, else A)")
-    p.add_argument("--picture", type=Path, help="tracks of a force between the extremes (.svg, .png or .pdf)")
+    p.add_argument("--picture", type=Picture, help="tracks of a force between the extremes (.svg, .png or .pdf)")
     p.add_argument("--json", action="store_true", help="print the table as JSON")
-    p.add_argument("-o", "--out", type=Path, required=True, help="folder to write")
+    p.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
 
 
 def run_inverse(a: argparse.Namespace) -> int:
     """Trains, tracks, prints the table and writes page, picture and network."""
     from mrdamp.commands.models import named_model, named_unit
-    from mrdamp.commands.output import check_picture, progress_bar, save_picture
+    from mrdamp.files import together
     from mrdamp.inverse.network import NetworkInverse
     from mrdamp.inverse.page import draw, write_page
     from mrdamp.inverse.tracking import RandomMotion
@@ -69,7 +71,6 @@ def run_inverse(a: argparse.Namespace) -> int:
         raise InputError("--network and --no-network exclude each other")
     if a.json and a.picture:
         raise InputError("--json and --picture exclude each other")
-    check_picture(a.picture)
     records = None
     if a.records:
         records = read_records(a.records[0] if len(a.records) == 1 else a.records)
@@ -82,7 +83,8 @@ def run_inverse(a: argparse.Namespace) -> int:
             seconds=a.seconds, seed=a.seed, workers=a.workers, progress=progress,
         )  # fmt: skip
     unit = a.command_unit or named_unit(a.model)
-    page = write_page(result, a.out, unit)
+    with together():
+        page = write_page(result, a.out, unit)
     print(_json(result) if a.json else _text(result, page))
     if a.picture:
         save_picture(draw(result, "between", unit), a.picture)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands.identify_json import of_network
-from mrdamp.commands.output import save_picture
+from mrdamp.commands.output import OutFile, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _REST = 0.05
 def add_narx_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `--law narx`."""
     p = parser.add_argument_group("network", "with --law narx")
-    p.add_argument("--page", type=Path, help="page to write, HTML: errors, training and pictures")
+    p.add_argument("--page", type=OutFile, help="page to write, HTML: errors, training and pictures")
     p.add_argument("--inputs", help="channels x, v, i, F (default: vF, and viF where the command varies)")
     p.add_argument("--lags", type=int, help="lag space in samples (default: about 8 ms)")
     p.add_argument(
@@ -64,6 +64,8 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
         choices=("surgeon", "magnitude", "structure"),
         help="then remove weights, or whole neurons and lags, and keep the smallest network within 10 %% of the best",
     )
+    # What only a network takes; the sample time is one of the protocols' too.
+    parser.set_defaults(of_networks={o.dest: o.default for o in p._group_actions if o.dest != "sample_time"})
 
 
 def add_protocol_options(p: argparse.ArgumentParser) -> None:

@@ -1,14 +1,19 @@
-"""What commands share: progress, and pictures written to a file."""
+"""What commands share: outputs that are checked before any work, pictures, and progress."""
 
 from __future__ import annotations
 
+import argparse
+import io
+import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PosixPath
 from typing import TYPE_CHECKING
 
 from mrdamp.errors import InputError
+from mrdamp.files import SUFFIXES, unfit, write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,28 +21,73 @@ if TYPE_CHECKING:
 _KINDS = (".svg", ".png", ".pdf")
 
 
-def check_picture(path: Path | None) -> None:
-    """Raises InputError for a suffix that no picture has, before any work is done."""
-    if path is not None and path.suffix not in _KINDS:
-        raise InputError(f"{path}: a picture is written as .svg, .png or .pdf")
+class OutFile(PosixPath):
+    """Type of an argument: a file to write, which `check_outputs` looks at before any work."""
 
 
-def check_file(path: Path) -> None:
-    """Raises InputError for a file that cannot be written at its path, before any work is done."""
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: cannot be written: there is no folder {path.parent}")
-    if path.is_dir():
-        raise InputError(f"{path}: cannot be written: it is a folder")
+class Picture(OutFile):
+    """The same of a picture."""
+
+
+class OutFolder(PosixPath):
+    """The same of a folder; it is made where it is missing."""
+
+
+def check_outputs(a: argparse.Namespace) -> None:
+    """Raises InputError for an output of a command that would replace one of its inputs or cannot be written.
+
+    Inputs are all other arguments that are files, and paths that are folders. A folder must hold no input.
+    """
+    given = [v for value in vars(a).values() for v in (value if isinstance(value, list) else [value])]
+    outputs = [v for v in given if isinstance(v, OutFile | OutFolder)]
+    rest = [v for v in given if not isinstance(v, OutFile | OutFolder)]
+    inputs = [v for v in rest if isinstance(v, Path) and v.exists()]
+    inputs += [Path(v) for v in rest if isinstance(v, str) and os.path.isfile(v)]
+    for k, out in enumerate(outputs):
+        for source in inputs:
+            if _replaces(out, source.resolve()):
+                raise InputError(f"{out}: it would replace or mix with the input {source}; give another path")
+        if isinstance(out, OutFile) and out.resolve() in (other.resolve() for other in outputs[:k]):
+            raise InputError(f"{out}: two outputs have this path; give another one")
+        if isinstance(out, Picture) and out.suffix not in _KINDS:
+            raise InputError(f"{out}: a picture is written as .svg, .png or .pdf")
+        if reason := _unwritable(out):
+            raise InputError(f"{out}: cannot be written: {reason}")
+
+
+def _replaces(out: Path, source: Path) -> bool:
+    """Whether an output is a source, is a folder with it, or is what commands read in it."""
+    real = out.resolve()
+    if isinstance(out, OutFolder):
+        return real in (source, source.parent) if source.is_file() else real == source
+    read = real.name.lower().endswith((*SUFFIXES, "case.json"))
+    return real == source or (read and real.is_file() and source in real.parents)
+
+
+def _unwritable(out: Path) -> str:
+    real = out.resolve()
+    if isinstance(out, OutFile):
+        if reason := unfit(real):
+            return reason
+        folder = real.parent
+        if not folder.is_dir():
+            return f"there is no folder {out.parent}"
+    else:
+        folder = next(where for where in (real, *real.parents) if where.exists())
+        if not folder.is_dir():
+            return f"{folder.name} is a file, no folder"
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return str(error.strerror)
 
 
 def save_picture(fig: Figure, path: Path) -> None:
     """Writes a figure and prints where. Raises InputError."""
-    check_picture(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        fig.savefig(path, dpi=150)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}") from None
+    drawn = io.BytesIO()
+    fig.savefig(drawn, dpi=150, format=path.suffix[1:])
+    write_atomic(path, drawn.getvalue())
     print(f"picture: {path}")
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command, seed
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import OutFolder, progress_bar
 from mrdamp.errors import InputError
 
 
@@ -23,7 +24,7 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("case", type=Path, help="folder with a case.json and its records (rig damper)")
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder to write; an interrupted run goes on there"
+        "-o", "--out", type=OutFolder, required=True, help="folder to write; an interrupted run goes on there"
     )
     p.add_argument("--effects", nargs="+", default=[], metavar="NAME", help="of the catalogue (default: all)")
     p.add_argument(
@@ -50,11 +51,14 @@ def run_sensitivity(a: argparse.Namespace) -> int:
     if a.jobs < 1 or a.seed < 0:
         raise InputError("--jobs must be at least 1 and --seed not negative")
     study = Study.of(read_case(a.case), a.effects, a.sizes or SIZES, a.seed)
-    answers = []
+    answers, largest = [], max(t.size for t in study.trials)
+    first = sum(t.size in (0.0, largest) for t in study.trials)
     with progress_bar() as progress:
         for answers in run_study(study, a.out, a.jobs, progress):
             write_atomic(a.out / "sensitivity.json", json.dumps(to_dict(study, answers), indent=1) + "\n")
             page(study, answers).write(a.out / "index.html")
+            if len(answers) == first:
+                print(f"from the largest size alone: {sentence(study, answers)}", file=sys.stderr, flush=True)
     print(sentence(study, answers))
     print(table(study, answers))
     print(f"page: {a.out / 'index.html'}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import progress_bar
+from mrdamp.commands.output import OutFolder, progress_bar
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
         help="of --jobs: processes here, or a Ray cluster (extra `cluster`; RAY_ADDRESS names one that runs)",
     )  # fmt: skip
     p.add_argument(
-        "-o", "--out", type=Path, required=True, help="folder; the same command continues where it stopped"
+        "-o", "--out", type=OutFolder, required=True, help="folder; the same command continues where it stopped"
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mrdamp.errors import InputError
+from mrdamp.files import SUFFIXES, files_in
 from mrdamp.motions import GroundMotion, kanai_tajimi, read_motion
 
 #: The frame is a small-scale one: motions are played at five times their speed (Dyke et al. 1996).
@@ -56,17 +56,8 @@ def read_motions(paths: Sequence[Path | str]) -> tuple[GroundMotion, ...]:
 
     Raises InputError where there is none.
     """
-    files: list[Path] = []
-    for path in map(Path, paths):
-        if path.is_dir():
-            found = sorted(f for f in path.iterdir() if f.name.lower().endswith((".csv", ".csv.gz", ".at2")))
-            if not found:
-                raise InputError(f"{path}: no ground motion in this folder; allowed: .csv, .csv.gz, .AT2")
-            files += found
-        else:
-            files.append(path)
     motions: list[GroundMotion] = []
-    for file in files:
+    for file in (f for path in paths for f in files_in(Path(path), (*SUFFIXES, ".at2"))):
         motion = read_motion(file)
         taken = sum(m.name.split("#")[0] == motion.name for m in motions)
         motions.append(replace(motion, name=f"{motion.name}#{taken + 1}") if taken else motion)

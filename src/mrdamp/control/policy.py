@@ -29,7 +29,7 @@ from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
 from mrdamp.errors import InputError, require_positive
-from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.files import read_json, write_atomic
 
 Array = NDArray[np.float64]
 #: A list of numbers as `json.dumps` indents it.
@@ -37,7 +37,6 @@ _ROW = re.compile(r"\[\n([-+.\deE,\s]+)\]")
 
 FORMAT = "mrdamp policy 1"
 VELOCITY = "stroke_velocity"  #: The signal that levels with damping need.
-_SIZE_LIMIT = 50_000_000  # bytes
 
 
 def velocities(observer: Observer, observations: NDArray[np.float32], ahead: Mapping[str, float]) -> Array:
@@ -195,14 +194,11 @@ class Policy:
     def read(cls, path: Path | str) -> Policy:
         """From a file of `write`. Raises InputError naming the file."""
         path = Path(path)
-        data = read_bytes(path)
-        if len(data) > _SIZE_LIMIT:
-            raise InputError(f"{path}: {len(data)} bytes; a policy has at most {_SIZE_LIMIT}")
+        data = read_json(path)
         try:
-            return cls.from_dict(json.loads(decode(str(path), data)))
+            return cls.from_dict(data)
         except ValueError as error:  # InputError is one
-            why = str(error) if isinstance(error, InputError) else f"not JSON: {error}"
-            raise InputError(why if why.startswith(str(path)) else f"{path}: {why}") from None
+            raise InputError(f"{path}: {error}") from None
 
     def write(self, path: Path | str) -> None:
         """As JSON, in one go; a row of numbers in one line."""

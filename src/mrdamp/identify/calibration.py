@@ -15,7 +15,7 @@ import numpy as np
 from scipy import optimize, signal, stats
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes
+from mrdamp.files import decode, files_in, read_bytes
 from mrdamp.identify.norms import delta_1, delta_2
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -95,14 +95,8 @@ def read_test(path: Path | str) -> CalibrationTest:
 def read_tests(folder: Path | str | Sequence[Path | str]) -> list[CalibrationTest]:
     """Every test of a folder, or of a list of files, by name. Raises InputError where there is none."""
     if not isinstance(folder, Path | str):
-        files = [Path(item) for item in folder]
-    elif Path(folder).is_dir():
-        files = sorted(p for p in Path(folder).iterdir() if p.name.lower().endswith((".csv", ".csv.gz")))
-    else:
-        files = [Path(folder)]
-    if not files:
-        raise InputError(f"{folder}: no .csv or .csv.gz in this folder")
-    return [read_test(path) for path in files]
+        return [read_test(item) for item in folder]
+    return [read_test(path) for path in files_in(Path(folder))]
 
 
 def embedded_tests() -> list[CalibrationTest]:

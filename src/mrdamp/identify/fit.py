@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,7 @@ from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
 from mrdamp.records.log_filter import held, rings_before_jumps
 from mrdamp.records.motion import slowness
+from mrdamp.simulation.predict import free_run, motion
 
 Progress = Callable[[str, float], None]
 
@@ -84,34 +86,26 @@ def pooled(errors: Sequence[RecordError]) -> float:
 
 
 def simulate(model: Model, record: Record, started: float = 0.0) -> Array:
-    """Free-run force (n,) N of a model on a damper record, through the C entry.
+    """Free-run force (n,) N of a model on a damper record, as `mrdamp predict` computes it.
 
     started: m, x - y of modified_bouc_wen at its start beyond that of its run-in (`Fit.started`).
     """
-    columns = ("force",)
-    out = core.run(
-        model.law,
-        model.attributes | ({"start_r": started} if started else {}),
-        record.sample_time,
-        record.displacement,
-        record.velocity(),
-        record.channels.get("acceleration_m_s2"),
-        record.command,
-        hold=held(record.command) if model.hold is None else model.hold,
-        run_in=True,
-        narx=model.narx,
-        columns=columns,
-    )
-    return out["force"]
+    if started:
+        model = replace(model, parameters={**model.parameters, "start_r": started})
+    return free_run(model, record)["force_N"]
 
 
 def error(model: Model, record: Record) -> RecordError:
-    """Free-run error on a record; the first 20 ms, where the unknown start state fades, do not count."""
-    measured = record.channel("force_N")
-    skip = skipped(record)
-    residual = (simulate(model, record) - measured)[skip:]
-    rmse = float(np.sqrt(np.mean(residual**2)))
-    return RecordError(record.name, rmse, rmse / float(np.std(measured[skip:])))
+    """Free-run error on a record."""
+    return error_of(record, "force_N", simulate(model, record))
+
+
+def error_of(record: Record, channel: str, simulated: Array) -> RecordError:
+    """Error of a simulated channel (n,); the first 20 ms, where the unknown start state fades, do not count."""
+    measured, skip = record.channel(channel), skipped(record)
+    rmse = float(np.sqrt(np.mean((simulated - measured)[skip:] ** 2)))
+    deviation = float(np.std(measured[skip:]))
+    return RecordError(record.name, rmse, rmse / deviation if deviation > 0 else math.inf)
 
 
 class Problem:
@@ -132,18 +126,18 @@ class Problem:
     ) -> None:
         self.space, self.threads, self.evaluations = search, threads, 0
         self.freed, self.hold = freed and search.law == "modified_bouc_wen", hold
-        self.records = [(r, r.velocity(), r.channel("force_N")) for r in records]
-        self.substep = substep * slowness((r.displacement, v) for r, v, _ in self.records)
+        self.records = [(r, *motion(r), r.channel("force_N")) for r in records]
+        self.substep = substep * slowness((r.displacement, v) for r, v, _, _ in self.records)
         #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
         self.led = [is_led(r) for r in records]
         # One scale for all: a record with a small force must not pull the others with its noise.
-        total = sum(float(np.var(f)) for _, _, f in self.records)
-        self.weights = [1 / np.sqrt(total * (len(f) - skipped(r))) for r, _, f in self.records]
+        total = sum(float(np.var(f)) for *_, f in self.records)
+        self.weights = [1 / np.sqrt(total * (len(f) - skipped(r))) for r, *_, f in self.records]
 
     @property
     def slices(self) -> list[slice]:
         """Where each record's residuals stand."""
-        ends = np.cumsum([0, *(len(f) - skipped(r) for r, _, f in self.records)])
+        ends = np.cumsum([0, *(len(f) - skipped(r) for r, *_, f in self.records)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     @property
@@ -179,16 +173,15 @@ class Problem:
 
     def _of_record(self, k: int, vectors: Array) -> Array:
         """Residual (points, samples) of a record."""
-        record, velocity, force = self.records[k]
+        record, x, velocity, force = self.records[k]
         self.evaluations += len(vectors)
         out = core.run_many(
             self.space.law,
             vectors,
             record.sample_time,
-            record.displacement,
+            x,
             record.command,
             v=velocity,
-            a=record.channels.get("acceleration_m_s2"),
             threads=self.threads,
             substep=self.substep,
             hold=self.hold,

@@ -99,7 +99,7 @@ def intervals(
 
 def _whole(fit: Fit, problem: Problem) -> Array:
     """The point of a fit in the problem (size,), with the starts that it found."""
-    records = [record for record, _, _ in problem.records]
+    records = [record for record, *_ in problem.records]
     problem.hold = bool(fit.model.hold)
     problem.led = [record.name in fit.started for record in records]
     problem.freed = problem.freed and any(fit.started.values())
@@ -141,9 +141,9 @@ def _blocks(problem: Problem, block: float | None) -> list[slice]:
     if block is None and len(whole) >= _FEW_RECORDS:
         return whole
     out = []
-    for part, (record, _, _) in zip(whole, problem.records, strict=True):
+    for part, (record, *_) in zip(whole, problem.records, strict=True):
         size = part.stop - part.start
-        length = (block or sum(r.duration for r, _, _ in problem.records) / _BLOCKS) / record.sample_time
+        length = (block or sum(r.duration for r, *_ in problem.records) / _BLOCKS) / record.sample_time
         ends = np.linspace(part.start, part.stop, max(1, round(size / max(length, 1))) + 1).astype(int)
         out += [slice(int(a), int(b)) for a, b in pairwise(ends)]
     if len(out) < 4:

@@ -22,5 +22,4 @@ def skipped(record: Record) -> int:
 
 def is_led(record: Record) -> bool:
     """True where a record begins in motion."""
-    velocity = record.channels.get("velocity_m_s")
-    return core.run_in(record.sample_time, record.displacement, record.command, velocity) is not None
+    return core.run_in(record.sample_time, record.displacement, record.command) is not None

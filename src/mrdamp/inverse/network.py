@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.files import read_json, write_atomic
 from mrdamp.inverse.base import Extrapolation, check_period
 from mrdamp.model.core import Array
 from mrdamp.narx import layers as nn
@@ -124,7 +124,7 @@ class NetworkInverse:
         """Reads what `write` wrote; InputError names the file."""
         path = Path(path)
         try:
-            data = json.loads(decode(str(path), read_bytes(path)))
+            data = read_json(path)
             if data["inverse"] != "network" or data["format"] != FORMAT:
                 raise InputError(
                     f"inverse {data['inverse']!r}, format {data['format']!r}; allowed: network, {FORMAT}"
@@ -132,8 +132,6 @@ class NetworkInverse:
             low, high = map(float, data["command"])
             network = Network.from_text(data["weights"])
             return cls(network, int(data["lead"]), low, high, float(data["held_out_error"]), path.stem)
-        except json.JSONDecodeError as error:
-            raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: no network inverse: {error}") from None
 

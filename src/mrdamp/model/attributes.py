@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, nearest
 from mrdamp.model.native import Array, checked, library, pointer
 
 
@@ -61,7 +61,7 @@ def laws() -> tuple[str, ...]:
 def law_number(law: str) -> int:
     """Number of a law in the C interface; InputError lists the laws."""
     if law not in laws():
-        raise InputError(f"law '{law}' is unknown; allowed: {', '.join(laws())}")
+        raise InputError(f"law '{law}' is unknown; allowed: {', '.join(laws())}{nearest(law, laws())}")
     return laws().index(law)
 
 
@@ -105,7 +105,7 @@ def vector(law: str, parameters: Mapping[str, float]) -> Array:
     missing = [name for name in law_parameters(law) if name not in parameters]
     if missing:
         raise InputError(
-            f"law {law} needs parameter '{missing[0]}'; it takes {' '.join(law_parameters(law))}"
+            f"law {law} needs parameter {', '.join(map(repr, missing))}; it takes {' '.join(law_parameters(law))}"
         )
     allowed = set(law_parameters(law)) | set(law_options(law))
     for name, value in parameters.items():
@@ -113,6 +113,7 @@ def vector(law: str, parameters: Mapping[str, float]) -> Array:
         if row is None or (row.group in ("law", "dependence") and name not in allowed):
             raise InputError(
                 f"parameter '{name}' is none of law {law}; it takes {' '.join(law_parameters(law)) or 'weights alone'}"
+                f"{nearest(name, allowed)}"
             )
         out[index[name]] = value
     check(number, out)

@@ -6,7 +6,6 @@ What `case.json` (the nominal simulator) and `corrected.json` hold; see docs for
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,14 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes, write_atomic
-from mrdamp.model import core
+from mrdamp.errors import InputError, nearest
+from mrdamp.files import read_json, write_atomic
+from mrdamp.model import core, schema
 from mrdamp.model.core import Array
 from mrdamp.structures import ShearFrame
 
-FORMAT = 1
-RIGS = ("damper", "frame")
 #: s, the damper's longest inner step in a frame (which is stepped with half of it): a damper whose command jumps rings
 #: with its floor, at 110 Hz in a frame of 100 kg and a Bouc-Wen law, and twice that leaves 2 % of it out.
 _FRAME_SUBSTEP = 2.5e-4
@@ -87,8 +84,8 @@ class Model:
         return replace(self, extra={**self.extra, "hold": hold})
 
     def __post_init__(self) -> None:
-        if self.rig not in RIGS:
-            raise InputError(f"{self.name}: rig '{self.rig}'; allowed: {', '.join(RIGS)}")
+        if self.rig not in schema.RIGS:
+            raise InputError(f"{self.name}: rig '{self.rig}'; allowed: {', '.join(schema.RIGS)}")
         if (self.rig == "frame") != (self.structure is not None):
             raise InputError(f"{self.name}: rig frame needs a structure, and rig damper has none")
         for effect in self.effects:
@@ -101,8 +98,11 @@ class Model:
             raise InputError(f"{self.name}: law narx needs weights, and no other law has any")
 
     def _check_effect(self, effect: Effect) -> None:
-        known = effect_parameters(effect.name, effect.place is not None)
         where = f"{self.name}: effect {effect.name}"
+        try:
+            known = effect_parameters(effect.name, effect.place is not None)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from None
         if effect.place is not None or effect.name in STRUCTURE_EFFECTS:
             if self.structure is None:
                 raise InputError(f"{where}: a place or an effect of the structure needs rig frame")
@@ -111,8 +111,9 @@ class Model:
                 raise InputError(f"{where}: place {effect.place}; allowed: 1 to {storeys}")
         for key, value in effect.parameters.items():
             if key not in known:
-                raise InputError(f"{where}: parameter '{key}' is unknown; allowed: {', '.join(known)}")
-            if not isinstance(value, int | float) or not abs(value) <= _LARGEST:
+                allowed = f"allowed: {', '.join(known)}{nearest(key, known)}"
+                raise InputError(f"{where}: parameter '{key}' is unknown; {allowed}")
+            if not schema.is_number(value):
                 raise InputError(f"{where}: parameter '{key}' is {value!r}; allowed: a finite number")
 
     @property
@@ -224,7 +225,7 @@ class Model:
 
     def to_dict(self) -> dict[str, Any]:
         """What `write` puts into a file."""
-        out: dict[str, Any] = {"name": self.name, "format": FORMAT, "rig": self.rig}
+        out: dict[str, Any] = {"name": self.name, "format": schema.FORMAT, "rig": self.rig}
         if self.sample_rate_hz is not None:
             out["sample_rate_hz"] = self.sample_rate_hz
         model: dict[str, Any] = {"law": self.law, "parameters": dict(self.parameters)}
@@ -248,43 +249,59 @@ class Model:
         path = Path(path)
         if path.is_dir():
             path = path / "case.json"
-        try:
-            data = json.loads(decode(str(path), read_bytes(path)))
-        except json.JSONDecodeError as error:
-            raise InputError(f"{path}: no JSON (line {error.lineno}: {error.msg})") from None
-        return cls.from_dict(data, str(path))
+        return cls.from_dict(read_json(path), str(path))
 
     @classmethod
     def from_dict(cls, data: Any, where: str = "model") -> Model:
-        """From a file's content; `where` is what messages call it."""
-        body = data.get("model", data.get("nominal")) if isinstance(data, Mapping) else None
-        if not isinstance(body, Mapping):
-            raise InputError(f"{where}: no object 'nominal' (a case) or 'model' in it")
-        if data.get("format", FORMAT) != FORMAT:
-            raise InputError(f"{where}: format {data.get('format')!r}; allowed: {FORMAT}")
-        law = body.get("law")
-        if not isinstance(law, str):
+        """From a file's content; `where` is what messages call it. Raises InputError for what is not in `schema`."""
+        bodies = [key for key in ("model", "nominal") if key in data] if isinstance(data, Mapping) else []
+        if isinstance(data, Mapping):
+            schema.check(data, schema.FILE, where)
+        if len(bodies) != 1:
+            has = "both are" if bodies else "none is"
+            raise InputError(f"{where}: one object 'nominal' (a case) or 'model' is needed; {has} in it")
+        body = data[bodies[0]]
+        schema.check(body, schema.BODY, f"{where}: {bodies[0]}")
+        if "law" not in body:
             raise InputError(f"{where}: no 'law'; allowed: {', '.join(core.laws())}")
         parameters = _numbers(body.get("parameters", {}), f"{where}: parameters")
         effects = tuple(_effect(item, where) for item in body.get("effects", ()))
         if repeated := {e.name for e in effects if sum((o.name, o.place) == (e.name, e.place) for o in effects) > 1}:
             raise InputError(f"{where}: effect {', '.join(sorted(repeated))} stands there twice; allowed: once")
         rig = data.get("rig", "frame" if "structure" in body else "damper")
-        if rig == "damper" and "structure" in body:
+        if rig == "damper" and ("structure" in body or "damper_between" in body):
             raise InputError(f"{where}: rig is 'damper' and the model has a structure; allowed: rig 'frame'")
         structure = None
         if rig == "frame":
+            schema.check(body.get("structure", {}), schema.STRUCTURE, f"{where}: structure")
             structure = ShearFrame.from_dict(
                 body.get("structure", {}), body.get("damper_between", (0, 1)), where
             )
         rate = data.get("sample_rate_hz")
-        known = {"name", "format", "rig", "sample_rate_hz", "model", "nominal"}
+        known = {"name", "format", "rig", "sample_rate_hz", *bodies}
         extra = {key: value for key, value in data.items() if key not in known}
-        if not isinstance(extra.get("hold", False), bool):
-            raise InputError(f"{where}: hold is {extra['hold']!r}; allowed: true, false")
         name = f"{where}" if where != "model" else str(data.get("name", "model"))
-        model = cls(law, parameters, effects, rig, structure, body.get("weights"), name, rate, extra)
+        model = cls(body["law"], parameters, effects, rig, structure, body.get("weights"), name, rate, extra)
+        model._check_values()
         return replace(model, name=str(data.get("name", Path(where).stem)))
+
+    def _check_values(self) -> None:
+        """Raises InputError for a coefficient that is negative at both ends of the commands, and for a frame that the
+        chain does not take."""
+        given = self.attributes
+        low, high = given.get("command_min", 0.0), given.get("command_max", 0.0)
+        for stem in ("c0", "c1", "fy", "alpha_"):
+            a, b, c, e = (given.get(f"{stem}{part}", 0.0) for part in "abce")
+            rate = given.get(f"{stem}r", 1.0)
+            first, last = (a + b * u + c * u * u - e * np.expm1(-rate * u) for u in (low, max(low, high)))
+            if first < 0 and last < 0:
+                what = f"{stem.rstrip('_')} is {first:g} at command {low:g}"
+                raise InputError(f"{self.name}: {stem}a is {a:g}: {what}; allowed: at least 0")
+        if self.structure is not None:
+            try:
+                core.run_frame(self.law, given, self.frame, 1e-3, np.zeros(3), np.zeros(3), narx=self.narx)
+            except InputError as error:
+                raise InputError(f"{self.name}: with its effects, {error}") from None
 
 
 def effect_parameters(name: str, placed: bool = False) -> tuple[str, ...]:
@@ -298,9 +315,8 @@ def effect_parameters(name: str, placed: bool = False) -> tuple[str, ...]:
             )
         return tuple(FLOOR_SENSOR_EFFECTS[name])
     if name not in damper_effects():
-        raise InputError(
-            f"effect '{name}' is unknown; allowed: {', '.join((*damper_effects(), *STRUCTURE_EFFECTS))}"
-        )
+        known = (*damper_effects(), *STRUCTURE_EFFECTS)
+        raise InputError(f"effect '{name}' is unknown; allowed: {', '.join(known)}{nearest(name, known)}")
     return tuple(row.name[len(name) + 1 :] for row in core.attributes() if row.group == name)
 
 
@@ -338,24 +354,13 @@ def floor_channels(out: Mapping[str, Array], dt: float, shift: float) -> dict[st
 
 
 def _effect(item: Any, where: str) -> Effect:
-    if not isinstance(item, Mapping) or not isinstance(item.get("name"), str):
-        raise InputError(f"{where}: an effect is an object with name, place and parameters, got {item!r}")
-    place = item.get("place")
-    if place is not None and (isinstance(place, bool) or not isinstance(place, int)):
-        raise InputError(f"{where}: effect {item['name']}: place {place!r}; allowed: a whole number or null")
-    return Effect(
-        item["name"], _numbers(item.get("parameters", {}), f"{where}: effect {item['name']}"), place
-    )
-
-
-#: The largest double; an integer in JSON may be larger.
-_LARGEST = sys.float_info.max
+    schema.check(item, schema.EFFECT, f"{where}: an effect")
+    if "name" not in item:
+        raise InputError(f"{where}: an effect has no name; needed: name, place and parameters")
+    name = item["name"]
+    return Effect(name, _numbers(item.get("parameters", {}), f"{where}: effect {name}"), item.get("place"))
 
 
 def _numbers(values: Any, where: str) -> dict[str, float]:
-    if not isinstance(values, Mapping):
-        raise InputError(f"{where}: an object of numbers is needed, got {values!r}")
-    for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST:
-            raise InputError(f"{where}: '{key}' is {value!r}; allowed: a finite number")
+    schema.check(values, None, where)
     return {key: float(value) for key, value in values.items()}

@@ -20,6 +20,8 @@ _LOOK: Mapping[str, tuple[str, float, str]] = {
     "wrong": (SIMULATED, 1.0, "×"),
     "failed": (COLOURS[3], 0.8, "!"),
 }
+#: Outcomes that have a cell; a picture needs one at least.
+DRAWN = frozenset(_LOOK)
 _WORDS = {
     "named": "named",
     "unsure": "in a tie",

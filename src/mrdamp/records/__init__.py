@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
-from mrdamp.records.record import SUFFIXES, Record, RecordSet, embedded, read_record, read_records
+from mrdamp.files import SUFFIXES
+from mrdamp.records.record import Record, RecordSet, embedded, read_record, read_records, record_files
 
-__all__ = ["SUFFIXES", "Record", "RecordSet", "embedded", "read_record", "read_records"]
+__all__ = ["SUFFIXES", "Record", "RecordSet", "embedded", "read_record", "read_records", "record_files"]

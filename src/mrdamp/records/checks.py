@@ -20,8 +20,18 @@ _SHARE, _OVER_NEXT = 0.01, 4.0
 #: A constant force has the error 1. A law that leaves this much of the force's standard deviation explains less than a
 #: fifth of its variance; the worst fit of a law to measured records here, Bingham's to the embedded set, leaves .55.
 NO_BETTER, _WORSE = 0.9, 1.1
-#: m, a stroke that hardly any damper has: the displacement is likely in mm.
-_STROKE = 3.0
+#: What dampers and their rigs have, as the least and the largest: range of the displacement (m), size of force (N) and
+#: command (A or V), sampling rate (Hz). A channel beyond it is likely in mm, kN, mA or ms.
+_USUAL = {"displacement_m": (1e-4, 3.0), "force_N": (5.0, 1e7), "command": (0.0, 50.0), "rate": (20.0, 1e5)}
+_SAID = {
+    "displacement_m": "displacement_m spans {:.3g} m",
+    "force_N": "force_N is up to {:.3g} N",
+    "command": "command is up to {:.3g}",
+    "rate": "the clock runs at {:.3g} Hz, and every 0.5 ms is computed",
+}
+_UNITS = "channels are in m, N, s, and A or V"
+#: A record of a set has another unit where a channel is so many times the set's median, or that part of it.
+_SPREAD = 100.0
 
 
 def check_channels(records: Sequence[Record], need: Sequence[str] = ("displacement_m", "force_N")) -> None:
@@ -48,11 +58,25 @@ def check_size(records: Sequence[Record], coordinates: int) -> None:
 
 def warnings_of(records: Sequence[Record]) -> list[str]:
     """What is likely a mistake of the records though a fit is possible: a line each."""
-    return [
-        f"{record.label}: displacement_m spans {span:.3g} m; channels are in m, N and s"
-        for record in records
-        if (span := float(np.ptp(record.displacement))) > _STROKE
-    ]
+    sizes = [_sizes(record) for record in records]
+    found: list[str] = []
+    for record, own in zip(records, sizes, strict=True):
+        for name, size in own.items():
+            low, high = _USUAL[name]
+            usual = float(np.median([other[name] for other in sizes if name in other]))
+            if not low <= size <= high:
+                found.append(f"{record.label}: {_SAID[name].format(size)}; usual are {low:g} to {high:g}: {_UNITS}")
+            elif size > 0 and usual > 0 and not 1 / _SPREAD < size / usual < _SPREAD:
+                found.append(f"{record.label}: {_SAID[name].format(size)}, the other records {usual:.3g}: {_UNITS}")
+    return list(dict.fromkeys(found))  # both parts of one record say the same
+
+
+def _sizes(record: Record) -> dict[str, float]:
+    """What is compared with `_USUAL`, of the channels that there are."""
+    found = {name: float(np.abs(x).max()) for name, x in record.channels.items() if name in _USUAL}
+    if "displacement_m" in found:
+        found["displacement_m"] = float(np.ptp(record.displacement))
+    return found | {"rate": 1.0 / record.sample_time}
 
 
 def unexplained(records: Sequence[Record], nrmse: float) -> str:

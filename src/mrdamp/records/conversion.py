@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes
-from mrdamp.records.channels import CHANNELS, is_channel, listed, show
-from mrdamp.records.csv_file import numbers
+from mrdamp.records.channels import CHANNELS, is_channel, show
+from mrdamp.records.csv_file import is_number
 from mrdamp.records.record import Record
 from mrdamp.records.sampling import Array
+from mrdamp.records.tables import columns_of
 
 _INCH, _POUND, _G = 0.0254, 4.4482216152605, 9.80665
 #: Quantity -> unit -> its size in the channel's own.
@@ -29,9 +29,9 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "in/s": _INCH},
     "acceleration": {"m/s2": 1.0, "cm/s2": 1e-2, "mm/s2": 1e-3, "g": _G},
 }
-_SEPARATORS = ",;\t"
 _EVEN = 0.01  # of a step: clocks that wander less are uniform
 _HOLE = 5.0  # usual steps: what is longer is no jitter
+_DRIVES = 0.1  # of force times velocity, both RMS: a power below its negative is that of a turned sign, no noise
 
 
 class Column(NamedTuple):
@@ -75,15 +75,13 @@ def column(text: str) -> Column:
 
 
 def convert(path: Path | str, columns: Sequence[Column], rate: float | None = None) -> Converted:
-    """A rig's table as a record.
+    """A rig's table, in any form that `tables.columns_of` reads, as a record.
 
-    Lines before the header, a line of units below it, other columns, `;` or tabs between cells and decimal commas with
-    them are taken as they are. A clock that wanders is replaced by a uniform one of its mean step, rounded
-    to three digits, by linear interpolation.
+    A clock that wanders is replaced by a uniform one of its mean step, rounded to three digits, along straight lines.
 
     Args:
-        path: text, or packed (.gz).
-        columns: where the channels come from.
+        path: text, also packed (.gz), .xlsx, .mat, .npz or .parquet.
+        columns: where the channels come from; `command=0.5:A` is a constant.
         rate: Hz; of the file where no column is its time, else the record is resampled to it.
 
     Raises:
@@ -94,13 +92,18 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     found = [c.channel for c in columns]
     for name in ("displacement_m", "command", "force_N"):
         if name not in found:
-            raise InputError(f"{path}: no column is named for {name}; a record needs it")
+            constant = "; a constant is command=0:A" if name == "command" else ""
+            raise InputError(f"{path}: no column is named for {name}; a record needs it{constant}")
     if len(set(found)) < len(found):
         raise InputError(f"{path}: a channel is named twice: {', '.join(found)}")
     if rate is not None and not 0 < rate < 1e7:
         raise InputError(f"rate is {rate:g} Hz; allowed: above 0, below 1e7")
-    values = _table(path, columns)
-    stem = re.sub(r"(\.(csv|txt|tsv|dat|asc))?(\.gz)?$", "", path.name, flags=re.IGNORECASE)
+    constants, read = _constants(columns)
+    time_column = next((c.source for c in read if c.channel == "time_s"), "")
+    table = columns_of(path, [c.source for c in read], time_column)
+    n = len(next(iter(table.values())))
+    values = {c.channel: c.factor * table[c.source] for c in read} | {k: np.full(n, v) for k, v in constants.items()}
+    stem = re.sub(r"(\.(csv|txt|tsv|dat|asc|xlsx|mat|npz|parquet))?(\.gz)?$", "", path.name, flags=re.IGNORECASE)
     if "time_s" not in values:
         if rate is None:
             raise InputError(
@@ -118,6 +121,19 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     n = len(values["force_N"])
     record = _record(path, stem, {"time_s": time[0] + step * np.arange(n), **values}, step)
     return Converted(record if rate is None else record.resample(1.0 / rate), ends)
+
+
+def _constants(columns: Sequence[Column]) -> tuple[dict[str, float], list[Column]]:
+    """A command that is a constant, and the columns to read; among columns that are all named by their numbers a whole
+    number from 1 on is one of them."""
+    others = [c.source for c in columns if c.channel != "command"]
+    numbered = all(re.fullmatch("[1-9][0-9]*", name) for name in others)
+    fixed = {
+        c.channel: c.factor * float(c.source)
+        for c in columns
+        if c.channel == "command" and is_number(c.source) and not (numbered and re.fullmatch("[1-9][0-9]*", c.source))
+    }
+    return fixed, [c for c in columns if c.channel not in fixed]
 
 
 def _check(path: Path, time: Array, steps: Array) -> None:
@@ -138,42 +154,17 @@ def _check(path: Path, time: Array, steps: Array) -> None:
 
 def _record(path: Path, name: str, values: Mapping[str, Array], step: float) -> Record:
     record = Record(name, None, step, values)
-    power = float(np.mean(record.channel("force_N") * record.velocity()))
-    if power < 0:
+    force, velocity = _left(record.channel("force_N"), record.displacement), record.velocity()
+    size = float(np.std(force) * np.sqrt(np.mean(velocity**2)))
+    if (power := float(np.mean(force * velocity))) < -_DRIVES * size:
         raise InputError(
-            f"{path}: the damper would drive the rig (mean of force times velocity {power:.3g} W): one of the two "
-            "counts the other way; turn it with a minus, force_N=-NAME"
+            f"{path}: the damper would drive the rig (mean of force times velocity {power:.3g} W, without preload and "
+            "stiffness): one of the two counts the other way; turn it with a minus, force_N=-NAME"
         )
     return record
 
 
-def _table(path: Path, columns: Sequence[Column]) -> dict[str, Array]:
-    """The named columns in their channels' units, each (n,)."""
-    lines = decode(str(path), read_bytes(path)).rstrip().split("\n")
-    wanted = {c.source for c in columns}
-    for separator in _SEPARATORS:
-        for k, line in enumerate(lines[:200]):
-            header = _cells(line, separator)
-            if wanted <= set(header):
-                return _values(path, lines, k, header, separator, columns)
-    separator = max(_SEPARATORS, key=lines[0].count)
-    heads = max((_cells(line, separator) for line in lines[:200]), key=lambda cells: len(wanted & set(cells)))
-    missing = ", ".join(show(name) for name in sorted(wanted - set(heads)))
-    raise InputError(f"{path}: no column {missing}; the file has {listed(heads)}")
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def _values(
-    path: Path, lines: list[str], at: int, header: list[str], separator: str, columns: Sequence[Column]
-) -> dict[str, Array]:
-    rows = [row.rstrip(separator) if row.count(separator) == len(header) else row for row in lines[at + 1 :]]
-    first = at + 2
-    if rows and not re.search(r"\d", rows[0]):  # units
-        rows, first = rows[1:], first + 1
-    if separator != ",":
-        rows = [row.replace(",", ".").replace(separator, ",") for row in rows]
-    table = numbers(str(path), header, rows, [header.index(c.source) for c in columns], first)
-    return {c.channel: c.factor * table[:, k] for k, c in enumerate(columns)}
+def _left(force: Array, x: Array) -> Array:
+    """What a straight line over the displacement (n,) leaves of a force (n,): a preload over an open path does work."""
+    terms = np.column_stack([np.ones(len(x)), x])
+    return np.asarray(force - terms @ np.linalg.lstsq(terms, force)[0])

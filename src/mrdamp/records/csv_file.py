@@ -13,13 +13,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import LARGEST, InputError
 from mrdamp.records.channels import check_header, listed, show
 
 Array = NDArray[np.float64]
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.IGNORECASE)
+_ROWS = 50_000  # written at a time: as Python's numbers they take many times their size
 _STEP_TOLERANCE = 0.01  # of a step: the jitter of a time axis that still counts as uniform
 _GRID_TOLERANCE = 0.05  # of a step: how far a sample may lie from the uniform grid of the whole record
 
@@ -42,7 +43,7 @@ def parse(
     """
     lines = text.rstrip().split("\n")
     header = [name.strip() for name in lines[0].split(",")]
-    if all(_NUMBER.fullmatch(name) or _NOT_FINITE.fullmatch(name) or not name for name in header):
+    if all(is_number(name) or not name for name in header):
         raise InputError(f"{file}: no header: line 1 must name the channels (time_s,command,...)")
     if len(header) == 1 and re.search(r"[;\t]", lines[0]):
         raise InputError(f"{file}: columns must be separated by commas")
@@ -109,19 +110,26 @@ def render(columns: Mapping[str, Array], digits: int = 9) -> str:
     """CSV text of equally long columns, ``digits`` significant digits; the inverse of `parse`.
 
     Time has three digits more, and as many as a step needs: it is a small part of a time, of an epoch's above all.
+    Raises InputError for a column that is not finite.
     """
+    for name, values in columns.items():
+        if (bad := np.flatnonzero(~np.isfinite(values))).size:
+            raise InputError(f"{name} is no finite number from sample {bad[0] + 1} on: nothing is written")
     more = 3
     if len(time := np.asarray(columns.get("time_s", ()))) > 1 and time[-1] != time[0]:
         step = abs(float(time[-1] - time[0])) / (len(time) - 1)
         more = min(max(more, math.ceil(math.log10(float(np.abs(time).max()) / step)) + 4 - digits), 17 - digits)
     formats = [f"%.{digits + more if name == 'time_s' else digits}g" for name in columns]
     row = ",".join(formats)
-    table = np.column_stack(list(columns.values())).tolist()
-    return "\n".join([",".join(columns), *(row % tuple(values) for values in table)]) + "\n"
+    parts = [",".join(columns)]
+    for first in range(0, len(next(iter(columns.values()))), _ROWS):
+        table = np.column_stack([values[first : first + _ROWS] for values in columns.values()]).tolist()
+        parts.append("\n".join(row % tuple(values) for values in table))
+    return "\n".join(parts) + "\n"
 
 
 def numbers(
-    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2
+    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2, least: int = 3
 ) -> Array:
     """(n, len(picked)) finite numbers of the rows' columns ``picked``.
 
@@ -131,12 +139,13 @@ def numbers(
         rows: the lines, one a sample.
         picked: the columns to read; the others may hold anything.
         first_line: line of the file that rows[0] is.
+        least: number of rows.
 
     Raises:
-        InputError: a ragged row, a cell that is not a number, NaN or infinity, with its line.
+        InputError: too few rows, a ragged row, a cell that is not a number, NaN or infinity, with its line.
     """
-    if len(rows) < 3:
-        raise InputError(f"{file}: {len(rows)} samples: at least 3 are needed")
+    if len(rows) < least:
+        raise InputError(f"{file}: {len(rows)} samples: at least {least} are needed")
     commas = np.fromiter((row.count(",") for row in rows), dtype=np.int64, count=len(rows))
     ragged = np.flatnonzero(commas != len(names) - 1)
     if ragged.size:
@@ -149,13 +158,19 @@ def numbers(
         values = None
     if values is None or values.shape != (len(rows), len(picked)):
         raise _not_a_number(file, names, rows, picked, first_line)
-    bad = np.argwhere(~np.isfinite(values))
+    bad = np.argwhere(~(np.abs(values) <= LARGEST))
     if bad.size:
         row, column = (int(index) for index in bad[0])
-        what = "NaN" if np.isnan(values[row, column]) else "infinite"
+        cell = float(values[row, column])
+        what = "NaN" if math.isnan(cell) else f"{cell:g}" if math.isfinite(cell) else "infinite"
         where = f"{file}: line {first_line + row}: {names[picked[column]]}"
-        raise InputError(f"{where} is {what}: every cell must be a finite number")
+        raise InputError(f"{where} is {what}: every cell must be a finite number up to {LARGEST:g}")
     return values
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, or NaN or infinity."""
+    return bool(_NUMBER.fullmatch(cell) or _NOT_FINITE.fullmatch(cell))
 
 
 def _not_a_number(
@@ -166,7 +181,7 @@ def _not_a_number(
         cells = row.split(",")
         for column in picked:
             cell = cells[column]
-            if not _NUMBER.fullmatch(cell) and not _NOT_FINITE.fullmatch(cell):
+            if not is_number(cell):
                 what = f"is not a number: {show(cell.strip())}" if cell.strip() else "is empty"
                 return InputError(f"{file}: line {first_line + k}: {names[column]} {what}")
     return InputError(f"{file}: the rows are not a table of numbers")

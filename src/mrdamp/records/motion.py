@@ -99,6 +99,19 @@ def noise(x: Array) -> float:
     return float(np.std(np.diff(x, 3)) / np.sqrt(20.0)) if len(x) > 3 else 0.0
 
 
+def rate_ratio(x: Array, v: Array, sample_time: float) -> float:
+    """A measured velocity (n,) over the rate of a displacement (n,): 1 where they agree or nothing moves, 0 where they
+    have nothing to do with each other.
+
+    Way by way over spans in which the displacement changes most, so that its noise does not count.
+    """
+    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]))]) * sample_time
+    spans = [2**k for k in range(max(int(np.log2(len(x) / 8)), 0) + 1)]
+    span = max(spans, key=lambda s: float(np.mean((x[s::s] - x[:-s:s]) ** 2)))
+    own, given = (y[span::span] - y[:-span:span] for y in (x, travelled))
+    return float(own @ given / (own @ own)) if own.any() else 1.0
+
+
 def faults(x: Array, force: Array) -> list[str]:
     """Why no law can be found in a displacement (n,) m and a force (n,) N: a phrase for each reason."""
     found = []

@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError
-from mrdamp.files import decode, read_bytes, write_atomic
+from mrdamp.errors import LARGEST, InputError
+from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
 
 Array = NDArray[np.float64]
 
-SUFFIXES = (".csv", ".csv.gz")
+#: A measured velocity that is so many times the displacement's rate, or that part of it, has another unit.
+_RATE = 2.0
 #: Share of the largest command within which two commands are the same.
 _SAME_COMMAND = 0.02
 
@@ -63,8 +64,8 @@ class Record:
         for name, values in channels.items():
             if not is_channel(name):
                 raise InputError(f"{self.label}: {name} is not a channel")
-            if not np.isfinite(values).all():
-                raise InputError(f"{self.label}: {name} holds NaN or infinity")
+            if not (np.abs(values) <= LARGEST).all():
+                raise InputError(f"{self.label}: {name} holds NaN, infinity or a number above {LARGEST:g}")
             values.setflags(write=False)
         object.__setattr__(self, "channels", channels)
 
@@ -114,25 +115,21 @@ class Record:
         return self.channels[name]
 
     def velocity(self, cutoff_hz: float | None = None) -> Array:
-        """(n,) m/s: as measured where there is such a channel, else the displacement's central difference.
+        """(n,) m/s: the displacement's central difference, whether a velocity was measured or not.
 
         Args:
-            cutoff_hz: zero-phase Butterworth low-pass before differentiation (or of the measured channel).
+            cutoff_hz: zero-phase Butterworth low-pass before differentiation.
         """
-        if "velocity_m_s" in self.channels:
-            return self._smooth("velocity_m_s", cutoff_hz)
         return sampling.derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
     def acceleration(self, cutoff_hz: float | None = None) -> Array:
-        """(n,) m/s2: as measured, else from the measured velocity, else from the displacement.
+        """(n,) m/s2: as measured, else from the displacement.
 
         Args:
             cutoff_hz: as in `velocity`.
         """
         if "acceleration_m_s2" in self.channels:
             return self._smooth("acceleration_m_s2", cutoff_hz)
-        if "velocity_m_s" in self.channels:
-            return sampling.derivative(self._smooth("velocity_m_s", cutoff_hz), self.sample_time)
         return sampling.second_derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
     def part(self, t0: float, t1: float) -> Record:
@@ -253,7 +250,7 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
 def read_records(
     source: Path | str | Sequence[Path | str], required: Sequence[str] | None = None
 ) -> RecordSet:
-    """Read a folder, a file or a list of files, sorted by name.
+    """Read a folder, a file or a list of them, sorted by name.
 
     A folder with ``train/`` and ``validation/`` gives the division. Otherwise records are held out whole:
     every third one (the last of two) is for validation, another in its place where its command goes beyond those of
@@ -269,22 +266,31 @@ def read_records(
         InputError: no records, a half of the set missing, two files of one name, or a bad record.
     """
     if not isinstance(source, Path | str):
-        files = sorted((Path(item) for item in source), key=lambda path: (path.name, str(path)))
+        files = sorted((f for item in source for f in record_files(item)), key=lambda path: (path.name, str(path)))
         return _hold_out("records", _read_all("the list", files, required))
     folder = Path(source)
     if folder.is_file():
         return _hold_out(_stem(folder.name), (read_record(folder, required),))
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder or file")
     name = folder.resolve().name
     halves = [folder / "train", folder / "validation"]
     if any(half.is_dir() for half in halves):
         for half in halves:
             if not half.is_dir():
                 raise InputError(f"{half}: no such folder; a set has both train/ and validation/")
-        train, validation = (_read_all(str(half), _files(half), required) for half in halves)
+        train, validation = (_read_all(str(half), files_in(half), required) for half in halves)
         return RecordSet(name, train, validation)
-    return _hold_out(name, _read_all(str(folder), _files(folder), required))
+    return _hold_out(name, _read_all(str(folder), files_in(folder), required))
+
+
+def record_files(path: Path | str) -> list[Path]:
+    """A file, or the records of a folder: those of its ``train/`` and ``validation/`` where it has them.
+
+    Raises:
+        InputError: there is nothing there, or none in the folder.
+    """
+    folder = Path(path)
+    halves = [half for half in (folder / "train", folder / "validation") if half.is_dir()]
+    return [file for where in halves or [folder] for file in files_in(where)]
 
 
 def embedded() -> RecordSet:
@@ -305,6 +311,13 @@ def embedded() -> RecordSet:
 
 def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
     channels, ignored, sample_time = csv_file.parse(file, decode(file, data), required)
+    if "velocity_m_s" in channels and "displacement_m" in channels:
+        ratio = motion.rate_ratio(channels["displacement_m"], channels["velocity_m_s"], sample_time)
+        if not 1 / _RATE < ratio < _RATE:
+            raise InputError(
+                f"{file}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
+                " or leave the column out"
+            )
     time = channels["time_s"]
     channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
     return Record(name, path, sample_time, channels, ignored)
@@ -313,17 +326,6 @@ def _parse(file: str, name: str, path: Path | None, data: bytes, required: Seque
 def _stem(name: str) -> str:
     lower = name.lower()
     return name[: -len(".csv.gz")] if lower.endswith(".csv.gz") else name.removesuffix(name[-4:])
-
-
-def _files(folder: Path) -> list[Path]:
-    found = [
-        path
-        for path in sorted(folder.iterdir(), key=lambda path: path.name)
-        if path.name.lower().endswith(SUFFIXES) and not path.name.startswith(".") and path.is_file()
-    ]
-    if not found:
-        raise InputError(f"{folder}: no .csv or .csv.gz in this folder")
-    return found
 
 
 def _read_all(where: str, files: Sequence[Path], required: Sequence[str] | None) -> tuple[Record, ...]:

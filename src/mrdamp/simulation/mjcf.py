@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mrdamp import models_xml
 from mrdamp.errors import InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import together, write_atomic
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, Model
 from mrdamp.structures import ShearFrame
 
@@ -66,10 +66,10 @@ def write_mjcf(model: Model, folder: Path | str) -> Path:
     text = mjcf(model)
     template = "rig" if model.rig == "damper" else "frame3"
     folder.mkdir(parents=True, exist_ok=True)
-    write_atomic(folder / "model.xml", text)
-    scene = models_xml.path(template, "scene.xml").read_text(encoding="utf-8")
-    write_atomic(folder / "scene.xml", scene)
-    model.write(folder / "model.json")
+    with together():
+        write_atomic(folder / "model.xml", text)
+        write_atomic(folder / "scene.xml", models_xml.path(template, "scene.xml").read_text(encoding="utf-8"))
+        model.write(folder / "model.json")
     return folder / "scene.xml"
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -40,10 +41,9 @@ INPUTS = {
 }
 
 
-def predict(model: Model, record: Path | str) -> dict[str, Array]:
-    """`time_s` and the simulated channels, (n,) each, for the inputs of a record file. Raises InputError."""
-    names = INPUTS[model.rig]
-    read = read_record(record, required=names)
+def predict(model: Model, record: Record | Path | str) -> dict[str, Array]:
+    """`time_s` and the simulated channels, (n,) each, for the inputs of a record or its file. Raises InputError."""
+    read = record if isinstance(record, Record) else read_record(record, required=INPUTS[model.rig])
     return {"time_s": np.asarray(read.time), **free_run(model, read)}
 
 
@@ -127,8 +127,18 @@ def played(model: Model, record: Record) -> tuple[int, float, dict[str, Array]]:
     return factor, found.sample_time, moved | {"acceleration_m_s2": found.a if quiet is None else quiet}
 
 
-def write_prediction(model: Model, record: Path | str, path: Path | str) -> dict[str, Array]:
-    """Predicts and writes the CSV in one go; returns its columns."""
+def motion(record: Record) -> tuple[Array, Array]:
+    """Displacement (n,) m and velocity (n,) m/s that a damper is predicted with, at the samples of its record."""
+    x = repaired_ends(np.asarray(record.displacement))
+    return x, upsampled(x, np.asarray(record.command), record.sample_time, 1).v
+
+
+def write_prediction(model: Model, record: Record | Path | str, path: Path | str) -> dict[str, Array]:
+    """Predicts and writes the CSV in one go; returns its columns. Raises InputError, also where one is not finite."""
     columns = predict(model, record)
-    write_atomic(Path(path), render(columns))
+    try:
+        text = render(columns)
+    except InputError as error:
+        raise InputError(f"{model.name}: {error}; its parameters are beyond what can be computed") from None
+    write_atomic(Path(path), text)
     return columns

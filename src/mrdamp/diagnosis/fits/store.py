@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,13 +96,7 @@ def content_key(case: Case) -> str:
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Writes arrays and lists of names as one npz file, atomically; the figures of a page are drawn from it.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            made: dict[str, Any] = {name: np.asarray(values) for name, values in arrays.items()}
-            np.savez_compressed(stream, **made)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    packed = io.BytesIO()
+    made: dict[str, Any] = {name: np.asarray(values) for name, values in arrays.items()}
+    np.savez_compressed(packed, **made)
+    write_atomic(path, packed.getvalue())

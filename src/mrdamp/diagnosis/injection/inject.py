@@ -19,8 +19,6 @@ from mrdamp.simulation.predict import free_run
 NOT_EXACT: Mapping[str, str] = {
     "heating": "heat takes the fluid's viscosity and its yield down by different shares, which a record does not part",
 }
-#: Effects that are refused for lack of an exact form, although the records might show them.
-OF_FORM = (*NOT_EXACT, "shear_thinning")
 #: Laws whose dashpot is parallel to the rest, so that its force follows from the motion.
 _PARALLEL = ("bingham", "bouc_wen")
 #: Share of the largest command by which two levels must differ (as in the identification).
@@ -34,6 +32,10 @@ _STATIC = 0.1
 _WEAKEST, _STRONGEST, _TRIALS = 2e-3, 4.0, 12
 #: Iterations of the regula falsi within the bracket; the size is met within 1 %.
 _ITERATIONS, _MET = 12, 0.01
+
+
+class NotPut(str):
+    """A reason why an effect cannot be inserted into records that might show it all the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +69,13 @@ class Injection:
 
 
 def refusal(effect: str, model: Model, records: Sequence[Record]) -> str:
-    """Reason why an effect cannot be inserted into these records or cannot be identified from them; empty if
-    it can."""
+    """Reason why an effect cannot be identified from these records, or (`NotPut`) cannot be inserted into them; empty
+    if it can."""
     if effect in NOT_EXACT:
-        return NOT_EXACT[effect]
+        return NotPut(NOT_EXACT[effect])
     form = FORMS[effect]
     if effect == "shear_thinning" and model.law not in _PARALLEL:
-        return (
+        return NotPut(
             f"the dashpot of {model.law} stands in series with a spring, so that its share of the measured force is"
             f" not known from the motion; possible with {' and '.join(_PARALLEL)}"
         )
@@ -104,7 +106,7 @@ def _of_command(injection: Injection, records: Sequence[Record]) -> str:
         left += float(np.sum((change - powers @ np.linalg.lstsq(powers, change)[0]) ** 2))
         all_of_it += float(np.sum((change - change.mean()) ** 2))
     if beyond > _OVERSHOOT * (high - low):
-        return (
+        return NotPut(
             f"the command steps: it would have to leave its range by {beyond / (high - low):.0%} for the current that"
             " flowed"
         )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study
+from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, due
 from mrdamp.diagnosis.injection.summary import confusion, findings, own_effects, percent, sentence
 from mrdamp.pictures.blindtest import confusion as confusion_picture
-from mrdamp.pictures.sensitivity import detection
+from mrdamp.pictures.sensitivity import DRAWN, detection
 from mrdamp.report import Cell, Page
 
 
@@ -15,18 +15,18 @@ def page(study: Study, answers: Sequence[Answer]) -> Page:
     """Detection by effect and size, confusions, effects that cannot be shown, and every trial."""
     state = (
         ""
-        if len(answers) == len(study.trials)
-        else f"{len(answers)} of {len(study.trials)} trials done so far."
+        if not (left := len(due(study, answers)))
+        else f"{len(answers)} trials done so far, at most {left} to come."
     )
     out = Page(f"Detection limits on {study.case.name}", sentence(study, answers), state)
     found = findings(answers)
-    if found:
+    if any(outcome in DRAWN for f in found for outcome in f.outcomes.values()):
         sizes = sorted({s for f in found for s in f.outcomes})
         out.figure(
             "Detection by effect and size",
             detection([f.effect for f in found], sizes, [f.outcomes for f in found]),
             "Each effect is injected into the case's own records, which are then diagnosed. Empty cell: no"
-            " strength of the effect changes the residual by so much.",
+            " strength of the effect changes the residual by so much, or it was not found in a larger size.",
             "A table of outcomes: effects in rows, sizes as shares of the RMS force in columns.",
         )
         rows: list[list[Cell]] = [

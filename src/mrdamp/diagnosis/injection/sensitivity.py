@@ -23,8 +23,8 @@ from mrdamp.diagnosis.fits.store import Store, content_key
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.inject import (
     NOT_EXACT,
-    OF_FORM,
     Injection,
+    NotPut,
     change_of,
     refusal,
     strength_of,
@@ -115,10 +115,9 @@ class Study:
         selected = [e for e in EFFECTS if not effects or e in effects]
         reasons = {e: refusal(e, case.model, case.records) for e in selected}
         possible = [e for e in selected if not reasons[e]]
-        # Large sizes first: an effect that is not found there will not be found in small sizes.
         trials = [Trial(e, s) for s in sorted(set(sizes), reverse=True) for e in possible]
         never, untried = (
-            {e: r for e, r in reasons.items() if r and (e in OF_FORM) is of_form} for of_form in (False, True)
+            {e: r for e, r in reasons.items() if r and isinstance(r, NotPut) is untried} for untried in (False, True)
         )
         return cls(case, (Trial(AS_THEY_ARE, 0.0), *trials), never, untried, seed)
 
@@ -205,23 +204,30 @@ def run_study(
     """Yields all answers so far, after each new one and at least once. out: folder, with the answers in
     `runs`."""
     folder = out / "runs"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made: {error.strerror}") from None
-    before = {t: kept(study, t, folder) for t in study.trials}
-    answers = {t: a for t, a in before.items() if a is not None}
-    left = [t for t in study.trials if t not in answers]
-    begun, total = time.monotonic(), len(study.trials)
-    tell(f"{len(answers)} of {total} diagnosed", len(answers) / total)
-    yield list(answers.values())
-    for count, (trial, found) in enumerate(
-        zip(left, mapped(answer, [(study, t, folder) for t in left], jobs), strict=True), 1
-    ):
-        answers[trial] = found
-        rest = (time.monotonic() - begun) / count * (len(left) - count)
-        tell(f"{len(answers)} of {total} diagnosed, {lasting(rest)} left", len(answers) / total)
-        yield [answers[t] for t in study.trials if t in answers]
+    folder.mkdir(parents=True, exist_ok=True)
+    answers = [a for t in study.trials if (a := kept(study, t, folder)) is not None]
+    begun, new = time.monotonic(), 0
+    tell(f"{len(answers)} diagnosed", len(answers) / len(study.trials))
+    yield answers
+    while left := due(study, answers):
+        # The records as they are go along with the largest size.
+        batch = [t for t in left if t.size in (0.0, max(t.size for t in left))]
+        for found in mapped(answer, [(study, t, folder) for t in batch], jobs):
+            answers, new = [*answers, found], new + 1
+            more = len(due(study, answers))
+            rest = lasting((time.monotonic() - begun) / new * more)
+            tell(f"{len(answers)} diagnosed, at most {more} more, {rest}", len(answers) / (len(answers) + more))
+            yield answers
+
+
+def due(study: Study, answers: Sequence[Answer]) -> list[Trial]:
+    """Trials without an answer; an effect that was not found in a size is not tried in smaller ones."""
+    missed: dict[str, float] = {}
+    for a in answers:
+        if a.reached and not a.error and not any(a.effect in named for named in (a.named, *a.tied)):
+            missed[a.effect] = max(a.size, missed.get(a.effect, 0.0))
+    seen = {(a.effect, a.size) for a in answers}
+    return [t for t in study.trials if t not in seen and t.size >= missed.get(t.effect, 0.0)]
 
 
 def lasting(seconds: float) -> str:

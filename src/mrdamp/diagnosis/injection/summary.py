@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mrdamp.diagnosis.injection.forms import FORMS
-from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study
+from mrdamp.diagnosis.injection.sensitivity import AS_THEY_ARE, Answer, Study, due
 
 #: Outcomes of a trial, best first. `already`: the unchanged records give the same answer, so that nothing is
 #: shown. `unsure`: named in a tie of two or three. `wrong`: an effect that was not inserted and that the
@@ -165,7 +165,7 @@ def to_dict(study: Study, answers: Sequence[Answer]) -> dict[str, Any]:
         "case": study.case.name,
         "format": 1,
         "seed": study.seed,
-        "complete": len(answers) == len(study.trials),
+        "complete": not due(study, answers),
         "sentence": sentence(study, answers),
         "as_they_are": list(own_effects(answers) or ()),
         "effects": [f.to_dict() for f in findings(answers)],

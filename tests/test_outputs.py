@@ -1,0 +1,113 @@
+"""Outputs: they replace no input, device or pipe, go through links, and are checked before any work."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mrdamp.cli import build_parser, main
+from mrdamp.commands.output import OutFile
+from mrdamp.files import together, write_atomic
+from mrdamp.records import embedded
+from refusals import refuses
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Holds a record, a rig's table and a model; the working folder."""
+    (tmp_path / "set").mkdir()
+    record = embedded().train[0].part(0.0, 1.0)
+    for name in ("r.csv", "r.csv.gz", "set/a.csv", "set/b.csv"):
+        record.save(tmp_path / name)
+    (tmp_path / "set" / "case.json").write_text("{}")
+    (tmp_path / "m.json").write_text('{"model": {"law": "bingham", "parameters": {"c0a": 1, "c0b": 0, "fya": 1,'
+                                     ' "fyb": 0, "v_ref": 0.1}}}')  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def outputs() -> Iterator[tuple[str, argparse.ArgumentParser, argparse.Action]]:
+    (commands,) = (a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    for name, command in commands.choices.items():
+        for action in command._actions:
+            if action.dest in ("out", "picture", "page"):
+                yield name, command, action
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "predict m.json r.csv.gz -o r.csv.gz",
+        "predict m.json r.csv -o ./set/../r.csv",
+        "identify r.csv -o r.csv",
+        "identify set -o set/b.csv",
+        "identify set -o set/case.json",
+        "convert r.csv --columns displacement_m=displacement_m -o .",
+        "mjcf m.json -o .",
+        "demo --data set -o set",
+        "identify r.csv -o x.svg --picture x.svg",
+        "predict m.json r.csv -o /dev/full",
+        "predict m.json r.csv -o pipe",
+        "predict m.json r.csv -o set",
+        "mjcf m.json -o r.csv/below",
+    ],
+)
+def test_an_output_that_would_replace_something_is_refused(
+    call: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo("pipe")
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    assert main(call.split()) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("mrdamp: ")
+    assert said.count("\n") == 1
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+    assert stat.S_ISCHR(Path("/dev/full").stat().st_mode)
+    assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
+
+
+def test_every_command_looks_at_its_outputs_before_any_work() -> None:
+    """The arguments are empty: a command that began to work would fail in another way."""
+    seen = list(outputs())
+    assert len(seen) > 15
+    for name, command, action in seen:
+        assert action.type is not None
+        given = argparse.Namespace(**{a.dest: None for a in command._actions})
+        nodes = ("/dev/full", "/dev") if action.type is OutFile else ()
+        for path in ("/proc/none.svg", f"{__file__}/none.svg", *nodes):
+            assert callable(action.type), name
+            setattr(given, action.dest, action.type(path))
+            refuses(lambda g=given, c=command: c.get_default("run")(g), "cannot be written")  # type: ignore[misc]
+
+
+def test_a_link_is_written_through(folder: Path) -> None:
+    (folder / "kept.csv").write_text("old")
+    (folder / "link.csv").symlink_to("kept.csv")
+    assert main(["predict", "m.json", "r.csv", "-o", "link.csv"]) == 0
+    assert (folder / "link.csv").is_symlink()
+    assert (folder / "kept.csv").read_text().startswith("time_s,")
+
+
+def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
+    (tmp_path / "b").write_text("old")
+
+    def fail() -> None:
+        with together():
+            write_atomic(tmp_path / "a", "new")
+            write_atomic(tmp_path / "b", "new")
+            assert (tmp_path / "b").read_text() == "old"
+            write_atomic(tmp_path / "none" / "c", "new")
+
+    refuses(fail, "cannot be written")
+    assert [p.name for p in tmp_path.iterdir()] == ["b"]
+    with together():
+        write_atomic(tmp_path / "a", "new")
+        write_atomic(tmp_path / "b", "new")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a": "new", "b": "new"}
+
+
