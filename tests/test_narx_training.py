@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from mrdamp.narx.evaluation import evaluate, force_at_rest, free_run_error, free
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import draw_pruning, prune
-from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
+from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select, try_candidate
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
 from mrdamp.simulation.stepping import drive_rig
@@ -67,6 +68,17 @@ def test_it_stays_bounded_and_accurate_over_ten_times_the_training_length(traine
     late = slice(n // 2, None)
     assert np.std(force[late] - truth[late]) < 0.06 * np.std(truth)
     assert np.max(np.abs(force)) < 1.5 * np.max(np.abs(truth))
+
+
+def test_a_candidate_is_judged_by_its_best_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stage that wrecks the network leaves the error of the stage before it."""
+    candidate = Candidate("vF", 2, (3,))
+    effort = Effort(initialisations=1, one_step_iterations=20, horizons=())
+    before = try_candidate(candidate, TRAIN, VALIDATION, effort, 0)
+    wrecked = lambda net, train, p, horizon, **_: replace(p, theta=np.full_like(p.theta, 3.0))  # noqa: E731
+    monkeypatch.setattr(import_module("mrdamp.narx.select"), "refine", wrecked)
+    after = try_candidate(candidate, TRAIN, VALIDATION, replace(effort, horizons=(20, 100)), 0)
+    assert after.validation_free == before.validation_free
 
 
 @pytest.mark.parametrize("dt", [7e-4, 2.6e-3])

@@ -23,7 +23,7 @@ from mrdamp.narx.data import Series, lagged
 from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.train import blank, refine
+from mrdamp.narx.train import best_stage, blank, refine
 from mrdamp.pictures import style
 
 Progress = Callable[[str, float], None]
@@ -44,7 +44,8 @@ class Candidate(NamedTuple):
 @dataclass(frozen=True)
 class Trial:
     """What a candidate reached: RMS error over the standard deviation of the force, one step ahead and in free
-    run, on training and validation; gamma and the number of weights."""
+    run, on training and validation; gamma and the number of weights. In free run it is the stage that is best there on
+    validation, as `train_narx` keeps it."""
 
     candidate: Candidate
     train_one: float
@@ -101,9 +102,13 @@ def try_candidate(
             key=lambda p: p.log_evidence,
         )
         one = net.with_theta(posterior.theta)
+        stages = [posterior]
         # Without past forces a free run is the same as a prediction one step ahead.
         for horizon in effort.horizons if net.feedback else ():
-            posterior = refine(net, train, posterior, horizon, most=effort.most, iterations=effort.iterations)
+            stages.append(
+                refine(net, train, stages[-1], horizon, most=effort.most, iterations=effort.iterations)
+            )
+        posterior = best_stage(net, stages, validation)
         free = net.with_theta(posterior.theta)
         train_one, validation_one = (pooled([one_step_error(one, s) for s in p]) for p in (train, validation))
         train_free, validation_free = (
