@@ -53,7 +53,16 @@ def add_identify(commands: Any) -> None:
         help="how coefficients follow the command: constant, linear (default), quadratic, saturating,"
         " quadratic_saturating, or compare for all",
     )
-    p.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
+    p.add_argument(
+        "--follows",
+        nargs="+",
+        metavar="NAME",
+        help="the coefficients that follow the command, such as c0 alpha; paper: those of the foam-damper paper"
+        " (default: all that can)",
+    )
+    p.add_argument(
+        "--by-command", action="store_true", help="values at each constant command, then lines through them"
+    )
     p.add_argument(
         "--intervals", action="store_true", help="95 %% intervals by bootstrap, and what is not identifiable"
     )
@@ -165,6 +174,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
             ("--by-command", a.by_command),
             ("--intervals", a.intervals),
             ("--dependence", a.dependence),
+            ("--follows", a.follows),
         ):
             if value:
                 raise InputError(f"{flag} is for laws; a network (--law narx) has no parameters of that kind")
@@ -181,6 +191,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         "starts": a.starts,
         "seed": a.seed,
         "hold": HOLD.get(a.hold),
+        "follows": _follows(a),
         "progress": _show_progress,
     }
     fits: dict[str, Fit] = {}
@@ -275,6 +286,7 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
 def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     import numpy as np
 
+    from mrdamp.identify import pooled
     from mrdamp.identify.by_command import identify_by_command
     from mrdamp.identify.provenance import write_identified
     from mrdamp.model.core import attributes
@@ -285,22 +297,24 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         records.train,
         records.validation,
         extras=a.extras,
+        follows=_follows(a),
         starts=a.starts,
         seed=a.seed,
         progress=_show_progress,
     )
-    write_identified(found.model, records, a.out)
-    print(f"{a.law}: one fit per constant command:")
-    for command, fit in found.fits:
-        print(f"  command {command:8.4g}  {len(fit.train):2d} records  error {fit.train_nrmse:.3f}")
+    fit = found.fit
+    write_identified(fit.model, records, a.out)
+    print(f"{a.law}: values at each constant command, the other parameters the same for all:")
+    for command, _, errors in found.at:
+        print(f"  command {command:8.4g}  {len(errors):2d} records  error {pooled(errors):.3f}")
     print(f"{'parameter':>20s} {'at command 0':>14s} {'slope':>12s} {'scatter':>12s}")
     for line in found.lines:
         print(f"{line.parameter:>20s} {line.zero:14.5g} {line.slope:12.5g} {line.scatter:12.3g}")
-    print(f"law of the lines: held-out error {found.held_out_nrmse:.3f}")
-    _errors(found.held_out, "held out")
+    print(f"law of the lines: fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
+    _errors(fit.held_out, "held out")
     if a.picture:
         units = {row.name: row.unit for row in attributes()}
-        shown = [line for line in found.lines if np.ptp(line.values) > 0]
+        shown = found.lines
         fig = parameter_lines(
             [line.parameter for line in shown],
             [units[line.parameter] for line in shown],
@@ -312,6 +326,12 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         save_picture(fig, a.picture)
     print(f"model: {a.out}")
     return of_by_command(found)
+
+
+def _follows(a: argparse.Namespace) -> Sequence[str] | None:
+    from mrdamp.identify.laws import PAPER_FOLLOWS
+
+    return PAPER_FOLLOWS.get(a.law) if a.follows == ["paper"] else a.follows
 
 
 #: Share of the squared residual from which on an offset or delay that is left is printed: less is chance or form.
