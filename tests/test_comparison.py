@@ -25,10 +25,10 @@ def test_table_1_and_its_picture() -> None:
     assert rows["network"].norms.e_x == pytest.approx(3.0 / deviation * np.sqrt(speed), rel=0.01)
     assert rows["bingham"].nrmse == pytest.approx(table.fits["bingham"].held_out_nrmse, rel=0.01)
     assert rows["bingham"].paper is not None
-    fig = table.picture(held[0].name)
+    fig = table.picture()
     assert len(fig.axes) == 4
     with pytest.raises(InputError, match="no held-out record"):
-        table.picture("x")
+        table_1(records, ("bingham",), condition="x")
     with pytest.raises(InputError, match="network: no force"):
         table_1(records, ("bingham",), {"network": {held[0].name: np.zeros(3)}}, starts=1)
 

@@ -183,7 +183,7 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
                 f"{test.name}: channel {name} is clipped at {found[0]:g} ({100 * found[1]:.1f} %)"
             )
     dt, force, charge = test.sample_time, test.force, test.charge
-    frequency = _frequency(force, dt)
+    frequency = frequency_of(force, dt)
     if cutoff is None:
         cutoff = min(max(CUTOFF, _ABOVE * frequency), 0.4 / dt)
     if cutoff:
@@ -191,7 +191,7 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
             allowed = f"allowed: a cut-off above it, not {cutoff:g} Hz"
             raise InputError(f"{test.name}: a test at {frequency:.4g} Hz; {allowed}")
         force, charge = low_pass(force, dt, cutoff), low_pass(charge, dt, cutoff)
-        frequency = _frequency(force, dt)
+        frequency = frequency_of(force, dt)
     cycles = len(force) * dt * frequency
     if cycles < _MIN_CYCLES + 1:
         raise InputError(f"{test.name}: {cycles:.1f} periods; at least {_MIN_CYCLES + 1:g} are needed")
@@ -222,7 +222,7 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
     )
 
 
-def _frequency(x: Array, dt: float) -> float:
+def frequency_of(x: Array, dt: float) -> float:
     """Frequency (Hz) of a sine by its spectrum's peak, refined by least squares."""
     y = x - x.mean()
     n = 8 * len(y)

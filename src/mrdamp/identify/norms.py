@@ -82,7 +82,7 @@ def record_norms(record: Record, simulated: Array, length_unit: float = 1.0) -> 
     Velocity and acceleration as in the foam-damper paper's Section 4, where they were not measured: central differences
     of the displacement after its low-pass at 80 Hz, where the rate allows that cut-off.
     """
-    cutoff = CUTOFF if CUTOFF < 0.45 / record.sample_time else None
+    cutoff = CUTOFF if 0.45 / record.sample_time > CUTOFF else None
     return foam_norms(
         record.sample_time,
         record.channel("force_N"),
