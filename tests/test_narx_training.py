@@ -20,7 +20,7 @@ from mrdamp.narx.evaluation import evaluate, force_at_rest, free_run_error, free
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import draw_pruning, prune
-from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select, try_candidate
+from mrdamp.narx.select import Candidate, Choice, Effort, Trial, as_good, draw_choice, select, try_candidate
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
 from mrdamp.simulation.stepping import drive_rig
@@ -152,6 +152,23 @@ def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tm
     cache.write_text("{}")
     with pytest.raises(InputError, match="no file of finished trials"):
         choose(cache=cache)
+
+
+def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors of three seeds, given by hand: the medians are .10, .09 and .30; .10 is within .08 to .12, .30 is not."""
+    errors = {1: (0.10, 0.08, 0.40), 2: (0.08, 0.12, 0.09), 3: (0.31, 0.30, 0.05)}
+
+    def tried(c: Candidate, train: object, validation: object, effort: object, seed: int) -> Trial:
+        return Trial(c, 0.0, 0.0, 0.0, errors[c.lags][seed - 7], 1.0, 9)
+
+    monkeypatch.setattr(import_module("mrdamp.narx.select"), "try_candidate", tried)
+    found = select(
+        TRAIN, VALIDATION, sets=("vF",), lags=(1, 2, 3), units=(4,), start=Candidate("", 1, (4,)), seed=7, seeds=3
+    )
+    assert [t.validation_free for t in found.lags] == pytest.approx([0.10, 0.09, 0.30])
+    assert found.candidate.lags == 2
+    assert found.lags[1].span("free_run") == (0.08, 0.12)
+    assert [t.candidate.lags for t in as_good(found.lags, "free_run")] == [1, 2]
 
 
 @pytest.fixture(scope="module")

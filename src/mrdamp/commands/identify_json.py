@@ -168,6 +168,7 @@ def _trial(t: Trial) -> dict[str, Any]:
         "gamma": t.gamma,
         "train": {"free_run_nrmse": t.train_free, "one_step_nrmse": t.train_one},
         "validation": {"free_run_nrmse": t.validation_free, "one_step_nrmse": t.validation_one},
+        "validation_range": {"free_run_nrmse": t.span("free_run"), "one_step_nrmse": t.span("one_step")},
     }
 
 

@@ -54,11 +54,32 @@ class Trial:
     validation_free: float
     gamma: float
     weights: int
+    seeds: tuple[Trial, ...] = ()
+
+    @classmethod
+    def over(cls, seeds: Sequence[Trial]) -> Trial:
+        """The medians over the same candidate trained from several seeds."""
+        numbers = {name: float(np.median([getattr(t, name) for t in seeds])) for name in _NUMBERS}
+        return cls(seeds[0].candidate, **numbers, weights=seeds[0].weights, seeds=tuple(seeds))
 
     def score(self, by: str) -> float:
         """The validation error that is chosen by; a run away counts as infinite."""
         value = self.validation_free if by == "free_run" else self.validation_one
         return value if np.isfinite(value) else float("inf")
+
+    def span(self, by: str) -> tuple[float, float]:
+        """The least and the largest score over the seeds."""
+        scores = [t.score(by) for t in self.seeds or (self,)]
+        return min(scores), max(scores)
+
+
+_NUMBERS = ("train_one", "validation_one", "train_free", "validation_free", "gamma")
+
+
+def as_good(trials: Sequence[Trial], by: str) -> list[Trial]:
+    """Those that the seeds do not tell from the best: their median is within the best one's range over the seeds."""
+    most = min(trials, key=lambda t: t.score(by)).span(by)[1]
+    return [t for t in trials if t.score(by) <= most]
 
 
 @dataclass(frozen=True)
@@ -136,6 +157,7 @@ def select(
     by: str = "free_run",
     effort: Effort | None = None,
     seed: int = 0,
+    seeds: int = 1,
     workers: int = 1,
     cache: Path | str | None = None,
     progress: Progress | None = None,
@@ -149,6 +171,7 @@ def select(
         by: "free_run", or "one_step" as in the paper.
         effort: how thoroughly each is trained.
         seed: the same seed gives the same choice, for any number of workers.
+        seeds: how many times each candidate is trained, from this seed on; its median counts.
         workers: processes.
         cache: JSON file of finished trials; a search that was interrupted continues from it.
         progress: called with what is done and a share from 0 to 1.
@@ -164,25 +187,26 @@ def select(
     if sets is None:
         varies = np.ptp(np.concatenate([s.i for s in train])) > 0.0
         sets = SETS_CURRENT if varies else SETS
-    store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort), seed))
-    total = len(sets) + len(lags) + len(units)
+    store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort)))
+    total = (len(sets) + len(lags) + len(units)) * seeds
     done = 0
 
     def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
         nonlocal done
-        found = {c: trial for c in candidates if (trial := _get(store, c)) is not None}
-        missing = [c for c in dict.fromkeys(candidates) if c not in found]
-        jobs = (delayed(try_candidate)(c, train, validation, effort, seed) for c in missing)
-        done += len(candidates) - len(missing)
+        pairs = [(c, seed + k) for c in dict.fromkeys(candidates) for k in range(seeds)]
+        found = {pair: trial for pair in pairs if (trial := _get(store, *pair)) is not None}
+        missing = [pair for pair in pairs if pair not in found]
+        jobs = (delayed(try_candidate)(c, train, validation, effort, k) for c, k in missing)
+        done += len(pairs) - len(missing)
         if progress:
             progress(f"{what}: {len(missing)} to train", done / total)
-        for trial in Parallel(n_jobs=workers, return_as="generator")(jobs):
-            _put(store, trial)
-            found[trial.candidate] = trial
+        for pair, trial in zip(missing, Parallel(n_jobs=workers, return_as="generator")(jobs), strict=True):
+            _put(store, trial, pair[1])
+            found[pair] = trial
             done += 1
             if progress:
                 progress(f"{what}: {_name(what, trial.candidate)}", done / total)
-        return tuple(found[c] for c in candidates)
+        return tuple(Trial.over([found[c, seed + k] for k in range(seeds)]) for c in candidates)
 
     by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])
     channels = min(by_inputs, key=lambda t: t.score(by)).candidate.channels
@@ -206,6 +230,8 @@ def draw_choice(choice: Choice) -> Figure:
             values = [100.0 * min(getattr(t, name), 10.0) for t in trials]
             axes.plot(range(len(trials)), values, color=style.COLOURS[j // 2], ls=style.DASHES[j % 2],
                       marker=style.MARKERS[j], ms=3.5, label=label)  # fmt: skip
+        spans = 100.0 * np.minimum([t.span(choice.by) for t in trials], 10.0)
+        axes.fill_between(range(len(trials)), *spans.T, color=style.REFERENCE, alpha=0.3, lw=0)
         labels = [_name(what, t.candidate) for t in trials]
         every = max(1, -(-len(labels) // 13))
         axes.set_xticks(range(0, len(labels), every), labels[::every])
@@ -235,14 +261,13 @@ def _id(c: Candidate) -> str:
     return f"{c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
 
 
-def _put(store: Checkpoint, trial: Trial) -> None:
-    store.put(
-        _id(trial.candidate), {key: value for key, value in asdict(trial).items() if key != "candidate"}
-    )
+def _put(store: Checkpoint, trial: Trial, seed: int) -> None:
+    numbers = {key: getattr(trial, key) for key in (*_NUMBERS, "weights")}
+    store.put(f"{_id(trial.candidate)} {seed}", numbers)
 
 
-def _get(store: Checkpoint, c: Candidate) -> Trial | None:
-    numbers = store.get(_id(c))
+def _get(store: Checkpoint, c: Candidate, seed: int) -> Trial | None:
+    numbers = store.get(f"{_id(c)} {seed}")
     if numbers is None:
         return None
     try:
