@@ -77,9 +77,9 @@ _NUMBERS = ("train_one", "validation_one", "train_free", "validation_free", "gam
 
 
 def as_good(trials: Sequence[Trial], by: str) -> list[Trial]:
-    """Those that the seeds do not tell from the best: their median is within the best one's range over the seeds."""
+    """Those that the seeds do not tell from the best: their range over the seeds overlaps that of the best."""
     most = min(trials, key=lambda t: t.score(by)).span(by)[1]
-    return [t for t in trials if t.score(by) <= most]
+    return [t for t in trials if t.span(by)[0] <= most]
 
 
 @dataclass(frozen=True)
