@@ -155,7 +155,7 @@ def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tm
 
 
 def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Errors of three seeds, given by hand: the medians are .10, .09 and .30; .08 to .40 overlaps .08 to .12, .25 to .31 not."""
+    """Errors of three seeds, given by hand: medians .10, .09 and .30; .25 to .31 does not overlap .08 to .12."""
     errors = {1: (0.10, 0.08, 0.40), 2: (0.08, 0.12, 0.09), 3: (0.31, 0.30, 0.25)}
 
     def tried(c: Candidate, train: object, validation: object, effort: object, seed: int) -> Trial:

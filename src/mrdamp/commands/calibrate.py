@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
+from mrdamp.commands.identify_json import to_text, words
+from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,10 +45,20 @@ def add_calibrate(commands: Any) -> None:
     p.add_argument(
         "-o", "--out", type=Path, help="folder to write: index.html, and records/ with the force from the charge"
     )
+    add_json(p)
 
 
 def run_calibrate(a: argparse.Namespace) -> int:
     """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
+    with words(a.json):
+        report = _calibrated(a)
+    if a.json:
+        print(to_text(report))
+    return 0
+
+
+def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
+    """What `--json` prints."""
     from mrdamp.identify import calibration
     from mrdamp.records import read_records
 
@@ -73,7 +86,10 @@ def run_calibrate(a: argparse.Namespace) -> int:
     if a.out:
         _write(a.out, tests, found, records, rows)
         print(f"page: {a.out / 'index.html'}")
-    return 0
+    report = asdict(found) | {"sensing": [asdict(row) for row in rows]}
+    for test in report["tests"]:
+        del test["gain"]  # a complex number; amplitude and phase are beside it
+    return report
 
 
 def _sensor(found: Calibration) -> None:
