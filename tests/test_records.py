@@ -91,6 +91,26 @@ def test_lowpass_gain(frequency: float, gain: float) -> None:
     assert np.abs(record.acceleration(10.0)[8000:12000]).max() == pytest.approx(gain, rel=0.02)
 
 
+def test_signals_as_the_foam_paper_takes_them() -> None:
+    """Zero means, and 60 and 110 Hz of both channels through a low-pass at 80 Hz: 1 / (1 + (f / 80)^4), about."""
+    t = np.arange(2048) / 256
+    wave = {f: np.sin(2 * np.pi * f * t) for f in (2.0, 60.0, 110.0)}
+    total = np.sum(list(wave.values()), axis=0)
+    channels = {"displacement_m": 0.01 * total + 0.3, "force_N": 9.0 * total - 4.0}
+    record = Record("a", None, 1 / 256, {"command": 0 * t, **channels})
+    taken = RecordSet("s", (record,), (record,), (record,)).smoothed(80.0, force=True, zero_mean=True)
+    for one in taken:
+        for name, size in (("displacement_m", 0.01), ("force_N", 9.0)):
+            x = one.channel(name)
+            assert abs(x.mean()) < 1e-9
+            parts = {f: 2 * np.abs(np.mean(x * np.exp(-2j * np.pi * f * t))) / size for f in wave}
+            assert parts[2.0] == pytest.approx(1.0, abs=0.01)
+            assert 0.6 < parts[60.0] < 0.9
+            assert parts[110.0] < 0.1
+    only = RecordSet("s", (record,), ()).smoothed(80.0)
+    np.testing.assert_array_equal(only.train[0].channel("force_N"), record.channel("force_N"))
+
+
 def test_part_keeps_its_stamps() -> None:
     part = sine().part(0.5, 1.25)
     assert (part.n, part.time[0], part.time[-1]) == (751, pytest.approx(0.5), pytest.approx(1.25))

@@ -72,7 +72,8 @@ class Results:
 
     def command(self, run: str) -> str:
         """The command of a run."""
-        return "mrdamp " + RUNS[run].format(data="FOLDER", work=".")
+        words = RUNS[run].format(data="FOLDER", work=".")
+        return f"mrdamp {words}" + (" -o model.json" if words.startswith("identify") else "")
 
     def norm(self, run: str, model: str, norm: str) -> str:
         """Of a table's row; a dash where there is none."""
