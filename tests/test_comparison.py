@@ -23,7 +23,7 @@ def test_table_1_and_its_picture() -> None:
     assert rows["network"].nrmse == pytest.approx(3.0 / deviation, rel=0.01)
     speed = np.mean([np.mean(np.abs(r.velocity())) for r in held]) * 100  # cm/s
     assert rows["network"].norms.e_x == pytest.approx(3.0 / deviation * np.sqrt(speed), rel=0.01)
-    assert rows["bingham"].nrmse == pytest.approx(table.fits["bingham"].held_out_nrmse, rel=0.01)
+    assert rows["bingham"].nrmse == pytest.approx(table.fits["bingham"].held_out_nrmse, rel=1e-9)
     assert rows["bingham"].paper is not None
     fig = table.picture()
     assert len(fig.axes) == 4
