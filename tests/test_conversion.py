@@ -11,6 +11,7 @@ import pytest
 from mrdamp.cli import main
 from mrdamp.errors import InputError
 from mrdamp.records import read_record
+from mrdamp.records.channels import CHANNELS
 from mrdamp.records.conversion import Converted, column, convert
 
 COLUMNS = ("time_s=t [ms]:ms", "displacement_m=LVDT:mm", "command=I coil:mA", "force_N=-Load:kN")
@@ -35,6 +36,11 @@ def converted(
 
 
 EVEN = np.arange(1001) * 2e-3
+
+
+def test_every_channel_has_a_unit_of_its_own() -> None:
+    assert {column(f"{name}=a").factor for name in CHANNELS if "floorN" not in name} == {1.0}
+    assert column("charge_pC=a:nC").factor == 1000.0
 
 
 @pytest.mark.parametrize(
