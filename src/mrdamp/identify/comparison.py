@@ -118,15 +118,16 @@ def paper_network(
 def network_forces(network: Model, records: Sequence[Record]) -> dict[str, dict[str, Array]]:
     """Force (n,) N by record name of a network, "network" in free run and "network, one step ahead" of measured forces.
 
-    The second only where every record has the network's sample time; its first samples, whose lags are not measured,
-    are the measured force.
+    The second runs at the network's own rate, between its samples along lines; its first samples, whose lags are not
+    measured, are the measured force.
     """
     forces = {"network": {r.name: simulate(network, r) for r in records}}
-    net = Network.from_text(network.weights) if network.weights else None
-    if net and all(abs(r.sample_time / net.sample_time - 1) < 1e-6 for r in records):
+    if network.weights:
+        net = Network.from_text(network.weights)
         one: dict[str, Array] = {}
-        for s in (series(r, net.sample_time) for r in records):
-            one[s.name] = np.concatenate([s.force[: net.max_lag], one_step_force(net, s)])
+        for r, s in ((r, series(r, net.sample_time)) for r in records):
+            force = np.concatenate([s.force[: net.max_lag], one_step_force(net, s)])
+            one[r.name] = np.interp(r.time - r.time[0], s.sample_time * np.arange(s.n), force)
         forces["network, one step ahead"] = one
     return forces
 
