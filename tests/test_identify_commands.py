@@ -45,6 +45,14 @@ def test_identify_with_intervals(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert float(rows["fyb"][2]) < 300.0 < float(rows["fyb"][3])
 
 
+def test_what_does_not_follow_the_command_is_one_number(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "model.json"
+    assert run_bingham(folder, "--follows", "fy", "--intervals", "-o", out) == 0
+    p = Model.read(out).parameters
+    assert p["c0b"] == 0.0
+    assert p["fyb"] == pytest.approx(300.0, rel=0.2)  # with what follows in truth of c0
+
+
 def test_no_extras_are_none(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "model.json"
     assert run_bingham(folder, "--extras", "-o", out) == 0

@@ -111,6 +111,20 @@ def test_signals_as_the_foam_paper_takes_them() -> None:
     np.testing.assert_array_equal(only.train[0].channel("force_N"), record.channel("force_N"))
 
 
+def test_test_records_stand_apart_and_a_folder_goes_before_a_set_of_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert len(read_records("foam").test) == 5
+    for half in ("train", "validation", "test"):
+        (tmp_path / "foam" / half).mkdir(parents=True)
+        sine().save(tmp_path / "foam" / half / f"{half}.csv")
+    found = read_records("foam")
+    assert [r.name for r in found.test] == ["test"]
+    assert [r.name for r in found.held_out] == ["validation", "test"]
+    assert [r.name for r in found] == ["train", "validation", "test"]
+
+
 def test_part_keeps_its_stamps() -> None:
     part = sine().part(0.5, 1.25)
     assert (part.n, part.time[0], part.time[-1]) == (751, pytest.approx(0.5), pytest.approx(1.25))

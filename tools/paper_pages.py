@@ -200,7 +200,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "{data}" in RUNS[name] and options.data is None:
             parser.error(f"{name} is of measured records: give --data FOLDER")
         kept[name] = run(name, options.data)
-        store.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        lines = ",\n".join(f'"{key}": {json.dumps(kept[key])}' for key in sorted(kept))
+        store.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
     pictures()
     results = Results(kept)
     for source in sorted((ROOT / "tools" / "papers").glob("*.md")):
