@@ -242,7 +242,6 @@ class Space:
         out: dict[str, float] = {}
         first = len(numbers) - len(self.plain)
         rate = numbers[first - 1] if self.rate else None
-        out |= {c.name: value for c, value in zip(self.plain, numbers[first:], strict=True)}
         k = 0
         for m in self.maps:
             values = numbers[k : k + len(m.own(self.knots))]
@@ -255,6 +254,7 @@ class Space:
             else:
                 nearest = int(np.argmin(np.abs(np.subtract(self.knots, command))))
                 out |= {f"{m.stem}a": values[nearest], f"{m.stem}b": 0.0}
+        out |= {c.name: value for c, value in zip(self.plain, numbers[first:], strict=True)}
         return _hysteresis(out) if "yield_displacement" in out else out
 
     def point(self, attributes: Mapping[str, float]) -> Array:
