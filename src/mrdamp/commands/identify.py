@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,7 +116,7 @@ def run_identify(a: argparse.Namespace) -> int:
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.diagnosis.form import form_of
-    from mrdamp.identify import compare_dependences, identify
+    from mrdamp.identify import compare_dependences, error, identify
     from mrdamp.identify.comparison import loops_of
     from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
@@ -149,7 +150,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     }
     fits: dict[str, Fit] = {}
     if a.dependence == "compare":
-        fits = compare_dependences(a.law, records.train, records.held_out, **common)
+        fits = compare_dependences(a.law, records.train, records.validation, **common)
         print(f"{a.law}: free-run error over the force's standard deviation, by dependence on the command:")
         for name, fit in fits.items():
             free = len(fit.space.coordinates) if fit.space else 0
@@ -158,7 +159,8 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
             )
         chosen = min(fits, key=lambda name: fits[name].held_out_nrmse)
         print(f"  taken: {chosen}")
-        fit = fits[chosen]
+        fit = fits[chosen]  # test records judge it; they do not choose it
+        fit = replace(fit, held_out=tuple(error(fit.model, record) for record in records.held_out))
     else:
         fit = identify(a.law, records.train, records.held_out, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
