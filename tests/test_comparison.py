@@ -25,6 +25,9 @@ def test_table_1_and_its_picture() -> None:
     assert rows["network"].norms.e_x == pytest.approx(3.0 / deviation * np.sqrt(speed), rel=0.01)
     assert rows["bingham"].nrmse == pytest.approx(table.fits["bingham"].held_out_nrmse, rel=1e-9)
     assert rows["bingham"].paper is not None
+    # One cycle of 2 Hz at 500 Hz is the last 251 samples.
+    one = table_1(records, (), {"network": network}, condition=held[0].name, starts=1).rows[0]
+    assert one.norms.e_t == pytest.approx(3.0 / np.std(held[0].channel("force_N")[-251:]), rel=1e-6)
     fig = table.picture()
     assert len(fig.axes) == 4
     with pytest.raises(InputError, match="no held-out record"):
