@@ -27,7 +27,7 @@ _KNOTS = {"quadratic": 3, "quadratic_saturating": 4}
 Dependence = str | tuple[float, ...]
 
 #: The coefficients that follow the command in the foam-damper paper, Eqs. (7) and (8), where a law has others too.
-PAPER_FOLLOWS = {"hyperbolic_tangent": ("k0", "k1", "c1", "f0")}
+PAPER_FOLLOWS: Mapping[str, tuple[str, ...]] = {"hyperbolic_tangent": ("k0", "k1", "c1", "f0")}
 
 #: Effects that a plain identification may fit along with the law.
 EXTRAS = ("offset", "driver_lag", "command_delay", "saturation", "gas_spring", "channel_shift")
