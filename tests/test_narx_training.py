@@ -212,6 +212,22 @@ def test_pruning_finds_a_smaller_network_that_is_as_good(large: FitNarx, method:
     np.testing.assert_array_equal(drawn, [step.weights for step in pruned.steps])
 
 
+def test_a_retraining_that_spoils_a_pruned_network_is_not_kept(
+    large: FitNarx, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = import_module("mrdamp.narx.prune")
+    train, done = module.minimise, []
+
+    def spoils(*how: Any, **more: Any) -> Any:
+        done.append(train(*how, **more))
+        return done[-1] if len(done) == 1 else replace(done[-1], theta=3.0 * done[-1].theta)
+
+    monkeypatch.setattr(module, "minimise", spoils)
+    steps = prune(large.network, TRAIN, VALIDATION, share=0.03, horizon=50, most=1200, iterations=4).steps
+    assert steps[2].weights < steps[1].weights
+    assert steps[2].free_run < 1.2 * steps[1].free_run
+
+
 def test_protocol_cuts_one_record_into_stretches_without_a_common_sample() -> None:
     record = embedded()["sine_5.0Hz_2.5mm_random_current"]
     parts = protocol(record)
