@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
+from modules import TOOLS, loaded
 from mrdamp.model.attributes import laws
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -53,6 +55,14 @@ def test_the_named_files_of_both_pages_are_there() -> None:
     files = {file for page in (PAGE, GLOSSARY) for file in FILE.findall(page)}
     assert len(files) > 30
     assert [file for file in sorted(files) if not (REPOSITORY / file).is_file()] == []
+
+
+def test_the_pages_hold_the_figures_of_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(TOOLS)  # it imports a tool beside it
+    tool = loaded(TOOLS / "paper_pages.py")
+    results = tool.Results(json.loads((REPOSITORY / "docs" / "papers" / "results.json").read_text(encoding="utf-8")))
+    for name, page in PAPERS.items():
+        assert results.fill((TOOLS / "papers" / f"{name}.md").read_text(encoding="utf-8")) == page
 
 
 def test_every_law_has_a_row() -> None:
