@@ -167,7 +167,7 @@ def test_json_of_the_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert found["held_out"] == ["0.3A_4mm", "0.3A_8mm", "0.9A_4mm", "0.9A_8mm"]
 
 
-def test_force_from_charge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A charge of known sensitivity and lag: 2 degrees of lag are an error of sin 2, whatever the paper's 90 is."""
     dt, lag, size = 1e-3, math.radians(2.0), 800.0
     t = dt * np.arange(6000)
@@ -194,6 +194,14 @@ def test_force_from_charge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert np.sqrt(2 * np.mean(error**2)) == pytest.approx(size * math.sin(lag), rel=1e-4)
     page = (tmp_path / "out" / "index.html").read_text()
     assert page.count("<svg") == 4
+    alone = {name: made.channel(name) for name in ("displacement_m", "command", "charge_pC")}
+    Record("alone", None, dt, alone).save(tmp_path / "alone.csv")
+    assert run("calibrate", tests, "--records", tmp_path / "alone.csv", "-o", tmp_path / "out") == 0
+    assert read_record(tmp_path / "out" / "records" / "alone.csv").n == made.n
+    with pytest.raises(InputError, match="is an input; another folder"):
+        run("calibrate", tests, "--records", tmp_path / "out" / "records", "-o", tmp_path / "out")
+    with pytest.raises(InputError, match="no record has both force_N and reference_force_N"):
+        run("calibrate", tests, "--records", folder)
     with pytest.raises(InputError, match="is a file; a folder is written"):
         run("calibrate", "-o", records / "r0.csv")
 

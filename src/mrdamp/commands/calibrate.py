@@ -60,7 +60,7 @@ def run_calibrate(a: argparse.Namespace) -> int:
 def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.identify import calibration
-    from mrdamp.records import read_records
+    from mrdamp.records import read_record, read_records
 
     if a.out and a.out.is_file():
         raise InputError(f"{a.out}: is a file; a folder is written")
@@ -71,11 +71,15 @@ def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
     found = calibration.calibrate(tests, a.cutoff)
     _sensor(found)
     source = a.records or (None if a.tests else "self_sensing")
+    # A set divides a file that is alone in two.
+    given = [read_record(source)] if source and Path(source).is_file() else read_records(source) if source else ()
     records = [
-        calibration.with_force(r, found, a.put_back) if "charge_pC" in r.channels else r
-        for r in (read_records(source) if source else ())
+        calibration.with_force(r, found, a.put_back) if "charge_pC" in r.channels else r for r in given
     ]
-    rows = calibration.sensing_by_command(records) if records else []
+    # Without a load cell there is a force all the same; with neither cell nor charge there is nothing to do.
+    cell = any("reference_force_N" in r.channels for r in records)
+    charged = any("charge_pC" in r.channels for r in records)
+    rows = calibration.sensing_by_command(records) if records and (cell or not charged) else []
     if rows:
         print("own force against the load cell, delta_2 of Eq. (4), as recorded and with both low-passed at 20 Hz:")
     for row in rows:
@@ -175,8 +179,12 @@ def _write(
         page.figure("", sensing.loops_by_command({
             name: (r.displacement, r.velocity(), r.channel("force_N")) for name, r in late.items()
         }), "The damper's own force, the same records.", "Force over displacement and over velocity.")
-    made = [r for r in records if "charge_pC" in r.channels]
+    made = {folder / "records" / f"{r.name}.csv": r for r in records if "charge_pC" in r.channels}
+    if len(made) < sum("charge_pC" in r.channels for r in records):
+        raise InputError(f"{folder / 'records'}: two records have one name; rename one")
+    if written := next((path for path, r in made.items() if r.path and path.resolve() == r.path.resolve()), None):
+        raise InputError(f"{written}: is an input; another folder is needed with -o")
     (folder / "records" if made else folder).mkdir(parents=True, exist_ok=True)
-    for r in made:
-        r.save(folder / "records" / f"{r.name}.csv")
+    for path, r in made.items():
+        r.save(path)
     page.write(folder / "index.html")
