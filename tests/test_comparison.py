@@ -23,12 +23,15 @@ def test_table_1_and_its_picture() -> None:
     assert rows["network"].nrmse == pytest.approx(3.0 / deviation, rel=0.01)
     speed = np.mean([np.mean(np.abs(r.velocity())) for r in held]) * 100  # cm/s
     assert rows["network"].norms.e_x == pytest.approx(3.0 / deviation * np.sqrt(speed), rel=0.01)
-    assert rows["bingham"].nrmse == pytest.approx(table.fits["bingham"].held_out_nrmse, rel=0.01)
+    assert rows["bingham"].nrmse == pytest.approx(table.fits["bingham"].held_out_nrmse, rel=1e-9)
     assert rows["bingham"].paper is not None
-    fig = table.picture(held[0].name)
+    # One cycle of 2 Hz at 500 Hz is the last 251 samples.
+    one = table_1(records, (), {"network": network}, condition=held[0].name, starts=1).rows[0]
+    assert one.norms.e_t == pytest.approx(3.0 / np.std(held[0].channel("force_N")[-251:]), rel=1e-6)
+    fig = table.picture()
     assert len(fig.axes) == 4
     with pytest.raises(InputError, match="no held-out record"):
-        table.picture("x")
+        table_1(records, ("bingham",), condition="x")
     with pytest.raises(InputError, match="network: no force"):
         table_1(records, ("bingham",), {"network": {held[0].name: np.zeros(3)}}, starts=1)
 

@@ -14,6 +14,7 @@ import scipy.io
 from mrdamp.cli import main
 from mrdamp.errors import InputError
 from mrdamp.records import read_record
+from mrdamp.records.channels import CHANNELS
 from mrdamp.records.conversion import Converted, column, convert
 from refusals import refuses
 
@@ -39,6 +40,11 @@ def converted(
 
 
 EVEN = np.arange(1001) * 2e-3
+
+
+def test_every_channel_has_a_unit_of_its_own() -> None:
+    assert {column(f"{name}=a").factor for name in CHANNELS if "floorN" not in name} == {1.0}
+    assert column("charge_pC=a:nC").factor == 1000.0
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,23 @@
-"""The table of equations names files and functions that are there, and leaves no law and no numbered equation out."""
+"""Equations and papers: named files, functions and tests are there, no law, equation, table or figure is left out."""
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
+from modules import TOOLS, loaded
 from mrdamp.model.attributes import laws
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-PAGE = (REPOSITORY / "docs" / "reference" / "equations.md").read_text(encoding="utf-8")
+PAPERS = {
+    name: (REPOSITORY / "docs" / "papers" / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("foam", "self_sensing")
+}
+EQUATIONS = (REPOSITORY / "docs" / "reference" / "equations.md").read_text(encoding="utf-8")
+PAGE = "\n".join([*PAPERS.values(), EQUATIONS])
 GLOSSARY = (REPOSITORY / "docs" / "reference" / "glossary.md").read_text(encoding="utf-8")
 FILE = re.compile(r"`([\w./]+\.(?:h|cc|py|def))`")
 #: Names at the start of a cell, and names after their file.
@@ -26,8 +33,8 @@ def claims() -> list[tuple[str, tuple[str, ...]]]:
     """Each name with the files that one of which has to define it."""
     found: list[tuple[str, tuple[str, ...]]] = []
     for row in rows(PAGE):
-        files = tuple(FILE.findall(" ".join(row)))
-        names = NAMES.match(row[3]) if len(row) == 4 else None
+        files = tuple(FILE.findall(" ".join(row[:4])))
+        names = NAMES.match(row[3]) if len(row) == 4 or row[0].startswith("(") else None
         if names:
             found += [(name.split("::")[-1], files) for name in re.findall(r"[\w:]+", names[0])]
         found += [(name, (file,)) for cell in row for file, name in OF_FILE.findall(cell)]
@@ -50,13 +57,36 @@ def test_the_named_files_of_both_pages_are_there() -> None:
     assert [file for file in sorted(files) if not (REPOSITORY / file).is_file()] == []
 
 
-def test_every_law_and_every_numbered_equation_has_a_row() -> None:
-    first = [row[0].strip("`") for row in rows(PAGE)]
-    assert set(laws()) <= set(first)
-    foam, sensing = (
-        PAGE.split("## Self-sensing")[0],
-        PAGE.split("## Self-sensing")[1].split("## Force laws")[0],
-    )
-    for text, last in ((foam, 9), (sensing, 11)):
-        numbers = {int(n) for row in rows(text) for n in re.findall(r"^\((\d+)", row[0])}
-        assert numbers == set(range(1, last + 1))
+def test_the_pages_hold_the_figures_of_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(TOOLS)  # it imports a tool beside it
+    tool = loaded(TOOLS / "paper_pages.py")
+    results = tool.Results(json.loads((REPOSITORY / "docs" / "papers" / "results.json").read_text(encoding="utf-8")))
+    for name, page in PAPERS.items():
+        assert results.fill((TOOLS / "papers" / f"{name}.md").read_text(encoding="utf-8")) == page
+
+
+def test_every_law_has_a_row() -> None:
+    assert set(laws()) <= {row[0].strip("`") for row in rows(EQUATIONS)}
+
+
+@pytest.mark.parametrize(
+    ("name", "equations", "tables", "figures"),
+    [("foam", 9, 1, range(7, 13)), ("self_sensing", 11, 2, range(3, 16))],
+)
+def test_nothing_of_a_paper_is_left_out(name: str, equations: int, tables: int, figures: range) -> None:
+    """Equations, tables and figures of data by number, each row with a test that is there."""
+    page, found = PAPERS[name], rows(PAPERS[name])
+    first = [row[0] for row in found]
+    assert {int(n) for cell in first for n in re.findall(r"^\((\d+)", cell)} == set(range(1, equations + 1))
+    for number in range(1, tables + 1):
+        assert f"Table {number}" in page
+    named: set[int] = set()
+    for cell in first:
+        for text in re.findall(r"Figs?\. ([\d ,toand]+)", cell):
+            numbers = [int(n) for n in re.findall(r"\d+", text)]
+            named |= set(range(numbers[0], numbers[-1] + 1)) if " to " in text else set(numbers)
+    assert set(figures) <= named
+    assert "{{" not in page
+    for row in found:
+        if len(row) == 5 and row[0] not in ("equation", "item"):
+            assert OF_FILE.fullmatch(row[4]), row  # that it is there: see above

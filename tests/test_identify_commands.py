@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from mrdamp.commands.identify import add_to
 from mrdamp.errors import InputError
 from mrdamp.identify import simulate
 from mrdamp.model import Model
-from mrdamp.records import read_records
+from mrdamp.records import Record, read_record, read_records
 from sine_records import grid, straight
 
 run = caller(add_to)
@@ -42,6 +43,14 @@ def test_identify_with_intervals(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert float(offset.split()[-2]) == pytest.approx(12.0, abs=0.5)
     rows = {line.split()[0]: line.split() for line in text.splitlines() if line.startswith("       ")}
     assert float(rows["fyb"][2]) < 300.0 < float(rows["fyb"][3])
+
+
+def test_what_does_not_follow_the_command_is_one_number(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "model.json"
+    assert run_bingham(folder, "--follows", "fy", "--intervals", "-o", out) == 0
+    p = Model.read(out).parameters
+    assert p["c0b"] == 0.0
+    assert p["fyb"] == pytest.approx(300.0, rel=0.2)  # with what follows in truth of c0
 
 
 def test_no_extras_are_none(folder: Path, tmp_path: Path) -> None:
@@ -158,14 +167,54 @@ def test_json_of_the_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert found["held_out"] == ["0.3A_4mm", "0.3A_8mm", "0.9A_4mm", "0.9A_8mm"]
 
 
-def test_calibrate_on_the_embedded_tests(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "c.png"
-    assert run("calibrate", "--picture", picture) == 0
+def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A charge of known sensitivity and lag: 2 degrees of lag are an error of sin 2, whatever the paper's 90 is."""
+    dt, lag, size = 1e-3, math.radians(2.0), 800.0
+    t = dt * np.arange(6000)
+    tests, records = tmp_path / "tests", tmp_path / "records"
+    tests.mkdir()
+    records.mkdir()
+    for k, hz in enumerate((1.0, 2.0, 4.0)):
+        w = 2 * np.pi * hz
+        columns = {
+            "time_s": t,
+            "reference_force_N": size * np.sin(w * t),
+            "charge_pC": -158.248 * math.cos(lag) * size * np.sin(w * t - lag),
+        }
+        rows = np.column_stack(list(columns.values()))
+        np.savetxt(tests / f"{k}.csv", rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+        extra = {"displacement_m": 1e-3 * np.cos(w * t), "command": np.full(len(t), 0.5 * (k > 0))}
+        Record(f"r{k}", None, dt, {**extra, **columns}).save(records / f"r{k}.csv")
+    assert run("calibrate", tests, "--records", records, "-o", tmp_path / "out") == 0
     text = capsys.readouterr().out
-    assert text.count("pC/N") >= 17
-    assert "mean sensitivity -159.4" in text
+    assert "mean sensitivity -158.25 pC/N, delta_1 with it 3.49 %" in text
+    assert "command      0.5    3.49 %   3.49 %  2 records  the paper's damper 2.30 %" in text
+    made = read_record(tmp_path / "out" / "records" / "r1.csv")
+    error = made.channel("force_N") - made.channel("reference_force_N")
+    assert np.sqrt(2 * np.mean(error**2)) == pytest.approx(size * math.sin(lag), rel=1e-4)
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert page.count("<svg") == 4
+    alone = {name: made.channel(name) for name in ("displacement_m", "command", "charge_pC")}
+    Record("alone", None, dt, alone).save(tmp_path / "alone.csv")
+    assert run("calibrate", tests, "--records", tmp_path / "alone.csv", "-o", tmp_path / "out") == 0
+    assert read_record(tmp_path / "out" / "records" / "alone.csv").n == made.n
+    with pytest.raises(InputError, match="is an input; another folder"):
+        run("calibrate", tests, "--records", tmp_path / "out" / "records", "-o", tmp_path / "out")
+    with pytest.raises(InputError, match="no record has both force_N and reference_force_N"):
+        run("calibrate", tests, "--records", folder)
+    with pytest.raises(InputError, match="is a file; a folder is written"):
+        run("calibrate", "-o", records / "r0.csv")
+
+
+def test_the_embedded_sensor(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its generator's leakage of 45 s; the paper's five currents beside its five values."""
+    assert run("calibrate") == 0
+    text = capsys.readouterr().out
     assert "charge leakage: time constant 4" in text
-    assert picture.stat().st_size > 5000
+    rows = [line.split() for line in text.splitlines() if "the paper's damper" in line]
+    assert [(row[1], row[-2]) for row in rows] == [
+        ("0", "3.89"), ("0.25", "2.70"), ("0.5", "2.30"), ("0.75", "2.46"), ("1", "2.39"),
+    ]  # fmt: skip
 
 
 def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
@@ -183,6 +232,12 @@ def test_bad_requests_are_told(folder: Path, tmp_path: Path) -> None:
         run("table1", tmp_path / "none")
     with pytest.raises(InputError, match=r"\.svg, \.png or \.pdf"):
         run("calibrate", "--picture", tmp_path / "c.bmp")
+    with pytest.raises(InputError, match="--cutoff-force needs a --cutoff"):
+        run("table1", folder, "--cutoff-force")
+    with pytest.raises(InputError, match="of a table: paper"):
+        run("table1", folder, "--follows", "c0")
+    with pytest.raises(InputError, match="no coefficient k1 that may follow the command; allowed: c0, fy"):
+        run_bingham(folder, "--follows", "k1", "-o", tmp_path / "m.json")
 
 
 def test_units_are_doubted_before_the_fit(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

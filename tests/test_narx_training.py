@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from mrdamp.narx.evaluation import evaluate, force_at_rest, free_run_error, free
 from mrdamp.narx.network import Network
 from mrdamp.narx.problems import OneStep
 from mrdamp.narx.prune import draw_pruning, prune
-from mrdamp.narx.select import Candidate, Choice, Effort, draw_choice, select
+from mrdamp.narx.select import Candidate, Choice, Effort, Trial, as_good, draw_choice, select, try_candidate
 from mrdamp.narx.train import FitNarx, blank, train_narx
 from mrdamp.records import Record, embedded
 from mrdamp.simulation.stepping import drive_rig
@@ -67,6 +68,17 @@ def test_it_stays_bounded_and_accurate_over_ten_times_the_training_length(traine
     late = slice(n // 2, None)
     assert np.std(force[late] - truth[late]) < 0.06 * np.std(truth)
     assert np.max(np.abs(force)) < 1.5 * np.max(np.abs(truth))
+
+
+def test_a_candidate_is_judged_by_its_best_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stage that wrecks the network leaves the error of the stage before it."""
+    candidate = Candidate("vF", 2, (3,))
+    effort = Effort(initialisations=1, one_step_iterations=20, horizons=())
+    before = try_candidate(candidate, TRAIN, VALIDATION, effort, 0)
+    wrecked = lambda net, train, p, horizon, **_: replace(p, theta=np.full_like(p.theta, 3.0))  # noqa: E731
+    monkeypatch.setattr(import_module("mrdamp.narx.select"), "refine", wrecked)
+    after = try_candidate(candidate, TRAIN, VALIDATION, replace(effort, horizons=(20, 100)), 0)
+    assert after.validation_free == before.validation_free
 
 
 @pytest.mark.parametrize("dt", [7e-4, 2.6e-3])
@@ -142,6 +154,23 @@ def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tm
         choose(cache=cache)
 
 
+def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors of three seeds, given by hand: medians .10, .09 and .30; .25 to .31 does not overlap .08 to .12."""
+    errors = {1: (0.10, 0.08, 0.40), 2: (0.08, 0.12, 0.09), 3: (0.31, 0.30, 0.25)}
+
+    def tried(c: Candidate, train: object, validation: object, effort: object, seed: int) -> Trial:
+        return Trial(c, 0.0, 0.0, 0.0, errors[c.lags][seed - 7], 1.0, 9)
+
+    monkeypatch.setattr(import_module("mrdamp.narx.select"), "try_candidate", tried)
+    found = select(
+        TRAIN, VALIDATION, sets=("vF",), lags=(1, 2, 3), units=(4,), start=Candidate("", 1, (4,)), seed=7, seeds=3
+    )
+    assert [t.validation_free for t in found.lags] == pytest.approx([0.10, 0.09, 0.30])
+    assert found.candidate.lags == 2
+    assert found.lags[1].span("free_run") == (0.08, 0.12)
+    assert [t.candidate.lags for t in as_good(found.lags, "free_run")] == [1, 2]
+
+
 @pytest.fixture(scope="module")
 def large() -> FitNarx:
     """More units than records with 30 N of noise determine."""
@@ -181,6 +210,22 @@ def test_pruning_finds_a_smaller_network_that_is_as_good(large: FitNarx, method:
     lines = draw_pruning(pruned).axes[0].lines
     drawn = np.asarray(lines[0].get_xdata(), dtype=float)
     np.testing.assert_array_equal(drawn, [step.weights for step in pruned.steps])
+
+
+def test_a_retraining_that_spoils_a_pruned_network_is_not_kept(
+    large: FitNarx, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = import_module("mrdamp.narx.prune")
+    train, done = module.minimise, []
+
+    def spoils(*how: Any, **more: Any) -> Any:
+        done.append(train(*how, **more))
+        return done[-1] if len(done) == 1 else replace(done[-1], theta=3.0 * done[-1].theta)
+
+    monkeypatch.setattr(module, "minimise", spoils)
+    steps = prune(large.network, TRAIN, VALIDATION, share=0.03, horizon=50, most=1200, iterations=4).steps
+    assert steps[2].weights < steps[1].weights
+    assert steps[2].free_run < 1.2 * steps[1].free_run
 
 
 def test_protocol_cuts_one_record_into_stretches_without_a_common_sample() -> None:

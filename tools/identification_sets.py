@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 LAWS = ("bingham", "hyperbolic_tangent", "bouc_wen", "modified_bouc_wen")
 VARYING = "sine_5.0Hz_2.5mm_random_current"
@@ -23,9 +23,8 @@ class Row:
 class Table:
     """Models evaluated on the same held-out records, under one protocol.
 
-    cutoff: Hz, low-pass of the displacement. command: of the constant protocol. sample_time: s; evaluated at this
-    rate too, all channels low-passed. without: part of names; evaluated without these records too. one_step:
-    networks are also evaluated one step ahead.
+    cutoff: Hz, low-pass of the displacement. sample_time: s; evaluated at this rate too, all channels low-passed.
+    without: part of names; evaluated without these records too. one_step: networks are also evaluated one step ahead.
     """
 
     title: str
@@ -33,7 +32,6 @@ class Table:
     rows: tuple[Row, ...]
     cutoff: float | None = None
     protocol: str = "records"
-    command: float | None = None
     sample_time: float | None = None
     without: str = ""
     one_step: bool = False
@@ -67,32 +65,6 @@ def _laws(marks: Sequence[float | None], *options: str, suffix: str = "", note: 
 _NONE = (None, None, None, None)
 _CUT = ("--protocol", "varying", "--record", VARYING)
 _EFFECTS = ("--extras", "offset", "driver_lag", "saturation", "gas_spring", "channel_shift")
-
-
-def _constant(command: float, text: str, *smaller: Row) -> Table:
-    """The self-sensing paper's first protocol, at one current: each current has a model of its own.
-
-    smaller: another network.
-    """
-    options = ("--protocol", "constant", "--command", f"{command:g}")
-    return Table(
-        f"Constant current, {command:g} A",
-        "The self-sensing paper's other protocol: only the records of one current. " + text,
-        (
-            *(
-                Row(name, f"constant_{command:g}_{file}", ("--law", law, *options))
-                for name, file, law in (
-                    ("Bouc-Wen", "bouc_wen", "bouc_wen"),
-                    ("modified Bouc-Wen", "plain", "modified_bouc_wen"),
-                    ("network 10-9-1", "narx", "narx"),
-                )
-            ),
-            *(replace(row, arguments=(*row.arguments, *options)) for row in smaller),
-        ),
-        protocol="constant",
-        command=command,
-        one_step=True,
-    )
 
 
 _EMBEDDED = Page(
@@ -133,21 +105,10 @@ _EMBEDDED = Page(
             protocol="varying",
             one_step=True,
         ),
-        _constant(
-            0.0,
-            "2.5 and 5 Hz sines to fit to. The held-out sine has twice their speed, where every network "
-            "leaves its training range. The paper's network with four lags has weights that these sines do"
-            " not determine, and its error is larger than the laws'. A network with a single lag has no "
-            "such weights, and its error is the smallest.",
-            Row("network 4-3-1", "constant_0_small", ("--law", "narx", "--lags", "1", "--hidden", "3")),
-        ),
-        _constant(0.5, "Fitted to a sine and a triangle, evaluated on another frequency of each."),
-        _constant(1.0, "Fitted to 1 and 2.5 Hz sines, evaluated on another frequency and amplitude."),
     ),
     ("cut_narx", "cut_chosen"),
     (
         ("triangle_2.5Hz_2.5mm_random_current", ("cut_plain", "cut_effects", "cut_narx")),
-        ("triangle_2.5Hz_5.0mm_0.50A", ("constant_0.5_bouc_wen", "constant_0.5_plain", "constant_0.5_narx")),
         ("sine_1.0Hz_10.0mm_0.75A", ("hyperbolic_tangent", "bouc_wen", "modified_bouc_wen", "narx")),
     ),
 )

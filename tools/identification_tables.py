@@ -24,12 +24,11 @@ from PIL import Image
 
 from mrdamp.cli import main as mrdamp
 from mrdamp.identify import error, identify, pooled, simulate
-from mrdamp.identify.comparison import row_of
 from mrdamp.model import Model
 from mrdamp.narx.data import series
 from mrdamp.narx.evaluation import one_step_error
 from mrdamp.narx.network import Network
-from mrdamp.narx.splits import at_constant_command, cut_varying
+from mrdamp.narx.splits import cut_varying
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet, embedded, read_records
 
@@ -79,11 +78,9 @@ def table(
     records = records_of(name, data, t.cutoff)
     if t.protocol == "varying":
         records = cut_varying(records, VARYING)
-    elif t.protocol == "constant":
-        records = at_constant_command(records, t.command)
     lines = [f"## {t.title}", "", t.text, "", "```"]
     lines += ["mrdamp " + shlex.join(command(name, row, t.cutoff, "records")) for row in t.rows] + ["```", ""]
-    head = ["model", "fitted records", "held-out records", "E_x", "E_v"]
+    head = ["model", "fitted records", "held-out records"]
     head += ["held out at the network's rate"] if t.sample_time else []
     head += [f"without {t.without}"] if t.without else []
     head += ["held out, one step ahead"] if t.one_step else []
@@ -95,8 +92,7 @@ def table(
         model = models[row.file]
         fitted, new = ([error(model, r) for r in half] for half in (records.train, records.validation))
         by_record[row.name] = {e.record: e.nrmse for e in new}
-        norms = row_of("", {r.name: simulate(model, r) for r in records.validation}, records.validation).norms
-        values: list[float | None] = [pooled(fitted), pooled(new), norms.e_x, norms.e_v]
+        values: list[float | None] = [pooled(fitted), pooled(new)]
         if t.sample_time:
             values.append(pooled([error(model, slower(r, t.sample_time)) for r in records.validation]))
         if t.without:

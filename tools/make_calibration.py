@@ -72,19 +72,23 @@ def test(frequency: float, amplitude: float, seed: int) -> dict[str, Array]:
     angle = 2 * np.pi * frequency * t
     ramp = np.minimum(1.0, t * frequency / 0.5)
     swing = amplitude * ramp * (np.sin(angle) + 0.006 * np.sin(3 * angle + 0.4))
+    time, cell, charge = sensed(swing, amplitude, dt, FINE, PRELOAD, seed)
+    return {"time_s": time, "reference_force_N": cell, "charge_pC": charge}
+
+
+def sensed(
+    swing: Array, amplitude: float, dt: float, fine: int, preload: float, seed: int
+) -> tuple[Array, Array, Array]:
+    """Time (n,) s, load cell (n,) N and charge (n,) pC at every `fine`-th step of a force (m,) N of steps dt (s)."""
     lagging = np.mean([play(swing, w * amplitude) for w in PLAYS], axis=0)
     charge = K_0 * (1 + RAYLEIGH_GAIN * amplitude) * ((1 - RAYLEIGH_LOSS) * swing + RAYLEIGH_LOSS * lagging)
     leaked = charge - low_pass(charge, TAU, dt)  # the high-pass that leakage is
-    meter, cell = low_pass(leaked, TAU_METER, dt)[::FINE], low_pass(swing, TAU_CELL, dt)[::FINE] + PRELOAD
-    rng, time = np.random.default_rng(seed), t[::FINE]
+    meter, cell = low_pass(leaked, TAU_METER, dt)[::fine], low_pass(swing, TAU_CELL, dt)[::fine] + preload
+    rng, time = np.random.default_rng(seed), dt * np.arange(len(swing), dtype=float)[::fine]
     hum = 2 * np.pi * 50.0 * time + rng.uniform(0, 2 * np.pi)
     force = cell + HUM_F * np.sin(hum) + NOISE_F * rng.standard_normal(len(time))
     q = meter + HUM_Q * np.sin(hum + 1.0) + NOISE_Q * rng.standard_normal(len(time))
-    return {
-        "time_s": time,
-        "reference_force_N": np.round(force / STEP_F) * STEP_F,
-        "charge_pC": np.round(q / STEP_Q) * STEP_Q,
-    }
+    return time, np.asarray(np.round(force / STEP_F) * STEP_F), np.asarray(np.round(q / STEP_Q) * STEP_Q)
 
 
 def main(folder: Path) -> None:

@@ -148,14 +148,14 @@ def elements(x: float, v: float, state: Array) -> tuple[float, float, float]:
     return flow, bristle, fluid + seal + gas
 
 
-def simulate(trial: Trial) -> tuple[Array, Array, Array, Array]:
-    """Time, displacement, command and force (n,) at the record's rate, free of noise.
+def simulate(trial: Trial, rate: float = RATE) -> tuple[Array, Array, Array, Array]:
+    """Time, displacement, command and force (n,) at a rate (Hz), free of noise.
 
     LSODA is within 0.003 N of a Runge-Kutta run at 50 kHz. SciPy's Radau and BDF are not: their
     finite-difference Jacobian is poor where states are near zero (several newton of error at the same
     tolerance).
     """
-    time = np.arange(round(trial.duration * RATE)) / RATE
+    time = np.arange(round(trial.duration * rate)) / rate
     command = np.array([trial.command(t) for t in time])
 
     def rates(t: float, state: Array) -> list[float]:

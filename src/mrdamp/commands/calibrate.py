@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import Picture, save_picture
+from mrdamp.commands.identify_json import to_text, words
+from mrdamp.commands.output import OutFolder, Picture
+from mrdamp.commands.record_options import add_json
+from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
+    from mrdamp.identify.calibration import Calibration, CalibrationTest, SensingRow
     from mrdamp.records import Record
 
 
@@ -20,8 +25,8 @@ def add_calibrate(commands: Any) -> None:
         commands,
         "calibrate",
         run_calibrate,
-        "the piezoelectric force sensor: sensitivity, phase and leakage from charge, and its error per current",
-        "mrdamp calibrate tests/ --records records/",
+        "the piezoelectric force sensor: sensitivity, phase and leakage, and the force of records from their charge",
+        "mrdamp calibrate tests/ --records records/ -o out/sensor",
     )
     p.add_argument(
         "tests", nargs="*", type=Path, help="CSV files or a folder (default: the 16 embedded tests)"
@@ -29,7 +34,8 @@ def add_calibrate(commands: Any) -> None:
     p.add_argument(
         "--records",
         type=Path,
-        help="damper records with force_N and reference_force_N (default: embedded, for the embedded tests)",
+        help="damper records; those with charge_pC get their force_N from it, and with reference_force_N its error"
+        " (default: the set self_sensing, for the embedded tests)",
     )
     p.add_argument(
         "--cutoff",
@@ -37,21 +43,67 @@ def add_calibrate(commands: Any) -> None:
         help="Hz, low-pass; 0 is none (default: 20, or four times a test's frequency where that is more)",
     )
     p.add_argument("--picture", type=Picture, help="sensitivities by frequency (.svg, .png or .pdf)")
+    p.add_argument("--put-back", action="store_true", help="add the leaked charge again in the records' force")
+    p.add_argument(
+        "-o", "--out", type=OutFolder, help="folder to write: index.html, and records/ with the force from the charge"
+    )
+    add_json(p)
 
 
 def run_calibrate(a: argparse.Namespace) -> int:
     """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
-    import numpy as np
+    with words(a.json):
+        report = _calibrated(a)
+    if a.json:
+        print(to_text(report))
+    return 0
 
+
+def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
+    """What `--json` prints."""
     from mrdamp.identify import calibration
-    from mrdamp.pictures.identification import sensitivities
-    from mrdamp.records import embedded, read_records
+    from mrdamp.records import read_record, read_records
 
+    if a.out and a.out.is_file():
+        raise InputError(f"{a.out}: is a file; a folder is written")
     if a.tests:
         tests = calibration.read_tests(a.tests[0] if len(a.tests) == 1 else a.tests)
     else:
         tests = calibration.embedded_tests()
     found = calibration.calibrate(tests, a.cutoff)
+    _sensor(found)
+    source = a.records or (None if a.tests else "self_sensing")
+    # A set divides a file that is alone in two.
+    given = [read_record(source)] if source and Path(source).is_file() else read_records(source) if source else ()
+    records = [
+        calibration.with_force(r, found, a.put_back) if "charge_pC" in r.channels else r for r in given
+    ]
+    # Without a load cell there is a force all the same; with neither cell nor charge there is nothing to do.
+    cell = any("reference_force_N" in r.channels for r in records)
+    charged = any("charge_pC" in r.channels for r in records)
+    rows = calibration.sensing_by_command(records) if records and (cell or not charged) else []
+    if rows:
+        print("own force against the load cell, delta_2 of Eq. (4), as recorded and with both low-passed at 20 Hz:")
+    for row in rows:
+        paper = calibration.PAPER_DELTA_2.get(-1.0 if row.command is None else row.command)
+        said = f"  the paper's damper {100 * paper:.2f} %" if paper else ""
+        print(f"  command {_name(row):>8s}  {100 * row.delta_2:6.2f} % {100 * row.filtered:6.2f} %"
+              f"  {row.records} records{said}")  # fmt: skip
+    if a.out:
+        _write(a.out, tests, found, records, rows)
+        print(f"page: {a.out / 'index.html'}")
+    report = asdict(found) | {"sensing": [asdict(row) for row in rows]}
+    for test in report["tests"]:
+        del test["gain"]  # a complex number; amplitude and phase are beside it
+    return report
+
+
+def _sensor(found: Calibration) -> None:
+    """Prints the calibration's tests and the sensor's response."""
+    import numpy as np
+
+    from mrdamp.identify.calibration import PAPER_DELTA_1, PAPER_SENSITIVITY
+
     print(f"{'frequency':>12s} {'amplitude':>10s} {'k, Eq. (1)':>14s} {'delta_1':>8s} {'phase':>8s}")
     for t in found.tests:
         print(
@@ -59,7 +111,7 @@ def run_calibrate(a: argparse.Namespace) -> int:
             f" {100 * t.delta_1:6.2f} % {t.phase:6.2f} deg"
         )
     print(f"mean sensitivity {found.sensitivity:.2f} pC/N, delta_1 with it {100 * found.delta_1:.2f} %"
-          " (the paper's sensor: -158.248 pC/N, 2.35 %)")  # fmt: skip
+          f" (the paper's sensor: {PAPER_SENSITIVITY} pC/N, {100 * PAPER_DELTA_1:.2f} %)")  # fmt: skip
     if found.leakage_tau and found.delay and found.loss_angle and found.dynamic_sensitivity:
         print("sensitivity above the leakage, by amplitudes: {:.2f} pC/N, 95 % {:.2f} to {:.2f}".format(
             *found.dynamic_sensitivity))  # fmt: skip
@@ -76,20 +128,65 @@ def run_calibrate(a: argparse.Namespace) -> int:
         print("lag at every frequency: {:.3f} degree, 95 % {:.3f} to {:.3f}".format(*found.loss_angle))
     else:
         print("phase, leakage and delay cannot be told apart: tests at three frequencies are needed")
-    if a.records or not a.tests:
-        _sensing((read_records(a.records) if a.records else embedded()).records)
-    if a.picture:
-        data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
-        nominal = np.round(data[1], -2)
-        save_picture(sensitivities(data[0], nominal, data[2], data[3], found.sensitivity), a.picture)
-    return 0
 
 
-def _sensing(records: Sequence[Record]) -> None:
-    from mrdamp.identify import calibration
+def _name(row: SensingRow) -> str:
+    return "varying" if row.command is None else f"{row.command:g}"
 
-    rows = calibration.sensing_by_command(records)
-    print("own force against the load cell, delta_2 of Eq. (4) (the paper: 3.89 % at 0 A to 2.30 % at .5 A):")
-    for row in rows:
-        name = "varying" if row.command is None else f"{row.command:g}"
-        print(f"  command {name:>8s}  {100 * row.delta_2:6.2f} %  {row.records} records")
+
+def _write(
+    folder: Path, tests: Sequence[CalibrationTest], found: Calibration, records: Sequence[Record],
+    rows: Sequence[SensingRow],
+) -> None:  # fmt: skip
+    """The page, with Figs. 3 to 5 of the self-sensing paper, and the records with their force from the charge."""
+    import numpy as np
+
+    from mrdamp.identify.calibration import PAPER_DELTA_2
+    from mrdamp.pictures import sensing
+    from mrdamp.pictures.identification import sensitivities
+    from mrdamp.report import Page
+
+    page = Page(
+        "The damper's own force sensor",
+        f"{found.sensitivity:.2f} pC/N from {len(tests)} tests, delta_1 with it {100 * found.delta_1:.2f} %.",
+    )
+    head = ("test", "frequency (Hz)", "amplitude (N)", "k (pC/N)", "delta_1 (%)", "phase (deg)")
+    page.table("Calibration", head, [
+        (t.name, t.frequency, t.amplitude, t.sensitivity, 100 * t.delta_1, t.phase) for t in found.tests
+    ], "Sensitivity by Eq. (1) and its deviation by Eq. (2). The phase is that of the charge against the force, its"
+       " sign taken off; a charge that lags by an angle has the sine of it as delta_1.")  # fmt: skip
+    data = np.array([(t.frequency, t.amplitude, t.sensitivity, t.delta_1) for t in found.tests]).T
+    page.figure(
+        "", sensitivities(data[0], np.round(data[1], -2), data[2], data[3], found.sensitivity),
+        "Sensitivity and deviation of each test.", "Sensitivities over the frequency.",
+    )  # fmt: skip
+    test: CalibrationTest = tests[len(tests) // 2]
+    time = test.sample_time * np.arange(len(test.force), dtype=float)
+    page.figure("", sensing.calibration_signals(time, test.force, test.charge),
+                f"Force and charge of the test {test.name}.", "Force and charge over time.")  # fmt: skip
+    if rows:
+        page.table("Force from the charge", ("command", "delta_2 (%)", "at 20 Hz (%)", "records", "paper (%)"), [
+            (_name(r), 100 * r.delta_2, 100 * r.filtered, r.records,
+             100 * PAPER_DELTA_2[r.command] if r.command in PAPER_DELTA_2 else None) for r in rows
+        ], "Against the load cell, Eq. (4): as recorded, and with both forces low-passed at 20 Hz.")  # fmt: skip
+    both = [r for r in records if {"force_N", "reference_force_N"} <= set(r.channels)]
+    strongest: dict[float, Record] = {}
+    for r in sorted(both, key=lambda r: float(np.std(r.channel("force_N")))):
+        strongest[float(np.round(np.median(r.command), 3))] = r
+    if strongest:
+        late = {f"{u:g}, {r.name}": r.part(r.time[r.n // 2], r.time[-1]) for u, r in sorted(strongest.items())}
+        page.figure("", sensing.force_histories({
+            name: (r.time, r.channel("reference_force_N"), r.channel("force_N")) for name, r in late.items()
+        }), "The load cell and the damper's own sensor, the strongest record of each command.", "Forces over time.")
+        page.figure("", sensing.loops_by_command({
+            name: (r.displacement, r.velocity(), r.channel("force_N")) for name, r in late.items()
+        }), "The damper's own force, the same records.", "Force over displacement and over velocity.")
+    made = {folder / "records" / f"{r.name}.csv": r for r in records if "charge_pC" in r.channels}
+    if len(made) < sum("charge_pC" in r.channels for r in records):
+        raise InputError(f"{folder / 'records'}: two records have one name; rename one")
+    if written := next((path for path, r in made.items() if r.path and path.resolve() == r.path.resolve()), None):
+        raise InputError(f"{written}: is an input; another folder is needed with -o")
+    (folder / "records" if made else folder).mkdir(parents=True, exist_ok=True)
+    for path, r in made.items():
+        r.save(path)
+    page.write(folder / "index.html")

@@ -1,4 +1,4 @@
-"""The commands `mrdamp identify` and `table1`; `calibrate` is in its own module.
+"""The command `mrdamp identify`; `table1` and `calibrate` have modules of their own.
 
 `add_to(commands)` registers the three on the subparsers of `mrdamp.cli`; each sets `run`, a function of the parsed
 arguments that returns an exit code and raises InputError for bad input.
@@ -7,16 +7,17 @@ arguments that returns an exit code and raises InputError for bad input.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from mrdamp.commands import HOLD, add_command, seed
+from mrdamp.commands import HOLD, add_command
 from mrdamp.commands.calibrate import add_calibrate
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, of_table, to_text, words
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
 from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture
+from mrdamp.commands.record_options import add_json, add_records, add_signals, follows, read, show_progress
+from mrdamp.commands.table1 import add_table1
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def add_identify(commands: Any) -> None:
     about = "fit a law, or a network, to records; evaluated in free run on held-out records"
     example = "mrdamp identify records/ --law bouc_wen --intervals -o model.json"
     p = add_command(commands, "identify", run_identify, about, example)
-    _add_records(p, f"; {AUTO}: those that left-out records pay for")
+    add_records(p, f"; {AUTO}: those that left-out records pay for")
     p.add_argument(
         "--law",
         default="modified_bouc_wen",
@@ -54,7 +55,9 @@ def add_identify(commands: Any) -> None:
         help="how coefficients follow the command: constant, linear (default), quadratic, saturating,"
         " quadratic_saturating, or compare for all",
     )
-    laws.add_argument("--by-command", action="store_true", help="one fit per constant command, then lines")
+    laws.add_argument(
+        "--by-command", action="store_true", help="values at each constant command, then lines through them"
+    )
     laws.add_argument(
         "--intervals", action="store_true", help="95 %% intervals by bootstrap, and what is not identifiable"
     )
@@ -84,53 +87,11 @@ def add_identify(commands: Any) -> None:
         " and pruning (.svg, .png or .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
-    _add_cutoff(p)
+    add_signals(p)
     p.add_argument("-o", "--out", type=OutFile, required=True, help="model file to write")
-    _add_json(p)
+    add_json(p)
     add_protocol_options(p)
     add_narx_options(p)
-
-
-def add_table1(commands: Any) -> None:
-    """Adds `table1`."""
-    p = add_command(
-        commands,
-        "table1",
-        run_table1,
-        "Bingham, Bouc-Wen, hyperbolic tangent and a network on one record set: the foam-damper paper's Table 1",
-        "mrdamp table1 records/ --picture loops.svg",
-    )
-    _add_records(p)
-    p.add_argument("--dependence", help="how coefficients follow the command (default: linear)")
-    p.add_argument(
-        "--network", type=Path, help="model file of a network (default: the paper's 10-4-1 is trained)"
-    )
-    p.add_argument("--no-network", action="store_true", help="leave the network out")
-    p.add_argument("--jobs", "--workers", dest="workers", type=int, default=1, help="processes for the network")
-    p.add_argument("--starts", type=int, default=4)
-    p.add_argument("--picture", type=Picture, help="loops of all models over each other (.svg, .png or .pdf)")
-    p.add_argument("--record", help="the held-out record that the picture shows (default: the largest force)")
-    _add_json(p)
-    _add_cutoff(p)
-
-
-def _add_records(p: argparse.ArgumentParser, more: str = "") -> None:
-    p.add_argument(
-        "records", nargs="*", type=Path, help="record files, or one folder (default: the embedded set)"
-    )
-    about = f"effects fitted along (default: offset; without a name: none){more}"
-    p.add_argument("--extras", nargs="*", default=["offset"], help=about)
-    p.add_argument("--seed", type=seed, default=0)
-
-
-def _add_json(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--json", action="store_true", help="print JSON; the words go to stderr")
-
-
-def _add_cutoff(p: argparse.ArgumentParser) -> None:
-    p.add_argument(
-        "--cutoff", type=float, help="Hz, zero-phase low-pass of the measured displacement (default: none)"
-    )
 
 
 def run_identify(a: argparse.Namespace) -> int:
@@ -144,7 +105,7 @@ def run_identify(a: argparse.Namespace) -> int:
         given = [name for name, default in a.of_networks.items() if getattr(a, name) != default]
         if a.law != "narx" and given:
             raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
-        records = _records(a.records, a.cutoff)
+        records = read(a)
         warnings = warnings_of(records.records)
         for warning in warnings:
             print(f"check: {warning}", flush=True)
@@ -161,7 +122,7 @@ def run_identify(a: argparse.Namespace) -> int:
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.diagnosis.form import form_of
-    from mrdamp.identify import compare_dependences, identify
+    from mrdamp.identify import compare_dependences, error, identify
     from mrdamp.identify.comparison import loops_of
     from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
@@ -173,6 +134,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
             ("--by-command", a.by_command),
             ("--intervals", a.intervals),
             ("--dependence", a.dependence),
+            ("--follows", a.follows),
         ):
             if value:
                 raise InputError(f"{flag} is for laws; a network (--law narx) has no parameters of that kind")
@@ -189,7 +151,8 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         "starts": a.starts,
         "seed": a.seed,
         "hold": HOLD.get(a.hold),
-        "progress": _show_progress,
+        "follows": follows(a),
+        "progress": show_progress,
     }
     fits: dict[str, Fit] = {}
     if a.dependence == "compare":
@@ -202,17 +165,18 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
             )
         chosen = min(fits, key=lambda name: fits[name].held_out_nrmse)
         print(f"  taken: {chosen}")
-        fit = fits[chosen]
+        fit = fits[chosen]  # test records judge it; they do not choose it
+        fit = replace(fit, held_out=tuple(error(fit.model, record) for record in records.held_out))
     else:
-        fit = identify(a.law, records.train, records.validation, dependence=a.dependence, **common)
+        fit = identify(a.law, records.train, records.held_out, dependence=a.dependence, **common)
     check_explained(records.train, fit.train_nrmse)
     if auto:
-        form = form_of(fit.model, records.train, threads=a.workers, progress=_show_progress)
+        form = form_of(fit.model, records.train, threads=a.workers, progress=show_progress)
         print("\n".join(form.lines()))
         fit = form.applied(fit, records)
     write_identified(fit.model, records, a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
-    if said := unexplained(records.validation, fit.held_out_nrmse):
+    if said := unexplained(records.held_out, fit.held_out_nrmse):
         print(f"  fitted records {fit.train_nrmse:.3f}; the held-out records do not judge it:")
         print(f"  {said}")
     else:
@@ -220,68 +184,19 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         _errors(fit.train, "fitted")
         _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
-    checks = findings(fit, records.train, records.validation)
+    checks = findings(fit, records.train, records.held_out)
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
-        save_picture(loops_of(fit.model, records.validation or records.train), a.picture)
+        save_picture(loops_of(fit.model, records.held_out or records.train), a.picture)
     print(f"model: {a.out}")
     return of_fit(fit, left, rows, fits) | {"checks": checks}
-
-
-def run_table1(a: argparse.Namespace) -> int:
-    """Prints the table and writes the picture."""
-    with words(a.json):
-        report = _table1(a)
-    if a.json:
-        print(to_text(report))
-    return 0
-
-
-def _table1(a: argparse.Namespace) -> dict[str, Any]:
-    """What `--json` prints."""
-    from mrdamp.identify import simulate
-    from mrdamp.identify.comparison import paper_network, table_1
-    from mrdamp.model import Model
-
-    if a.starts < 1 or a.workers < 1:
-        raise InputError("--starts and --jobs must be at least 1")
-    records = _records(a.records, a.cutoff)
-    others = {}
-    if a.network:
-        network = Model.read(a.network)
-    elif not a.no_network:
-        with progress_bar() as progress:
-            network = paper_network(records, seed=a.seed, workers=a.workers, progress=progress).model
-    if not a.no_network:
-        others["network"] = {r.name: simulate(network, r) for r in records.validation}
-    table = table_1(
-        records,
-        others=others,
-        extras=a.extras,
-        dependence=a.dependence,
-        starts=a.starts,
-        seed=a.seed,
-        progress=_show_progress,
-    )
-    print(
-        f"{records.name}: free run on {len(records.validation)} held-out records; E_x and E_v in the paper's cm"
-    )
-    print(
-        f"{'model':20s} {'E_t':>8s} {'E_x':>8s} {'E_v':>8s} {'NRMSE':>8s}   {'paper E_t':>9s} {'E_x':>8s} {'E_v':>8s}"
-    )
-    for row in table.rows:
-        n, p = row.norms, row.paper
-        paper = f"{p.e_t:9.4f} {p.e_x:8.4f} {p.e_v:8.4f}" if p else ""
-        print(f"{row.model:20s} {n.e_t:8.4f} {n.e_x:8.4f} {n.e_v:8.4f} {row.nrmse:8.4f}   {paper}")
-    if a.picture:
-        save_picture(table.picture(a.record), a.picture)
-    return of_table(table)
 
 
 def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     import numpy as np
 
+    from mrdamp.identify import pooled
     from mrdamp.identify.by_command import identify_by_command
     from mrdamp.identify.provenance import write_identified
     from mrdamp.model.core import attributes
@@ -290,24 +205,26 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     found = identify_by_command(
         a.law,
         records.train,
-        records.validation,
+        records.held_out,
         extras=a.extras,
+        follows=follows(a),
         starts=a.starts,
         seed=a.seed,
-        progress=_show_progress,
+        progress=show_progress,
     )
-    write_identified(found.model, records, a.out)
-    print(f"{a.law}: one fit per constant command:")
-    for command, fit in found.fits:
-        print(f"  command {command:8.4g}  {len(fit.train):2d} records  error {fit.train_nrmse:.3f}")
+    fit = found.fit
+    write_identified(fit.model, records, a.out)
+    print(f"{a.law}: values at each constant command, the other parameters the same for all:")
+    for command, _, errors in found.at:
+        print(f"  command {command:8.4g}  {len(errors):2d} records  error {pooled(errors):.3f}")
     print(f"{'parameter':>20s} {'at command 0':>14s} {'slope':>12s} {'scatter':>12s}")
     for line in found.lines:
         print(f"{line.parameter:>20s} {line.zero:14.5g} {line.slope:12.5g} {line.scatter:12.3g}")
-    print(f"law of the lines: held-out error {found.held_out_nrmse:.3f}")
-    _errors(found.held_out, "held out")
+    print(f"law of the lines: fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
+    _errors(fit.held_out, "held out")
     if a.picture:
         units = {row.name: row.unit for row in attributes()}
-        shown = [line for line in found.lines if np.ptp(line.values) > 0]
+        shown = found.lines
         fig = parameter_lines(
             [line.parameter for line in shown],
             [units[line.parameter] for line in shown],
@@ -354,7 +271,7 @@ def _norms(a: argparse.Namespace, records: RecordSet) -> Sequence[RecordNorms]:
     from mrdamp.identify.comparison import record_errors
     from mrdamp.model import Model
 
-    rows = record_errors(Model.read(a.out), records.validation)
+    rows = record_errors(Model.read(a.out), records.held_out)
     print(
         "held out, free run: E_t, E_x, E_v of the foam-damper paper in its cm, delta_2 of the self-sensing paper"
     )
@@ -380,14 +297,3 @@ def _intervals(a: argparse.Namespace, fit: Fit, records: RecordSet) -> Sequence[
 def _errors(errors: Sequence[RecordError], half: str) -> None:
     for error in errors:
         print(f"  {error.record:40s} {half:8s} {error.rmse:9.1f} N  {error.nrmse:6.3f}")
-
-
-def _records(paths: Sequence[Path], cutoff: float | None = None) -> RecordSet:
-    from mrdamp.records import embedded, read_records
-
-    records = embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
-    return records if cutoff is None else records.smoothed(cutoff)
-
-
-def _show_progress(what: str, share: float) -> None:
-    print(f"{100 * share:3.0f} %  {what}", file=sys.stderr, flush=True)

@@ -76,16 +76,20 @@ def of_fit(
 
 
 def of_by_command(found: ByCommand) -> dict[str, Any]:
-    """Of one fit per constant command with lines through the parameters."""
+    """Of values at each constant command with lines through them."""
+    from mrdamp.identify import pooled
+
+    fit = found.fit
     return {
-        "law": found.model.law,
-        "attributes": dict(found.model.attributes),
+        "law": fit.model.law,
+        "attributes": dict(fit.model.attributes),
         "by_command": [
-            {"command": u, "attributes": dict(fit.model.attributes), **_errors(fit.train, fit.train_nrmse)}
-            for u, fit in found.fits
+            {"command": u, "attributes": dict(model.attributes), **_errors(errors, pooled(errors))}
+            for u, model, errors in found.at
         ],
         "lines": [line._asdict() for line in found.lines],
-        "held_out": _errors(found.held_out, found.held_out_nrmse),
+        "fitted": _errors(fit.train, fit.train_nrmse),
+        "held_out": _errors(fit.held_out, fit.held_out_nrmse),
     }
 
 
@@ -164,6 +168,7 @@ def _trial(t: Trial) -> dict[str, Any]:
         "gamma": t.gamma,
         "train": {"free_run_nrmse": t.train_free, "one_step_nrmse": t.train_one},
         "validation": {"free_run_nrmse": t.validation_free, "one_step_nrmse": t.validation_one},
+        "validation_range": {"free_run_nrmse": t.span("free_run"), "one_step_nrmse": t.span("one_step")},
     }
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mrdamp.model import Model
     from mrdamp.narx import Choice, Evaluation, FitNarx, Network, Pruned
     from mrdamp.narx.error_bars import Sufficiency
+    from mrdamp.narx.select import Trial
     from mrdamp.narx.splits import DataSplit
     from mrdamp.records import RecordSet
 
@@ -54,6 +55,12 @@ def add_narx_options(parser: argparse.ArgumentParser) -> None:
     )
     p.add_argument(
         "--by", default="free_run", choices=("free_run", "one_step"), help="error that --select goes by"
+    )
+    p.add_argument(
+        "--seeds",
+        type=int,
+        default=1,
+        help="of --select: trainings of each candidate; the median counts, the range is printed (default: %(default)s)",
     )
     p.add_argument("--max-lags", type=int, default=8, help="of --select (default: %(default)s)")
     p.add_argument("--max-units", type=int, default=25, help="of --select (default: %(default)s)")
@@ -154,9 +161,10 @@ def _splits(a: argparse.Namespace, records: RecordSet) -> DataSplit:
 
 def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Progress) -> Choice:
     from mrdamp.narx import Candidate, select
+    from mrdamp.narx.select import as_good
 
-    if a.max_lags < 1 or a.max_units < 1:
-        raise InputError("--max-lags and --max-units must be at least 1")
+    if min(a.max_lags, a.max_units, a.seeds) < 1:
+        raise InputError("--max-lags, --max-units and --seeds must be at least 1")
     start = Candidate("", 4 if a.lags is None else a.lags, _hidden(a.hidden) or (10,))
     units = sorted({*range(1, min(a.max_units, 10) + 1), *range(10, a.max_units + 1, 5), a.max_units})
     choice = select(
@@ -168,17 +176,25 @@ def _select(a: argparse.Namespace, splits: DataSplit, cache: Path, progress: Pro
         start=start,
         by=a.by,
         seed=a.seed,
+        seeds=a.seeds,
         workers=a.workers,
         cache=cache,
         progress=lambda what, share: progress(f"choice of {what}", share),
     )
     for what, trials in (("inputs", choice.inputs), ("lags", choice.lags), ("hidden units", choice.units)):
         print(f"{what}: error over the force's standard deviation on validation")
-        print(f"  {'':>8s} {'free run':>9s} {'one step':>9s}")
-        for t in trials:
+        print(f"  {'':>8s} {'free run':>9s} {'one step':>9s}" + (f"   {a.by} over the seeds" if a.seeds > 1 else ""))
+
+        def name(t: Trial, what: str = what) -> str:
             c = t.candidate
-            name = {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
-            print(f"  {name:>8s} {_number(t.validation_free)} {_number(t.validation_one)}")
+            return {"inputs": c.channels, "lags": str(c.lags)}.get(what, "-".join(map(str, c.hidden)))
+
+        for t in trials:
+            low, high = t.span(a.by)
+            span = f"   {_number(low)} to {_number(high)}" if a.seeds > 1 else ""
+            print(f"  {name(t):>8s} {_number(t.validation_free)} {_number(t.validation_one)}{span}")
+        if a.seeds > 1:
+            print(f"  not told apart by the seeds: {', '.join(name(t) for t in as_good(trials, a.by))}")
     c = choice.candidate
     print(f"chosen: inputs {c.channels}, lag space {c.lags}, hidden units {'-'.join(map(str, c.hidden))}")
     return choice

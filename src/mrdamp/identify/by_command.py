@@ -1,4 +1,4 @@
-"""The papers' way to a law: one fit for each constant command, then lines through the parameters.
+"""The foam-damper paper's way to a law: values at each constant command, then lines through them.
 
 Zapateiro et al., Eqs. (7) and (8): sets of parameters at constant commands, and those that vary with the command
 taken as p = p_a + p_b u.
@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mrdamp.errors import InputError
-from mrdamp.identify.fit import Fit, RecordError, error, identify, pooled
-from mrdamp.model import Model, effects_from
+from mrdamp.identify.fit import Fit, RecordError, error, identify, model_of
+from mrdamp.model import Model
 from mrdamp.records import Record
 
 Progress = Callable[[str, float], None]
@@ -36,18 +36,11 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class ByCommand:
-    """Fits at constant commands, the lines through their parameters, and the law that the lines make."""
+    """The law of the lines, as a fit; the lines; and the law at each constant command with its errors by record."""
 
-    fits: tuple[tuple[float, Fit], ...]
+    fit: Fit
     lines: tuple[Line, ...]
-    model: Model
-    train: tuple[RecordError, ...]
-    held_out: tuple[RecordError, ...]
-
-    @property
-    def held_out_nrmse(self) -> float:
-        """RMS error over the standard deviation of the force of the law of lines, held-out records pooled."""
-        return pooled(self.held_out)
+    at: tuple[tuple[float, Model, tuple[RecordError, ...]], ...]
 
 
 def constant_groups(records: Sequence[Record]) -> list[tuple[float, list[Record]]]:
@@ -71,65 +64,36 @@ def identify_by_command(
     held_out: Sequence[Record] = (),
     *,
     extras: Sequence[str] = ("offset",),
+    follows: Sequence[str] | None = None,
     starts: int = 2,
     seed: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> ByCommand:
-    """Fits the law at each constant command and draws lines through the parameters.
+    """Fits the law to all constant commands and draws lines through the coefficients that follow the command.
 
-    Coefficients that the law has per command get a line; the others (n, m0 ...) their mean over the commands.
-    Raises InputError where fewer than two constant commands are in the records.
+    These have a value of their own at each command. The others (n, A, m0, ...) are one number for all commands, fitted
+    together with them: fitted apart, numbers that are coupled have no mean that is a law. follows: see
+    `mrdamp.identify.laws.space`. Raises InputError where fewer than two constant commands are in the records.
     """
     groups = constant_groups(train)
     if len(groups) < 2:
         raise InputError(
             f"{train[0].label}: lines through the parameters need 2 constant commands; the records have {len(groups)}"
         )
-    fits = []
-    for count, (u, records) in enumerate(groups):
-        if progress:
-            progress(f"command {u:g}", count / len(groups))
-        fit = identify(
-            law, records, extras=extras, dependence="constant", starts=starts, seed=seed, threads=threads
-        )
-        fits.append((u, fit))
-    commands = [u for u, _ in fits]
-    parameters: dict[str, float] = {}
+    commands = tuple(u for u, _ in groups)
+    fit = identify(
+        law, [record for _, records in groups for record in records], held_out, extras=extras, dependence=commands,
+        follows=follows, starts=starts, seed=seed, threads=threads, progress=progress,
+    )  # fmt: skip
+    assert fit.space is not None
+    point = np.array(fit.point)
+    at = [(u, model_of(fit.space, point, u), records) for u, records in groups]
     lines = []
-    stems = {m.stem for m in fits[0][1].space.maps} if fits[0][1].space else set()
-    attributes = {
-        name: [fit.model.attributes[name] for _, fit in fits] for name in fits[0][1].model.attributes
-    }
-    for name, values in attributes.items():
-        zero, slope = float(np.mean(values)), 0.0
-        if name[:-1] in stems and name.endswith("a"):
-            slope, zero = (float(c) for c in np.polyfit(commands, values, 1))
-        elif name[:-1] in stems:
-            continue  # the slope at one command: none
-        distance = np.asarray(values) - zero - slope * np.asarray(commands)
-        lines.append(
-            Line(name, tuple(commands), tuple(values), zero, slope, float(np.sqrt(np.mean(distance**2))))
-        )
-        parameters[name] = zero
-        if name[:-1] in stems:
-            parameters[f"{name[:-1]}b"] = slope
-    model = _model(fits[0][1].model, parameters, commands)
-    if progress:
-        progress("evaluating", 1.0)
-    constant = [record for _, records in groups for record in records]
-    return ByCommand(
-        tuple(fits),
-        tuple(lines),
-        model,
-        tuple(error(model, record) for record in constant),
-        tuple(error(model, record) for record in held_out),
-    )
-
-
-def _model(first: Model, attributes: dict[str, float], commands: Sequence[float]) -> Model:
-    own = {name: attributes.get(name, value) for name, value in first.parameters.items()}
-    command_range = {"command_min": min(commands), "command_max": max(commands)}
-    return replace(
-        first, parameters={**own, **command_range}, effects=effects_from(attributes), name=f"{first.law} by command"
-    )
+    for stem in (m.stem for m in fit.space.maps if not m.constant):
+        values = np.array([model.parameters[f"{stem}a"] for _, model, _ in at])
+        zero, slope = (fit.model.parameters[f"{stem}{part}"] for part in "ab")
+        scatter = float(np.sqrt(np.mean((values - zero - slope * np.array(commands)) ** 2)))
+        lines.append(Line(f"{stem}a", commands, tuple(values.tolist()), zero, slope, scatter))
+    errors = tuple((u, model, tuple(error(model, r) for r in records)) for u, model, records in at)
+    return ByCommand(replace(fit, model=replace(fit.model, name=f"{law} by command")), tuple(lines), errors)

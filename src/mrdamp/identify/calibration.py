@@ -24,6 +24,9 @@ from mrdamp.records.csv_file import numbers
 
 COLUMNS = ("time_s", "reference_force_N", "charge_pC")
 CUTOFF = 20.0  # Hz, the paper's elliptic low-pass
+#: The paper's sensor: mean sensitivity (pC/N), its delta_1, and its delta_2 by current (A), Table 1.
+PAPER_SENSITIVITY, PAPER_DELTA_1 = -158.248, 0.0235
+PAPER_DELTA_2 = {0.0: 0.0389, 0.25: 0.0270, 0.5: 0.0230, 0.75: 0.0246, 1.0: 0.0239}
 #: Of a faster test, the cut-off over its frequency: the harmonics that make delta_1 pass.
 _ABOVE = 4.0
 _HARMONICS = 3
@@ -79,10 +82,14 @@ class Calibration:
 
 @dataclass(frozen=True)
 class SensingRow:
-    """delta_2 of Eq. (4) at one constant current (None: the command varies), pooled over so many records."""
+    """delta_2 of Eq. (4) at one constant current (None: the command varies), pooled over so many records.
+
+    filtered: the same after the calibration's low-pass at 20 Hz of both forces.
+    """
 
     command: float | None
     delta_2: float
+    filtered: float
     records: int
 
 
@@ -133,6 +140,24 @@ def corrected(charge: Array, sample_time: float, sensitivity: float, leakage_tau
     return np.asarray((charge + lost) / sensitivity)
 
 
+def with_force(record: Record, calibration: Calibration, put_back: bool = False) -> Record:
+    """The record with `force_N` from its charge: Eq. (3) with the mean sensitivity.
+
+    put_back: what has leaked away is added again, with the leakage and the sensitivity above it. Raises InputError
+    without a charge, and where the calibration shows no leakage that could be put back.
+    """
+    charge = record.channel("charge_pC")
+    if not put_back:
+        force = corrected(charge, record.sample_time, calibration.sensitivity)
+    elif calibration.leakage_tau and calibration.dynamic_sensitivity:
+        force = corrected(
+            charge, record.sample_time, calibration.dynamic_sensitivity[0], calibration.leakage_tau[0]
+        )
+    else:
+        raise InputError("the calibration shows no leakage to put back: tests at three frequencies are needed")
+    return record.with_channels({"force_N": force})
+
+
 def sensing_by_command(records: Sequence[Record]) -> list[SensingRow]:
     """delta_2 between the damper's own force and the load cell, per constant command and over those that vary.
 
@@ -149,10 +174,10 @@ def sensing_by_command(records: Sequence[Record]) -> list[SensingRow]:
     rows = []
     for command in sorted(groups, key=lambda c: (c is None, c or 0.0)):
         chosen = groups[command]
-        reference, own = (
-            np.concatenate([r.channel(n) for r in chosen]) for n in ("reference_force_N", "force_N")
-        )
-        rows.append(SensingRow(command, delta_2(reference, own), len(chosen)))
+        names = ("reference_force_N", "force_N")
+        reference, own = (np.concatenate([r.channel(n) for r in chosen]) for n in names)
+        low = [np.concatenate([low_pass(r.channel(n), r.sample_time) for r in chosen]) for n in names]
+        rows.append(SensingRow(command, delta_2(reference, own), delta_2(*low), len(chosen)))
     return rows
 
 
@@ -177,7 +202,7 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
                 f"{test.name}: channel {name} is clipped at {found[0]:g} ({100 * found[1]:.1f} %)"
             )
     dt, force, charge = test.sample_time, test.force, test.charge
-    frequency = _frequency(force, dt)
+    frequency = frequency_of(force, dt)
     if cutoff is None:
         cutoff = min(max(CUTOFF, _ABOVE * frequency), 0.4 / dt)
     if cutoff:
@@ -185,7 +210,7 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
             allowed = f"allowed: a cut-off above it, not {cutoff:g} Hz"
             raise InputError(f"{test.name}: a test at {frequency:.4g} Hz; {allowed}")
         force, charge = low_pass(force, dt, cutoff), low_pass(charge, dt, cutoff)
-        frequency = _frequency(force, dt)
+        frequency = frequency_of(force, dt)
     cycles = len(force) * dt * frequency
     if cycles < _MIN_CYCLES + 1:
         raise InputError(f"{test.name}: {cycles:.1f} periods; at least {_MIN_CYCLES + 1:g} are needed")
@@ -216,7 +241,7 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
     )
 
 
-def _frequency(x: Array, dt: float) -> float:
+def frequency_of(x: Array, dt: float) -> float:
     """Frequency (Hz) of a sine by its spectrum's peak, refined by least squares."""
     y = x - x.mean()
     n = 8 * len(y)

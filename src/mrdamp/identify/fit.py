@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from mrdamp.errors import InputError
 from mrdamp.identify.excerpts import excerpts
-from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Scales, Space, dependence_for, space
+from mrdamp.identify.laws import DEPENDENCES, OF_COMMAND, Dependence, Scales, Space, dependence_for, space
 from mrdamp.identify.least_squares import bounded_least_squares
 from mrdamp.identify.start import is_led, skipped
 from mrdamp.model import Model, core, effects_from
@@ -127,7 +127,9 @@ class Problem:
         self.space, self.threads, self.evaluations = search, threads, 0
         self.freed, self.hold = freed and search.law == "modified_bouc_wen", hold
         self.records = [(r, *motion(r), r.channel("force_N")) for r in records]
-        self.substep = substep * slowness((r.displacement, v) for r, v, _, _ in self.records)
+        self.substep = substep * slowness((x, v) for _, x, v, _ in self.records)
+        #: Of each record: its constant command, where each of these has values of its own.
+        self.commands = [float(np.median(r.command)) if search.each else None for r in records]
         #: Of each record: it is led into; else it begins at rest, or moves as if from rest.
         self.led = [is_led(r) for r in records]
         # One scale for all: a record with a small force must not pull the others with its noise.
@@ -164,11 +166,13 @@ class Problem:
     def _vectors(self, points: Array) -> Array:
         """Attributes (records, points, attributes)."""
         law, n = self.space.law, len(self.space.coordinates)
-        made = [(self.space.attributes(p[:n]), self.started(p)) for p in points]
-        own = [[core.vector(law, a | {"start_r": starts[k]}) for a, starts in made] for k in self.free]
-        out = np.repeat(np.array([core.vector(law, a) for a, _ in made])[None], len(self.records), axis=0)
-        if own:
-            out[self.free] = own
+        made = {u: [self.space.attributes(p[:n], u) for p in points] for u in dict.fromkeys(self.commands)}
+        vectors = {u: np.array([core.vector(law, a) for a in attributes]) for u, attributes in made.items()}
+        out = np.array([vectors[u] for u in self.commands])
+        starts = [self.started(p) for p in points]
+        for k in self.free:
+            attributes = made[self.commands[k]]
+            out[k] = [core.vector(law, a | {"start_r": s[k]}) for a, s in zip(attributes, starts, strict=True)]
         return out
 
     def _of_record(self, k: int, vectors: Array) -> Array:
@@ -225,7 +229,8 @@ def identify(
     held_out: Sequence[Record] = (),
     *,
     extras: Sequence[str] = ("offset",),
-    dependence: str | None = None,
+    dependence: Dependence | None = None,
+    follows: Sequence[str] | None = None,
     start: Mapping[str, float] | None = None,
     starts: int = 4,
     seed: int = 0,
@@ -236,10 +241,11 @@ def identify(
     """Fits a parametric law to the train records and evaluates it on the others, in free run.
 
     extras: effects fitted along (see `mrdamp.identify.laws.EXTRAS`). dependence: how coefficients follow the command
-    (see `mrdamp.identify.laws.DEPENDENCES`); None is a straight line where the command varies. start: attributes to
-    begin from in place of the law's own start. starts: local fits, from the best of a Latin hypercube and from the
-    start. hold: commands are held between samples, or run along lines; None: whichever is nearer to the records. The
-    same seed gives the same answer for any number of threads. Raises InputError.
+    (`mrdamp.identify.laws.DEPENDENCES`); None is a straight line where the command varies. follows: which of them (see
+    `mrdamp.identify.laws.space`). start: attributes to begin from in place of the law's own start. starts: local fits,
+    from the best of a Latin hypercube and from the start. hold: commands are held between samples, or run along lines;
+    None: whichever is nearer to the records. The same seed gives the same answer for any number of threads. Raises
+    InputError.
     """
     if not train:
         raise InputError("there is no record to fit to")
@@ -253,7 +259,7 @@ def identify(
         extras = [extra for extra in extras if extra != "saturation"]
     if all(np.ptp(record.command) < 1e-3 * scales.command for record in train):
         extras = [extra for extra in extras if extra not in OF_COMMAND]  # nothing would show it
-    search = space(law, scales, extras, dependence)
+    search = space(law, scales, extras, dependence, follows)
     check_size(train, len(search.coordinates))
     threads = threads or os.cpu_count() or 1
     varying = [r for r in train if np.ptp(r.command) > 0 and not rings_before_jumps(np.asarray(r.command))]
@@ -333,6 +339,7 @@ def compare_dependences(
     starts: int = 4,
     seed: int = 0,
     hold: bool | None = None,
+    follows: Sequence[str] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Fit]:
@@ -349,15 +356,15 @@ def compare_dependences(
         # Each begins where the one before ended: a straight line is a curve without a bend.
         before = list(fits.values())[-1].model.attributes if fits else None
         fits[dependence] = identify(
-            law, train, held_out, extras=extras, dependence=dependence, start=before, starts=starts, seed=seed,
-            hold=hold, threads=threads,
+            law, train, held_out, extras=extras, dependence=dependence, follows=follows, start=before, starts=starts,
+            seed=seed, hold=hold, threads=threads,
         )  # fmt: skip
     return fits
 
 
-def model_of(search: Space, point: Array) -> Model:
-    """The model at a point of the search space."""
-    attributes = search.attributes(point)
+def model_of(search: Space, point: Array, command: float | None = None) -> Model:
+    """The model at a point of the search space; command: as in `Space.attributes`."""
+    attributes = search.attributes(point, command)
     mine = set(core.law_parameters(search.law)) | set(core.law_options(search.law))
     parameters = {key: attributes[key] for key in core.law_parameters(search.law)}
     parameters |= {key: value for key, value in attributes.items() if key in mine and key not in parameters}

@@ -220,13 +220,11 @@ def _attributes(fit: Fit, points: Array, words: dict[str, str]) -> tuple[Interva
     made = [fit.space.attributes(p) for p in points]
     value = fit.space.attributes(np.asarray(fit.point))
     units = {row.name: row.unit for row in core.attributes()}
-    stems = {m.stem for m in fit.space.maps}
+    constant = {m.stem for m in fit.space.maps if len(m.own(fit.space.knots)) == 1}
     out = []
     for name, best in value.items():
         samples = np.array([m[name] for m in made])
-        if not np.ptp(samples) > 0 and (
-            name in ("x0", "n") or (len(fit.space.knots) == 1 and name[:-1] in stems)
-        ):
+        if not np.ptp(samples) > 0 and (name in ("x0", "n") or name[:-1] in constant):
             continue  # held, not fitted; of one command, no slope is known
         low, high = np.percentile(samples, [2.5, 97.5])
         out.append(Interval(name, best, float(low), float(high), units[name], _word(fit, name, words)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,11 @@ from mrdamp.records import Record
 #: The rate p_r is one for all coefficients: it is the field that saturates.
 DEPENDENCES = {"constant": 1, "linear": 2, "quadratic": 3, "saturating": 3, "quadratic_saturating": 4}
 _KNOTS = {"quadratic": 3, "quadratic_saturating": 4}
+#: A name of `DEPENDENCES`, or constant commands at each of which a coefficient has a value of its own.
+Dependence = str | tuple[float, ...]
+
+#: The coefficients that follow the command in the foam-damper paper, Eqs. (7) and (8), where a law has others too.
+PAPER_FOLLOWS: Mapping[str, tuple[str, ...]] = {"hyperbolic_tangent": ("k0", "k1", "c1", "f0")}
 
 #: Effects that a plain identification may fit along with the law.
 EXTRAS = ("offset", "driver_lag", "command_delay", "saturation", "gas_spring", "channel_shift")
@@ -68,8 +73,10 @@ class Scales:
         mean = float(np.mean([np.mean(record.channel("force_N")) for record in records]))
         return cls(force, velocity, stroke, command, low, levels(records), mean if abs(mean) > force else 0.0)
 
-    def knots(self, dependence: str) -> tuple[float, ...]:
+    def knots(self, dependence: Dependence) -> tuple[float, ...]:
         """Commands at which a coefficient's values are the coordinates."""
+        if not isinstance(dependence, str):
+            return dependence
         high = max(self.command, self.low)
         if dependence == "constant" or not high > self.low:
             return (0.0,)
@@ -86,13 +93,15 @@ def levels(records: Sequence[Record]) -> int:
     return min(count, 4)
 
 
-def dependence_for(requested: str | None, scales: Scales, where: str = "the records") -> str:
+def dependence_for(requested: Dependence | None, scales: Scales, where: str = "the records") -> Dependence:
     """The dependence that a fit uses: as given, or linear if the command varies and constant if it does not.
 
     Raises InputError for an unknown name, and for one that so few different commands cannot show.
     """
     if requested is None:
         return "linear" if scales.levels > 1 else "constant"
+    if not isinstance(requested, str):
+        return requested
     if requested not in DEPENDENCES:
         raise InputError(f"dependence '{requested}' is unknown; allowed: {', '.join(DEPENDENCES)}")
     need = DEPENDENCES[requested]
@@ -136,7 +145,8 @@ class Coordinate:
 class Map:
     """A coefficient that follows the command: attribute stem, start at the smallest and largest command, bounds.
 
-    at_zero: it must be within its bounds at no command too, though the records may hold none so small.
+    at_zero: it must be within its bounds at no command too, though the records may hold none so small. constant: it
+    is one number for all commands.
     """
 
     stem: str
@@ -146,10 +156,11 @@ class Map:
     high: float
     log: bool = False
     at_zero: bool = False
+    constant: bool = False
 
     def coordinates(self, knots: Sequence[float]) -> list[Coordinate]:
         """Its values at the knots."""
-        knots = self._own(knots)
+        knots = self.own(knots)
         starts = np.linspace(self.zero, self.full, len(knots)) if len(knots) > 1 else [self.zero + self.full]
         if self.log:
             starts = np.clip(starts, 1.001 * self.low, 0.999 * self.high)
@@ -166,7 +177,7 @@ class Map:
 
     def expand(self, values: Sequence[float], knots: Sequence[float], rate: float | None) -> dict[str, float]:
         """Attributes of the curve through the values (knots,)."""
-        knots = self._own(knots)
+        knots = self.own(knots)
         a, b = f"{self.stem}a", f"{self.stem}b"
         if len(knots) == 1:
             return {a: values[0], b: 0.0}
@@ -196,9 +207,12 @@ class Map:
         """The coefficient at the knots, from attributes of any dependence."""
         a, b, c, e = (attributes.get(f"{self.stem}{part}", 0.0) for part in "abce")
         rate = attributes.get(f"{self.stem}r", 1.0)
-        return [a + b * u + c * u * u + e * (1 - math.exp(-rate * u)) for u in self._own(knots)]
+        return [a + b * u + c * u * u + e * (1 - math.exp(-rate * u)) for u in self.own(knots)]
 
-    def _own(self, knots: Sequence[float]) -> Sequence[float]:
+    def own(self, knots: Sequence[float]) -> Sequence[float]:
+        """The commands at which its values are coordinates."""
+        if self.constant:
+            return (0.0,)
         return (0.0, *knots[1:]) if self.at_zero and knots[0] > 0 else knots
 
 
@@ -211,6 +225,7 @@ class Space:
     knots: tuple[float, ...]
     plain: tuple[Coordinate, ...]  # constants of the law and effects, by attribute name
     rate: Coordinate | None = None  # of a saturating dependence
+    each: bool = False  # a value of its own at each knot, which are constant commands
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -218,17 +233,28 @@ class Space:
         followed = [c for m in self.maps for c in m.coordinates(self.knots)]
         return (*followed, *([self.rate] if self.rate else []), *self.plain)
 
-    def attributes(self, point: Array) -> dict[str, float]:
-        """Attributes of a point of the unit cube (coordinates,)."""
+    def attributes(self, point: Array, command: float | None = None) -> dict[str, float]:
+        """Attributes of a point of the unit cube (coordinates,).
+
+        command: with `each`, of the knot nearest to it; None: of the straight lines through the values at the knots.
+        """
         numbers = [c.unpack(float(p)) for c, p in zip(self.coordinates, point, strict=True)]
-        k, size = 0, len(self.knots)
         out: dict[str, float] = {}
-        rate = numbers[size * len(self.maps)] if self.rate else None
+        first = len(numbers) - len(self.plain)
+        rate = numbers[first - 1] if self.rate else None
+        k = 0
         for m in self.maps:
-            out |= m.expand(numbers[k : k + size], self.knots, rate)
-            k += size
-        k += self.rate is not None
-        out |= {c.name: value for c, value in zip(self.plain, numbers[k:], strict=True)}
+            values = numbers[k : k + len(m.own(self.knots))]
+            k += len(values)
+            if not self.each or len(values) == 1:
+                out |= m.expand(values, self.knots, rate)
+            elif command is None:
+                slope, zero = np.polyfit(self.knots, values, 1)
+                out |= {f"{m.stem}a": float(zero), f"{m.stem}b": float(slope)}
+            else:
+                nearest = int(np.argmin(np.abs(np.subtract(self.knots, command))))
+                out |= {f"{m.stem}a": values[nearest], f"{m.stem}b": 0.0}
+        out |= {c.name: value for c, value in zip(self.plain, numbers[first:], strict=True)}
         return _hysteresis(out) if "yield_displacement" in out else out
 
     def point(self, attributes: Mapping[str, float]) -> Array:
@@ -312,13 +338,22 @@ def space(
     law: str,
     scales: Scales,
     extras: Sequence[str] = (),
-    dependence: str | None = None,
+    dependence: Dependence | None = None,
+    follows: Sequence[str] | None = None,
 ) -> Space:
     """Search space of a parametric law with some of `EXTRAS`; InputError for an unknown name.
 
-    dependence: one of `DEPENDENCES`; None is linear, or constant where the command never varies.
+    dependence: one of `DEPENDENCES`; None is linear, or constant where the command never varies; or constant commands,
+    at each of which the coefficients have values of their own. follows: the coefficients that follow the command, such
+    as "c0" and "alpha"; the others are one number for all commands. None: all that can.
     """
     maps, plain = _law(law, scales)
+    can = [m.stem.rstrip("_") for m in maps]
+    if unknown := set(follows or ()) - set(can):
+        raise InputError(f"{law}: no coefficient {min(unknown)} that may follow the command; allowed: {', '.join(can)}")
+    maps = tuple(
+        replace(m, constant=follows is not None and name not in follows) for m, name in zip(maps, can, strict=True)
+    )
     dependence = dependence_for(dependence, scales)
     stiffness = scales.force / scales.stroke
     known = {
@@ -339,6 +374,8 @@ def space(
         if scales.levels > 1 or extra not in (*OF_COMMAND, "saturation"):
             plain = (*plain, known[extra])
     knots = scales.knots(dependence)
+    if not isinstance(dependence, str):
+        return Space(law, tuple(replace(m, at_zero=False) for m in maps), knots, plain, each=True)
     rate = None
     if dependence.endswith("saturating") and len(knots) > 1:
         span = knots[-1] - knots[0]

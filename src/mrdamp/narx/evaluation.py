@@ -1,4 +1,4 @@
-"""Errors of a network on parts: one step ahead, the papers' way, and in free run, a simulator's.
+"""Errors of a network on parts: one step ahead, the self-sensing paper's way, and in free run, a simulator's.
 
 Both are always reported together.
 """

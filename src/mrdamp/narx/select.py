@@ -23,7 +23,7 @@ from mrdamp.narx.data import Series, lagged
 from mrdamp.narx.evaluation import free_run_error, one_step_error
 from mrdamp.narx.layers import nguyen_widrow
 from mrdamp.narx.problems import OneStep
-from mrdamp.narx.train import blank, refine
+from mrdamp.narx.train import best_stage, blank, refine
 from mrdamp.pictures import style
 
 Progress = Callable[[str, float], None]
@@ -44,7 +44,8 @@ class Candidate(NamedTuple):
 @dataclass(frozen=True)
 class Trial:
     """What a candidate reached: RMS error over the standard deviation of the force, one step ahead and in free
-    run, on training and validation; gamma and the number of weights."""
+    run, on training and validation; gamma and the number of weights. In free run it is the stage that is best there on
+    validation, as `train_narx` keeps it."""
 
     candidate: Candidate
     train_one: float
@@ -53,11 +54,32 @@ class Trial:
     validation_free: float
     gamma: float
     weights: int
+    seeds: tuple[Trial, ...] = ()
+
+    @classmethod
+    def over(cls, seeds: Sequence[Trial]) -> Trial:
+        """The medians over the same candidate trained from several seeds."""
+        numbers = {name: float(np.median([getattr(t, name) for t in seeds])) for name in _NUMBERS}
+        return cls(seeds[0].candidate, **numbers, weights=seeds[0].weights, seeds=tuple(seeds))
 
     def score(self, by: str) -> float:
         """The validation error that is chosen by; a run away counts as infinite."""
         value = self.validation_free if by == "free_run" else self.validation_one
         return value if np.isfinite(value) else float("inf")
+
+    def span(self, by: str) -> tuple[float, float]:
+        """The least and the largest score over the seeds."""
+        scores = [t.score(by) for t in self.seeds or (self,)]
+        return min(scores), max(scores)
+
+
+_NUMBERS = ("train_one", "validation_one", "train_free", "validation_free", "gamma")
+
+
+def as_good(trials: Sequence[Trial], by: str) -> list[Trial]:
+    """Those that the seeds do not tell from the best: their range over the seeds overlaps that of the best."""
+    most = min(trials, key=lambda t: t.score(by)).span(by)[1]
+    return [t for t in trials if t.span(by)[0] <= most]
 
 
 @dataclass(frozen=True)
@@ -101,9 +123,13 @@ def try_candidate(
             key=lambda p: p.log_evidence,
         )
         one = net.with_theta(posterior.theta)
+        stages = [posterior]
         # Without past forces a free run is the same as a prediction one step ahead.
         for horizon in effort.horizons if net.feedback else ():
-            posterior = refine(net, train, posterior, horizon, most=effort.most, iterations=effort.iterations)
+            stages.append(
+                refine(net, train, stages[-1], horizon, most=effort.most, iterations=effort.iterations)
+            )
+        posterior = best_stage(net, stages, validation)
         free = net.with_theta(posterior.theta)
         train_one, validation_one = (pooled([one_step_error(one, s) for s in p]) for p in (train, validation))
         train_free, validation_free = (
@@ -131,6 +157,7 @@ def select(
     by: str = "free_run",
     effort: Effort | None = None,
     seed: int = 0,
+    seeds: int = 1,
     workers: int = 1,
     cache: Path | str | None = None,
     progress: Progress | None = None,
@@ -144,6 +171,7 @@ def select(
         by: "free_run", or "one_step" as in the paper.
         effort: how thoroughly each is trained.
         seed: the same seed gives the same choice, for any number of workers.
+        seeds: how many times each candidate is trained, from this seed on; its median counts.
         workers: processes.
         cache: JSON file of finished trials; a search that was interrupted continues from it.
         progress: called with what is done and a share from 0 to 1.
@@ -159,25 +187,26 @@ def select(
     if sets is None:
         varies = np.ptp(np.concatenate([s.i for s in train])) > 0.0
         sets = SETS_CURRENT if varies else SETS
-    store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort), seed))
-    total = len(sets) + len(lags) + len(units)
+    store = Checkpoint(cache, fingerprint((train, validation), "select", asdict(effort)))
+    total = (len(sets) + len(lags) + len(units)) * seeds
     done = 0
 
     def search(what: str, candidates: Sequence[Candidate]) -> tuple[Trial, ...]:
         nonlocal done
-        found = {c: trial for c in candidates if (trial := _get(store, c)) is not None}
-        missing = [c for c in dict.fromkeys(candidates) if c not in found]
-        jobs = (delayed(try_candidate)(c, train, validation, effort, seed) for c in missing)
-        done += len(candidates) - len(missing)
+        pairs = [(c, seed + k) for c in dict.fromkeys(candidates) for k in range(seeds)]
+        found = {pair: trial for pair in pairs if (trial := _get(store, *pair)) is not None}
+        missing = [pair for pair in pairs if pair not in found]
+        jobs = (delayed(try_candidate)(c, train, validation, effort, k) for c, k in missing)
+        done += len(pairs) - len(missing)
         if progress:
             progress(f"{what}: {len(missing)} to train", done / total)
-        for trial in Parallel(n_jobs=workers, return_as="generator")(jobs):
-            _put(store, trial)
-            found[trial.candidate] = trial
+        for pair, trial in zip(missing, Parallel(n_jobs=workers, return_as="generator")(jobs), strict=True):
+            _put(store, trial, pair[1])
+            found[pair] = trial
             done += 1
             if progress:
                 progress(f"{what}: {_name(what, trial.candidate)}", done / total)
-        return tuple(found[c] for c in candidates)
+        return tuple(Trial.over([found[c, seed + k] for k in range(seeds)]) for c in candidates)
 
     by_inputs = search("inputs", [Candidate(c, first.lags, first.hidden) for c in sets])
     channels = min(by_inputs, key=lambda t: t.score(by)).candidate.channels
@@ -201,6 +230,8 @@ def draw_choice(choice: Choice) -> Figure:
             values = [100.0 * min(getattr(t, name), 10.0) for t in trials]
             axes.plot(range(len(trials)), values, color=style.COLOURS[j // 2], ls=style.DASHES[j % 2],
                       marker=style.MARKERS[j], ms=3.5, label=label)  # fmt: skip
+        spans = 100.0 * np.minimum([t.span(choice.by) for t in trials], 10.0)
+        axes.fill_between(range(len(trials)), *spans.T, color=style.REFERENCE, alpha=0.3, lw=0)
         labels = [_name(what, t.candidate) for t in trials]
         every = max(1, -(-len(labels) // 13))
         axes.set_xticks(range(0, len(labels), every), labels[::every])
@@ -230,14 +261,13 @@ def _id(c: Candidate) -> str:
     return f"{c.channels} {c.lags} {'-'.join(map(str, c.hidden))}"
 
 
-def _put(store: Checkpoint, trial: Trial) -> None:
-    store.put(
-        _id(trial.candidate), {key: value for key, value in asdict(trial).items() if key != "candidate"}
-    )
+def _put(store: Checkpoint, trial: Trial, seed: int) -> None:
+    numbers = {key: getattr(trial, key) for key in (*_NUMBERS, "weights")}
+    store.put(f"{_id(trial.candidate)} {seed}", numbers)
 
 
-def _get(store: Checkpoint, c: Candidate) -> Trial | None:
-    numbers = store.get(_id(c))
+def _get(store: Checkpoint, c: Candidate, seed: int) -> Trial | None:
+    numbers = store.get(f"{_id(c)} {seed}")
     if numbers is None:
         return None
     try:

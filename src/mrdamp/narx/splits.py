@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,27 +75,23 @@ class DataSplit:
         return value if np.isfinite(value) else float("inf")
 
 
-def of_records(
-    records: RecordSet, sample_time: float | None = None, test: Sequence[Record] = ()
-) -> DataSplit:
+def of_records(records: RecordSet, sample_time: float | None = None) -> DataSplit:
     """Whole records. sample_time (s): None is the slowest training record's, 2 ms at least. Raises InputError."""
     step = sample_time or max(PROTOCOL_TIME, *(record.sample_time for record in records.train))
-    parts = [tuple(series(r, step) for r in part) for part in (records.train, records.validation, test)]
+    parts = [
+        tuple(series(r, step) for r in part) for part in (records.train, records.validation, records.test)
+    ]
     return DataSplit(parts[0], parts[1], parts[2], step, records.validation)
 
 
 def constant_command(
     records: RecordSet, command: float | None = None, sample_time: float = PROTOCOL_TIME
 ) -> DataSplit:
-    """The constant-current protocol: only the records at one constant command, those held out for validation.
+    """The constant-current protocol: only the records at one constant command.
 
     Chen, Ni and Or (2015), Section 3. command: None is the one with the most training records. Raises InputError.
     """
-    found = at_constant_command(records, command)
-    train, validation = (
-        tuple(series(r, sample_time) for r in half) for half in (found.train, found.validation)
-    )
-    return DataSplit(train, validation, (), sample_time, found.validation)
+    return of_records(at_constant_command(records, command), sample_time)
 
 
 def varying_command(
@@ -134,15 +129,15 @@ def at_constant_command(records: RecordSet, command: float | None = None) -> Rec
     wanted = max(there, key=count) if command is None else command
     halves = [
         tuple(r for r in part if r.name in level and abs(level[r.name] - wanted) <= _SAME * size)
-        for part in (records.train, records.validation)
+        for part in (records.train, records.validation, records.test)
     ]
-    for half, name in zip(halves, ("training", "validation"), strict=True):
+    for half, name in zip(halves[:2], ("training", "validation"), strict=True):
         if not half:
             shown = ", ".join(f"{v:g}" for v in sorted(set(np.round(list(level.values()), 4))))
             raise InputError(
                 f"{records.name}: no {name} record at the constant command {wanted:g}; there are {shown}"
             )
-    return RecordSet(records.name, halves[0], halves[1])
+    return RecordSet(records.name, *halves)
 
 
 def cut_varying(

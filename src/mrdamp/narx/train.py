@@ -86,6 +86,16 @@ def refine(
     return minimise(problem, start, alpha=posterior.alpha, free=free, iterations=iterations, tolerance=1e-4)
 
 
+def best_stage(network: Network, stages: Sequence[Posterior], left_out: Sequence[Series]) -> Posterior:
+    """The stage of the least free-run error on the left-out stretches; a run away is never the best of several."""
+
+    def left(p: Posterior) -> float:
+        value = pooled([free_run_error(network.with_theta(p.theta), s) for s in left_out])
+        return value if np.isfinite(value) else float("inf")
+
+    return min(stages, key=left)
+
+
 def train_narx(
     train: Sequence[Series],
     validation: Sequence[Series] = (),

@@ -13,6 +13,7 @@ CHANNELS: dict[str, str] = {
     "command": "commanded coil current, A (or driver voltage, V)",
     "force_N": "the damper's own (self-sensed) force, N",
     "reference_force_N": "the machine's load cell, N",
+    "charge_pC": "charge of the damper's own force sensor, pC",
     "current_A": "measured coil current, A",
     "temperature_C": "fluid temperature, degree Celsius",
     "velocity_m_s": "measured piston velocity, m/s",
@@ -40,13 +41,14 @@ _QUANTITIES = {
     "command": "command",
     "current": "current_A",
     "force": "force_N",
+    "charge": "charge_pC",
     "time": "time_s",
 }
 _UNIT = re.compile(
     r"[kmc]?n|lbf?|kgf"  # force
     r"|[mcun]?m|in(ch)?|ft"  # length
     r"|[mun]?s|sec(onds)?|min"  # time
-    r"|m?a|amp(ere)?|m?v|volts?"  # current, voltage
+    r"|m?a|amp(ere)?|m?v|volts?|[pn]c"  # current, voltage, charge
     r"|(deg_?)?[cfk]"  # temperature
     r"|([mc]?m|in|ft)_s(_?2)?|mps|g|gal"  # velocity, acceleration
 )

@@ -24,6 +24,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": _INCH},
     "command": {"A": 1.0, "mA": 1e-3, "V": 1.0, "mV": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
+    "charge": {"pC": 1.0, "nC": 1e3},
     "force": {"N": 1.0, "kN": 1e3, "lbf": _POUND, "kgf": _G},
     "temperature": {"C": 1.0},
     "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "in/s": _INCH},

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from importlib import resources
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: A measured velocity that is so many times the displacement's rate, or that part of it, has another unit.
 _RATE = 2.0
+#: Sets that come with the package: a self-sensing damper, and the tests of the two papers.
+PACKAGED = ("embedded", "self_sensing", "foam")
 #: Share of the largest command within which two commands are the same.
 _SAME_COMMAND = 0.02
 
@@ -123,14 +124,10 @@ class Record:
         return sampling.derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
 
     def acceleration(self, cutoff_hz: float | None = None) -> Array:
-        """(n,) m/s2: as measured, else from the displacement.
-
-        Args:
-            cutoff_hz: as in `velocity`.
-        """
+        """(n,) m/s2: as measured, else the central difference of `velocity`; cutoff_hz as there."""
         if "acceleration_m_s2" in self.channels:
             return self._smooth("acceleration_m_s2", cutoff_hz)
-        return sampling.second_derivative(self._smooth("displacement_m", cutoff_hz), self.sample_time)
+        return sampling.derivative(self.velocity(cutoff_hz), self.sample_time)
 
     def part(self, t0: float, t1: float) -> Record:
         """The samples with t0 <= time <= t1 (s), on their own stamps.
@@ -186,37 +183,57 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class RecordSet:
-    """Records of one rig: some to fit to, others for the evaluation."""
+    """Records of one rig: some to fit to, others for the evaluation.
+
+    test: of these, the ones that nothing is chosen on either (a network's stage, inputs and size); most sets have none.
+    """
 
     name: str
     train: tuple[Record, ...]
     validation: tuple[Record, ...]
+    test: tuple[Record, ...] = ()
 
     @property
     def records(self) -> tuple[Record, ...]:
         """All of them, the training ones first."""
-        return self.train + self.validation
+        return self.train + self.held_out
 
-    def smoothed(self, cutoff_hz: float) -> RecordSet:
+    @property
+    def held_out(self) -> tuple[Record, ...]:
+        """All that no law is fitted to."""
+        return self.validation + self.test
+
+    def smoothed(
+        self, cutoff_hz: float | None, *, force: bool = False, zero_mean: bool = False
+    ) -> RecordSet:
         """The set with every measured displacement low-passed, zero-phase, and its derivatives with it.
 
         For motions whose samples carry noise, such as a jittering clock's: a law answers it with its stiffness and
-        damping. Raises InputError for a cut-off above half of a record's rate.
+        damping. force: the force too. zero_mean: the means of both are taken off, as in the foam-damper paper. Raises
+        InputError for a cut-off above half of a record's rate.
         """
+        names = ("displacement_m", "force_N") if force or zero_mean else ("displacement_m",)
 
         def smooth(record: Record) -> Record:
-            if "displacement_m" not in record.channels:
-                return record
-            x = sampling.lowpass(record.displacement, record.sample_time, cutoff_hz)
-            return record.with_channels({"displacement_m": x})
+            new = {name: record.channels[name] for name in names if name in record.channels}
+            for name, x in new.items():
+                if cutoff_hz is not None and (force or name == "displacement_m"):
+                    x = sampling.lowpass(x, record.sample_time, cutoff_hz)
+                new[name] = x - x.mean() if zero_mean else x
+            return record.with_channels(new)
 
-        return RecordSet(self.name, tuple(map(smooth, self.train)), tuple(map(smooth, self.validation)))
+        return self.changed(smooth)
+
+    def changed(self, change: Callable[[Record], Record]) -> RecordSet:
+        """The set with every record changed."""
+        parts = (tuple(map(change, part)) for part in (self.train, self.validation, self.test))
+        return RecordSet(self.name, *parts)
 
     def __iter__(self) -> Iterator[Record]:
         return iter(self.records)
 
     def __len__(self) -> int:
-        return len(self.train) + len(self.validation)
+        return len(self.records)
 
     def __getitem__(self, name: str) -> Record:
         """The record of that name.
@@ -252,7 +269,8 @@ def read_records(
 ) -> RecordSet:
     """Read a folder, a file or a list of them, sorted by name.
 
-    A folder with ``train/`` and ``validation/`` gives the division. Otherwise records are held out whole:
+    The name of a set of `PACKAGED`, where no such file or folder is there, is that set. A folder with ``train/`` and
+    ``validation/``, and ``test/`` where there is one, gives the division. Otherwise records are held out whole:
     every third one (the last of two) is for validation, another in its place where its command goes beyond those of
     the rest, and a test that repeats another (``repeat`` in its
     name, same input) stays on the side of the other. A record that is alone is cut in time, where it has
@@ -271,42 +289,34 @@ def read_records(
     folder = Path(source)
     if folder.is_file():
         return _hold_out(_stem(folder.name), (read_record(folder, required),))
+    if str(source) in PACKAGED and not folder.is_dir():
+        return embedded(str(source))
     name = folder.resolve().name
     halves = [folder / "train", folder / "validation"]
     if any(half.is_dir() for half in halves):
         for half in halves:
             if not half.is_dir():
                 raise InputError(f"{half}: no such folder; a set has both train/ and validation/")
-        train, validation = (_read_all(str(half), files_in(half), required) for half in halves)
-        return RecordSet(name, train, validation)
+        halves += [test] if (test := folder / "test").is_dir() else []
+        return RecordSet(name, *(_read_all(str(half), files_in(half), required) for half in halves))
     return _hold_out(name, _read_all(str(folder), files_in(folder), required))
 
 
 def record_files(path: Path | str) -> list[Path]:
-    """A file, or the records of a folder: those of its ``train/`` and ``validation/`` where it has them.
+    """A file, or the records of a folder: those of its ``train/``, ``validation/`` and ``test/`` where it has them.
 
     Raises:
         InputError: there is nothing there, or none in the folder.
     """
     folder = Path(path)
-    halves = [half for half in (folder / "train", folder / "validation") if half.is_dir()]
-    return [file for where in halves or [folder] for file in files_in(where)]
+    parts = [part for name in ("train", "validation", "test") if (part := folder / name).is_dir()]
+    return [file for where in parts or [folder] for file in files_in(where)]
 
 
-def embedded() -> RecordSet:
-    """The set that comes with the package: a made-up self-sensing damper (data/embedded/README.md)."""
-    root = resources.files("mrdamp") / "data" / "embedded"
-    halves: list[tuple[Record, ...]] = []
-    for half in ("train", "validation"):
-        entries = [item for item in root.joinpath(half).iterdir() if item.name.endswith(SUFFIXES)]
-        entries.sort(key=lambda item: item.name)
-        halves.append(
-            tuple(
-                _parse(f"embedded/{half}/{item.name}", _stem(item.name), None, item.read_bytes(), None)
-                for item in entries
-            )
-        )
-    return RecordSet("embedded", halves[0], halves[1])
+def embedded(name: str = "embedded") -> RecordSet:
+    """A set of `PACKAGED`, each made by a simulation that shares no physics with the plugin (data/NAME/README.md)."""
+    found = read_records(Path(__file__).parents[1] / "data" / name)
+    return found.changed(lambda record: replace(record, path=None))
 
 
 def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:

@@ -1,0 +1,213 @@
+"""Writes docs/papers: each row of the two papers with what the package's commands give for it.
+
+The pages are those of tools/papers with their figures filled in: `{{norm table1 network e_t}}` is `Results.norm` of
+these words.
+
+    python tools/paper_pages.py [--data FOLDER] [RUN ...]
+
+The figures come from docs/papers/results.json, which holds what the commands of `RUNS` print with `--json`. A run that
+is named, or that is missing there, is run; FOLDER holds the measured sets, whose figures stay as they are without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import re
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from identification_tables import save, shrink
+
+from mrdamp.cli import main as mrdamp
+from mrdamp.identify.calibration import embedded_tests
+from mrdamp.pictures import sensing
+from mrdamp.records import embedded
+
+CONDITION = "sine_4.0Hz_8.0mm_3.0V"
+_SIGNALS = "--zero-mean --cutoff 80 --cutoff-force"
+_HALF = "--protocol constant --command 0.5"
+_CUT = "--protocol varying --record sine_5.0Hz_2.5mm_random_current"
+#: Arguments of `mrdamp` by run; {data}: folder of the measured sets, {work}: of pictures.
+RUNS: Mapping[str, str] = {
+    "table1": f"table1 foam --condition {CONDITION} --follows paper {_SIGNALS} --picture {{work}}/foam-models.png",
+    "table1_five": f"table1 foam --follows paper {_SIGNALS}",
+    "table1_utfsm": "table1 {data}/utfsm --starts 2",
+    "table1_utfpr": "table1 {data}/utfpr --starts 2",
+    "table1_nees": "table1 {data}/nees --starts 2",
+    "bingham": f"identify foam --law bingham --protocol constant --command 3 {_SIGNALS}",
+    "bouc_wen": f"identify foam --law bouc_wen --by-command {_SIGNALS}",
+    "tanh": f"identify foam --law hyperbolic_tangent --by-command --follows paper {_SIGNALS}",
+    "calibrate": "calibrate",
+    "choice": f"identify self_sensing --law narx {_HALF} --select --seeds 5 --by one_step"
+    " --picture {work}/sensing-choice.png",
+    "choice_free": f"identify self_sensing --law narx {_HALF} --select --seeds 5",
+    "constant": f"identify self_sensing --law narx {_HALF}",
+    "constant_utfsm": "identify {data}/utfsm --law narx --protocol constant --command 0.5",
+    "varying": f"identify --law narx {_CUT}",
+    "varying_law": f"identify --law modified_bouc_wen {_CUT}",
+}
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES, WORK = ROOT / "docs" / "papers", ROOT / "out" / "papers"
+#: Of a command's JSON, what no row needs.
+_DROPPED = {"checks", "left_in_records", "effects_left_out", "train", "stages", "by_command", "course", "fitted"}
+
+
+class Results:
+    """Figures of the runs, as text; its methods are the words of the pages."""
+
+    def __init__(self, kept: Mapping[str, Any]) -> None:
+        self.kept = kept
+
+    def fill(self, text: str) -> str:
+        """The text with its figures."""
+        return re.sub(r"\{\{([^}]+)\}\}", lambda m: self._word(shlex.split(m[1])), text)
+
+    def command(self, run: str) -> str:
+        """The command of a run."""
+        words = RUNS[run].format(data="FOLDER", work=".")
+        return f"mrdamp {words}" + (" -o model.json" if words.startswith("identify") else "")
+
+    def norm(self, run: str, model: str, norm: str) -> str:
+        """Of a table's row; a dash where there is none."""
+        rows = self.kept[run]["rows"]
+        return next((f"{row[norm]:.4f}" for row in rows if row["model"] == model), "-")
+
+    def attribute(self, run: str, name: str, scale: str = "1") -> str:
+        """Of a law."""
+        return f"{float(scale) * self.kept[run]['attributes'][name]:.3g}"
+
+    def line(self, run: str, parameter: str, scale: str = "1") -> str:
+        """Of a law by command: slope and constant, and the values at each command."""
+        found = next(line for line in self.kept[run]["lines"] if line["parameter"] == parameter)
+        values = ", ".join(f"{float(scale) * v:.3g}" for v in found["values"])
+        at = ", ".join(f"{u:g}" for u in found["commands"])
+        return f"{float(scale) * found['slope']:.4g} v {float(scale) * found['zero']:+.4g}; {values} at {at} V"
+
+    def sensor(self) -> str:
+        """Sensitivity and delta_1."""
+        c = self.kept["calibrate"]
+        most = max(t["delta_1"] for t in c["tests"])
+        return f"{c['sensitivity']:.2f} pC/N, {100 * c['delta_1']:.2f} %, every test below {100 * most:.1f} %"
+
+    def phases(self) -> str:
+        """Range of the charge's phase, degree."""
+        phases = [t["phase"] for t in self.kept["calibrate"]["tests"]]
+        return f"{min(phases):+.1f} to {max(phases):+.1f}"
+
+    def sensing(self, command: str, name: str) -> str:
+        """delta_2 in percent at a current."""
+        row = next(row for row in self.kept["calibrate"]["sensing"] if row["command"] == float(command))
+        return f"{100 * row[name]:.2f}"
+
+    def trial(self, run: str, search: str, key: str, value: str) -> str:
+        """One step ahead on validation: median over the seeds and range, percent."""
+        t = next(t for t in self.kept[run]["choice"][search] if _name(t, key) == value)
+        low, high = t["validation_range"]["one_step_nrmse"]
+        return f"{100 * t['validation']['one_step_nrmse']:.2f} ({100 * low:.2f} to {100 * high:.2f})"
+
+    def best(self, run: str, search: str, key: str) -> str:
+        """The candidate of the least median, and those whose range over the seeds overlaps its own."""
+        by = f"{self.kept[run]['choice']['by']}_nrmse"
+        trials = [t for t in self.kept[run]["choice"][search] if t["validation"][by] is not None]
+        best = min(trials, key=lambda t: float(t["validation"][by]))
+        most = best["validation_range"][by][1]
+        near = [_name(t, key) for t in trials if t is not best and t["validation_range"][by][0] <= most]
+        return _name(best, key) + (f" (not told apart by the seeds: {', '.join(near)})" if near else "")
+
+    def error(self, run: str, half: str, record: str, way: str = "") -> str:
+        """RMS error of a network (one_step or free_run) or a law on a record."""
+        found = self.kept[run][half]
+        row = next(r for r in (found[way] if way else found)["records"] if r["record"] == record)
+        return f"{row['rmse_N']:.1f} N, {100 * row['nrmse']:.2f} %"
+
+    def errors(self, run: str, half: str, way: str) -> str:
+        """The same on all records of a half."""
+        rows = self.kept[run][half][way]["records"]
+        return "; ".join(f"{r['record']} {r['rmse_N']:.1f} N, {100 * r['nrmse']:.1f} %" for r in rows)
+
+    def _word(self, words: Sequence[str]) -> str:
+        return str(getattr(self, words[0])(*words[1:]))
+
+
+def _name(trial: Mapping[str, Any], key: str) -> str:
+    return str(trial[key][0] if key == "hidden" else trial[key])
+
+
+def run(name: str, data: Path | None) -> Any:
+    """What a run's command prints as JSON."""
+    WORK.mkdir(parents=True, exist_ok=True)
+    words = [w.format(data=data, work=WORK) for w in shlex.split(RUNS[name])]
+    out = ["-o", str(WORK / f"{name}.json")] if words[0] == "identify" else []
+    print("mrdamp", shlex.join(words), flush=True)
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = mrdamp([*words, *out, "--json"])
+    if code:
+        raise SystemExit(code)
+    return small(json.loads(said.getvalue()))
+
+
+def small(value: Any) -> Any:
+    """Without what no row needs, numbers to six digits."""
+    if isinstance(value, dict):
+        return {k: small(v) for k, v in value.items() if k not in _DROPPED}
+    if isinstance(value, list):
+        return [small(v) for v in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def pictures() -> None:
+    """Fig. 7 of the foam-damper paper, Figs. 3 to 5 of the self-sensing paper; the others are pictures of runs."""
+    foam, own, test = embedded("foam").test, embedded("self_sensing"), embedded_tests()[9]
+    late = {f"{r.command[0]:g} V": r.part(1.0, r.time[-1]) for r in foam}
+    loops = sensing.loops_by_command(
+        {name: (r.displacement, r.velocity(), r.channel("force_N")) for name, r in late.items()}
+    )
+    save(loops, PAGES / "foam-loops.png")
+    time = test.sample_time * np.arange(len(test.force), dtype=float)
+    save(sensing.calibration_signals(time, test.force, test.charge), PAGES / "sensing-signals.png")
+    currents = {f"{u:g} A": own[f"sine_5.0Hz_5.0mm_{u:.2f}A"].part(2.0, 2.8) for u in (0.0, 0.25, 0.5, 0.75, 1.0)}
+    both = {k: (r.time, r.channel("reference_force_N"), r.channel("force_N")) for k, r in currents.items()}
+    save(sensing.force_histories({k: both[k] for k in ("0 A", "0.5 A", "1 A")}), PAGES / "sensing-histories.png")
+    loops = sensing.loops_by_command(
+        {k: (r.displacement, r.velocity(), r.channel("force_N")) for k, r in currents.items()}
+    )
+    save(loops, PAGES / "sensing-loops.png")
+    for name in ("foam-models", "sensing-choice"):
+        if (WORK / f"{name}.png").exists():
+            shrink(WORK / f"{name}.png", PAGES / f"{name}.png")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs what is asked for or missing, and writes both pages."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="*", help=f"of {', '.join(RUNS)}")
+    parser.add_argument("--data", type=Path, help="folder that holds the measured sets")
+    options = parser.parse_args(arguments)
+    store = PAGES / "results.json"
+    kept: dict[str, Any] = json.loads(store.read_text(encoding="utf-8")) if store.exists() else {}
+    for name in options.runs or [name for name in RUNS if name not in kept]:
+        if name not in RUNS:
+            parser.error(f"no run {name}; there are {', '.join(RUNS)}")
+        if "{data}" in RUNS[name] and options.data is None:
+            parser.error(f"{name} is of measured records: give --data FOLDER")
+        kept[name] = run(name, options.data)
+        lines = ",\n".join(f'"{key}": {json.dumps(kept[key])}' for key in sorted(kept))
+        store.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+    pictures()
+    results = Results(kept)
+    for source in sorted((ROOT / "tools" / "papers").glob("*.md")):
+        (PAGES / source.name).write_text(results.fill(source.read_text(encoding="utf-8")), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
