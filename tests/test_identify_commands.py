@@ -202,7 +202,7 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
         run("calibrate", tests, "--records", tmp_path / "out" / "records", "-o", tmp_path / "out")
     with pytest.raises(InputError, match="no record has both force_N and reference_force_N"):
         run("calibrate", tests, "--records", folder)
-    with pytest.raises(InputError, match="is a file; a folder is written"):
+    with pytest.raises(InputError, match="is a file, no folder"):
         run("calibrate", "-o", records / "r0.csv")
 
 
