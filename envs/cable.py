@@ -93,7 +93,7 @@ class CableEnv(PlantEnv[CableTask]):
     * v0: first version
     """
 
-    default_camera = "front"
+    cameras = ("front", "along", "damper")
 
     @staticmethod
     def make_task(**arguments: Any) -> CableTask:

@@ -17,7 +17,7 @@ from mrdamp.envs.chain_rows import CABLES
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import References, Task, check_options
-from mrdamp.errors import InputError
+from mrdamp.errors import require_kind
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 
@@ -78,6 +78,9 @@ class CableTask(Task):
         **options: Any,
     ) -> None:
         given = TaskOptions(**options)
+        require_kind("a StayCable", StayCable, cable=cable)
+        require_kind("a source of loads", LoadSource, loads=loads)
+        require_kind("a list of places x / L", (list, tuple, np.ndarray), measured_at=measured_at)
         self.cable = cable or StayCable()
         self.model = model_of(model, cable_damper)
         if given.full_state:  # as many places as the sines can be distinguished at, between the anchorages
@@ -101,13 +104,12 @@ class CableTask(Task):
         return math.sqrt(self.cable_score.values[row, 0])
 
     def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
-        check_options(options, "load", "amplitude")
+        amplitude = check_options(options, "load")
         load = options.get("load")
         if load is None:
             load = self.loads.draw(rng, self.cable.length)
-        if not isinstance(load, CableLoad):
-            raise InputError(f"reset: option load is {load!r}; allowed: a CableLoad")
-        load = load.scaled(float(options.get("amplitude", 1.0)))
+        require_kind("a CableLoad", CableLoad, load=load)
+        load = load.scaled(amplitude)
         pushes = self.cable_rows.start(row, load)
         free = self.reference(pushes)
         self.cable_score.start(row, free)

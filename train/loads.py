@@ -9,8 +9,8 @@ import numpy as np
 
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, LoadSource, WindLoads
 from mrdamp.envs.car_roads import Bumps, IsoRoads, RoadSource
-from mrdamp.envs.loads import TIME_SCALE, MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
-from mrdamp.motions import GroundMotion, embedded_motion
+from mrdamp.envs.loads import MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
+from mrdamp.motions import TIME_SCALE, GroundMotion, embedded_motion
 from mrdamp.simulation.roads import CLASSES, Road
 
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
@@ -70,7 +70,9 @@ def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
         MixedMotions(_kinds(duration, plateau, pga))
         for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
     ]
-    embedded = RecordedMotions([embedded_motion()], amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25))
+    embedded = RecordedMotions(
+        [embedded_motion()], compression=TIME_SCALE, amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25)
+    )
     return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))
 
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from mrdamp import sets
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.motions import TIME_COMPRESSION, tuning_motions, unseen_motions
+from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.gap.learned import Learning, Progress
 from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.motions import GroundMotion
+from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
@@ -57,8 +57,8 @@ class Scenario:
             jobs,
         )
         self.learning = Learning.of(controller, seed, trainings)
-        self.loads = [m.compressed(TIME_COMPRESSION) for m in unseen_motions()[:count]]
-        self.training = [m.compressed(TIME_COMPRESSION) for m in tuning_motions()]
+        self.loads = [m.compressed(TIME_SCALE) for m in unseen_motions()[:count]]
+        self.training = [m.compressed(TIME_SCALE) for m in tuning_motions()]
         self.bench = FrameBench(nominal)
         # By name: a process that tunes has copies of the motions.
         self._reference = {m.name: self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
