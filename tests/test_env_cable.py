@@ -382,7 +382,7 @@ def test_the_shipped_chain_is_the_default_cable_with_sag() -> None:
         ({"reward": {"drift": 1.0}}, {}, "'drift' is unknown"),
         ({"reward": {"motion": -1.0}}, {}, "weight motion"),
         ({}, {"motion": 1}, "option 'motion'"),
-        ({}, {"load": 3}, "option load is 3"),
+        ({}, {"load": 3}, "load is 3"),
         ({}, {"load": CableLoad("none", 0.1, np.array([0.5]), np.zeros((9, 1)))}, "zero throughout"),
     ],
 )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,9 @@ from mrdamp.motions import GroundMotion, kanai_tajimi
 from refusals import refuses
 
 Make = Callable[..., Any]
-FRAME = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
-CABLE = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}}
-CAR = {"roads": IsoRoads(duration=1.0)}
+FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
+CABLE: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}}
+CAR: Mapping[str, Any] = {"roads": IsoRoads(duration=1.0)}
 KINDS = [(FrameEnv, FrameVectorEnv, FRAME), (CableEnv, CableVectorEnv, CABLE), (CarEnv, CarVectorEnv, CAR)]
 every = pytest.mark.parametrize(("single", "rows", "given"), KINDS)
 engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
@@ -51,19 +52,20 @@ def same(a: Any, b: Any) -> None:
 @engines
 @every
 def test_actions_that_are_no_numbers_are_refused_without_a_step(
-    single: Make, rows: Make, given: dict[str, Any], engine: str
+    single: Make, rows: Make, given: Mapping[str, Any], engine: str
 ) -> None:
     """The next step is that of an environment that was never asked."""
-    for make, action, wrong in (
-        (lambda: single(engine=engine, **given), np.full(1, 0.3), [[math.nan], [math.inf], [None], np.zeros(2)]),
-        (lambda: rows(2, engine=engine, **given), np.full((2, 1), 0.3), [[[0.1], [math.nan]], np.zeros((3, 1))]),
-    ):
-        asked, other = make(), make()
+    cases: Sequence[tuple[Any, Any, list[Any]]] = (
+        (partial(single), np.full(1, 0.3), [[math.nan], [math.inf], [None], np.zeros(2)]),
+        (partial(rows, 2), np.full((2, 1), 0.3), [[[0.1], [math.nan]], np.zeros((3, 1))]),
+    )
+    for make, action, wrong in cases:
+        asked, other = (make(engine=engine, **given) for _ in range(2))
         for env in (asked, other):
             env.reset(seed=3)
             env.step(action)
         for bad in wrong:
-            refuses(lambda env=asked, bad=bad: env.step(bad), "action has shape|action holds NaN")
+            refuses(partial(asked.step, bad), "action has shape|action holds NaN")
         same(asked.step(action), other.step(action))
     refuses(lambda: single(engine=engine, **given).step(None), "action holds NaN, None")
 
@@ -73,7 +75,7 @@ def test_actions_that_are_no_numbers_are_refused_without_a_step(
 def test_commands_that_are_no_numbers_are_refused(plant: Make, engine: str) -> None:
     made = plant(engine=engine)
     for bad, what in ((math.nan, "holds NaN"), (None, "holds NaN"), ([1.0, 1.0], "shape")):
-        refuses(lambda bad=bad: made.step(bad), f"command .*{what}")
+        refuses(partial(made.step, bad), f"command .*{what}")
     assert made.time == 0.0
 
 
@@ -88,7 +90,7 @@ def test_trainers_rows_refuse_them() -> None:
 
 @engines
 @every
-def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: dict[str, Any], engine: str) -> None:
+def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
     """By deepcopy and pickle, over the end of an episode: the next load is drawn alike."""
     for env, shape in ((single(engine=engine, **given), (1,)), (rows(2, engine=engine, **given), (2, 1))):
         actions = np.random.default_rng(0).uniform(-1, 1, (150, *shape))
@@ -107,7 +109,7 @@ def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: dict[str,
 
 @engines
 def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
-    env = FrameEnv(model=Model("narx", weights=NARX), command_max=1.0, engine=engine, **FRAME)
+    env: Any = FrameEnv(model=Model("narx", weights=NARX), command_max=1.0, engine=engine, **FRAME)
     env.reset(seed=1)
     other = copy.deepcopy(env)
     found = env.step(np.ones(1))

@@ -116,6 +116,8 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     shipped = shipped_policies(environment)
     names = a.controllers or [*bench.default, *shipped]
     keep = _keep(a.out)
+    # Tuning takes minutes: what is wrong with a file or a name is said before.
+    contenders(bench, [name for name in names if name.rpartition("=")[2] not in bench.tuned], {}, shipped)
     with progress_bar() as progress:
         settings = _settings(a, bench, names, progress)
         if not settings and not a.controllers:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.told import told
 from mrdamp.gap.learned import Learning, Progress
 from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
@@ -109,11 +111,11 @@ class Scenario:
             simulators = [plant for plant in plants if isinstance(plant, Model)]
             return self.learning.train(simulators, site, progress)
         if not is_tuned(self.controller):
-            return registry.make(self.controller, site)
+            return told(partial(registry.make, self.controller), site)
         specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]
         tasks = [(self, p, spec, site) for spec in specs for p in plants]
         found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(plants)))
-        return registry.make(specs[int(np.argmin(found.mean(axis=1)))], site)
+        return told(partial(registry.make, specs[int(np.argmin(found.mean(axis=1)))]), site)
 
     def blind(self) -> list[Model]:
         """The nominal simulator with masses, stiffnesses and size of the damper drawn about the nominal values."""
@@ -142,7 +144,7 @@ def is_tuned(controller: str) -> bool:
 
 
 def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Site) -> float:
-    controller = registry.make(spec, site)
+    controller = told(partial(registry.make, spec), site)
     return scenario.score(
         [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training
     )
