@@ -21,6 +21,7 @@ from mrdamp.compare.motions import UNSEEN_AMPLITUDES
 from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
 from mrdamp.control import cable as controllers
 from mrdamp.control.base import Controller
+from mrdamp.control.told import knowledge
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, CableTask, cable_damper, default_places
@@ -136,7 +137,7 @@ class CableBench(PlantBench):
         c = self.cable
         return (
             f"{self.model.name} on a cable of {c.length:g} m, {c.first / (2 * math.pi):.2f} Hz, at {c.damper_at:g} of "
-            f"its length, control period {1e3 * self.period:g} ms"
+            f"its length, control period {1e3 * self.period:g} ms; {knowledge(self.model)}"
         )
 
     def plant(self, period: float) -> CablePlant:

@@ -23,6 +23,7 @@ from mrdamp.control import car as controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.car_plant import CarSite
+from mrdamp.control.told import knowledge
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.car_task import CarPlant, CarTask, car_damper
@@ -212,7 +213,7 @@ class CarBench(PlantBench):
         c = self.car
         return (
             f"{self.model.name} in a quarter car of {c.body:g} and {c.wheel:g} kg, control period "
-            f"{1e3 * self.period:g} ms; ratios are over {self.reference}"
+            f"{1e3 * self.period:g} ms; ratios are over {self.reference}; {knowledge(self.model)}"
         )
 
 

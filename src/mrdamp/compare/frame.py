@@ -22,6 +22,7 @@ from mrdamp.compare.on_chain import run_chain
 from mrdamp.compare.plant_run import at_rest
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.envs.frame_task import FrameTask
@@ -170,7 +171,12 @@ class FrameBench:
         twentieths = (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)
         choices: Mapping[str, Mapping[str, Sequence[float]]] = {
             "constant": {"value": [largest * k / 20 for k in twentieths]},
-            "clipped-optimal": {"balance": [1.0, 10.0, *balances, 3000.0], "r": weights, "noise_ratio": noise, "level": [0.6, 1.0]},
+            "clipped-optimal": {
+                "balance": [1.0, 10.0, *balances, 3000.0],
+                "r": weights,
+                "noise_ratio": noise,
+                "level": [0.6, 1.0],
+            },
             "modulated-optimal": {
                 "balance": balances,
                 "r": weights[1:],
@@ -214,7 +220,8 @@ class FrameBench:
         below, above = frame.damper_between
         return (
             f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {below} and {above}, "
-            f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms"
+            f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms; "
+            f"{knowledge(self.model)}"
         )
 
     @cached_property

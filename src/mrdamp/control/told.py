@@ -69,3 +69,9 @@ def told(build: Callable[[Site], Controller], site: Site) -> Told:
     if isinstance(made, Policy):
         made.matched(damper.command_lag)
     return Told(made, damper.sensor_lag)
+
+
+def knowledge(damper: Model) -> str:
+    """What every controller is told of a damper, in words."""
+    driver, sensor = 1e3 * damper.command_lag, 1e3 * damper.sensor_lag
+    return f"every controller is told the lags of driver ({driver:.3g} ms) and force sensor ({sensor:.3g} ms), no noise"
