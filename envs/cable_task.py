@@ -37,7 +37,8 @@ class CablePlant(RowPlant):
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
-    first is the damper's own by default. options: of `RowOptions`. Raises InputError.
+    first is the damper's own by default. bandwidth: Hz, of the accelerometers, as in `CableEnv`. options: of
+    `RowOptions`. Raises InputError.
     """
 
     def __init__(
@@ -45,12 +46,13 @@ class CablePlant(RowPlant):
         cable: StayCable | None = None,
         model: Model | None = None,
         measured_at: Sequence[float] | None = None,
+        bandwidth: float | None = None,
         **options: Any,
     ) -> None:
         self.cable = cable or StayCable()
         damper = model or cable_damper()
         places = measured_at or default_places(self.cable)
-        super().__init__(RowOptions(**options).rows(CABLES, [damper], self.cable, damper, places))
+        super().__init__(RowOptions(**options).rows(CABLES, [damper], self.cable, damper, places, bandwidth))
 
     @property
     def mean_square(self) -> float:
@@ -73,6 +75,7 @@ class CableTask(Task):
         cable: StayCable | None = None,
         model: Model | Path | str | None = None,
         measured_at: Sequence[float] | None = None,
+        bandwidth: float | None = None,
         loads: LoadSource | None = None,
         reward: CableReward | Mapping[str, Any] | None = None,
         **options: Any,
@@ -86,7 +89,7 @@ class CableTask(Task):
         if given.full_state:  # as many places as the sines can be distinguished at, between the anchorages
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
-        self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, n=n)
+        self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, bandwidth, n=n)
         self._references = References[Array]()
         self.loads = WindLoads() if loads is None else loads
         self.weights = CableReward.of(reward)

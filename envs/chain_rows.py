@@ -112,6 +112,29 @@ class CableChain(Chained, CableRows):
         self.plants.start(row, forces, load.sample_time, len(pushes), int(self.seeds[row]))
         return pushes
 
+    def add_noise(self, deviation: Array) -> bool:
+        """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""
+        return self.accelerometers is None and super().add_noise(deviation)
+
+    def measure(self, rows: Sequence[int]) -> Array:
+        """As `Chained.measure`."""
+        return self._limited(super().measure(rows), rows)
+
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """As `Chained.advance`."""
+        period, values = super().advance(commands)
+        return period, self._limited(values)
+
+    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
+        """As `Chained.advance_one`."""
+        period, values = self.advance(commands)
+        return period[0].tolist(), values[0].tolist()
+
+    save, restore = CableRows.save, CableRows.restore
+
+    def _periods(self, moment: Any) -> int:
+        return int(moment.steps // self.plants.inner)
+
 
 class CarChain(Chained, CarRows):
     """`CarRows` on the chain."""

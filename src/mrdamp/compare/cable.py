@@ -25,6 +25,7 @@ from mrdamp.control.told import knowledge
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
 from mrdamp.envs.cable_task import CablePlant, CableTask, cable_damper, default_places
+from mrdamp.envs.chain_rows import CABLES
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
@@ -37,12 +38,11 @@ _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
 
 @dataclass(frozen=True)
 class CableBench(PlantBench):
-    """A cable with its damper. timestep: at 1 ms the motion under switching controllers is 1 to 2 % too small.
-    Raises InputError."""
+    """A cable with its damper. timestep: as that of the environment. Raises InputError."""
 
     cable: StayCable = field(default_factory=StayCable)
     model: Model = field(default_factory=cable_damper, kw_only=True)
-    timestep: float = field(default=2.5e-4, kw_only=True)
+    timestep: float = field(default=CABLES["mujoco"][1], kw_only=True)
 
     environment: ClassVar[str] = "cable"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS
