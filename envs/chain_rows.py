@@ -176,8 +176,8 @@ class CarChain(Chained, CarRows):
         self.roads[row] = state[1]
 
 
-#: By engine: the rows of frames, cables and cars, and their default largest step (s). `python -m benchmarks.steps`:
-#: every signal is within 2 % of that of a tenth of the step under commands that switch.
+#: By engine: the rows of frames, cables and cars, and their default largest step (s). docs/convergence.md: every
+#: signal is within 2 % of that of a tenth of the step under commands that switch.
 FRAMES: Mapping[str, tuple[type[FrameRows], float]] = {
     "mujoco": (FrameRows, 5e-4),
     "chain": (FrameChain, 5e-4),

@@ -88,7 +88,7 @@ class FrameEnv(PlantEnv[FrameTask]):
     | `damper_between` | pair or pairs of floors | the structure's | (0, 1) is ground to floor 1 |
     | `motions` | `MotionSource` | `SyntheticMotions()` | Kanai-Tajimi, Clough-Penzien, files, mixtures, amplitudes |
     | `reward` | `FrameReward`, mapping | `FrameReward()` | weights of the parts, exponent, reference |
-    | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine |
+    | `timestep` | s | 0.0005 | the largest of the engine |
     | `duration` | s | the motion's | cuts long motions |
     | `camera` | str | corner | `front`, `corner`, `damper` |
 

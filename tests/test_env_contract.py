@@ -32,7 +32,7 @@ from refusals import refuses
 
 Make = Callable[..., Any]
 FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
-CABLE: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}}
+CABLE: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}, "bandwidth": 30.0}
 CAR: Mapping[str, Any] = {"roads": IsoRoads(duration=1.0)}
 KINDS = [(FrameEnv, FrameVectorEnv, FRAME), (CableEnv, CableVectorEnv, CABLE), (CarEnv, CarVectorEnv, CAR)]
 every = pytest.mark.parametrize(("single", "rows", "given"), KINDS)
