@@ -177,3 +177,18 @@ def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:
     own = GroundMotion("own", 0.01, np.sin(np.arange(101.0)))
     assert env.reset(options={"motion": own})[1]["duration"] == pytest.approx(1.0)
     refuses(lambda: env.reset(options={"motion": 3}), "motion is 3")
+
+
+@pytest.mark.slow
+def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
+    """The worker has imported nothing: the part before the colon is what it imports."""
+    library = pytest.importorskip("stable_baselines3.common.env_util", reason="needs the extra train")
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    options = {"n_envs": 2, "seed": 3, "vec_env_cls": SubprocVecEnv, "vec_env_kwargs": {"start_method": "spawn"}}
+    workers = library.make_vec_env("mrdamp:mrdamp/Frame-v0", **options)
+    try:
+        seen = workers.reset()
+        np.testing.assert_array_equal(seen[0], FrameEnv().reset(seed=3)[0])
+    finally:
+        workers.close()

@@ -103,8 +103,9 @@ class FrameBench:
 
     def controller(self, spec: str) -> Controller:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
-        task = partial(FrameTask, model=self.model)
-        return own.make(spec, self.site, registry.make, task)
+        if registry.is_ideal(spec):  # its force is its own command, which no sensor reads
+            return registry.make(spec, self.site)
+        return own.make(spec, self.site, registry.make, partial(FrameTask, model=self.model))
 
     def played(self, load: GroundMotion, amplitude: float) -> GroundMotion:
         """The motion as the frame feels it."""
