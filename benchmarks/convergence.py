@@ -251,11 +251,26 @@ PASSIVE = (
 AMPLITUDES = (2e-5, 1e-4, 5e-4, 2e-3)  # m
 
 
-def structures() -> Iterator[tuple[str, Callable[[str, float | None], tuple[Sequence[str], Array]]]]:
-    """Names of the structures, and for each a run on an engine at a time step (s; None: its default) from rest: names
-    of the signals and (periods, signals) under commands that change every fifth period."""
+@dataclass(frozen=True)
+class Structure:
+    """name; steps: default time step (s) by engine; run: on an engine at a time step (s) from rest, names of signals
+    and (periods, signals) under commands that switch between none and the largest at every fifth period at most."""
+
+    name: str
+    steps: Mapping[str, float]
+    run: Callable[[str, float], tuple[Sequence[str], Array]]
+
+    @property
+    def fine(self) -> float:
+        """s, of the reference: a tenth of the shortest default."""
+        return min(self.steps.values()) / 10
+
+
+def structures() -> Iterator[Structure]:
+    """The structures of the environments with their default dampers."""
     from mrdamp.envs import AmbientLoads, CableTask, FrameTask
     from mrdamp.envs.car_task import CarTask
+    from mrdamp.envs.chain_rows import CABLES, CARS, FRAMES
     from mrdamp.motions import kanai_tajimi
     from mrdamp.simulation.roads import iso8608
 
@@ -264,28 +279,28 @@ def structures() -> Iterator[tuple[str, Callable[[str, float | None], tuple[Sequ
         np.random.default_rng(3), CableTask(1).cable.length
     )
     kinds = (
-        ("frame", FrameTask, {"motion": motion}),
-        ("cable", CableTask, {"load": load}),
-        ("quarter car", CarTask, {"road": iso8608("C", 20.0, 2.0, 1)}),
+        ("frame", FRAMES, FrameTask, {"motion": motion}),
+        ("cable", CABLES, CableTask, {"load": load}),
+        ("quarter car", CARS, CarTask, {"road": iso8608("C", 20.0, 2.0, 1)}),
     )
-    for name, task, options in kinds:
+    for name, engines, task, options in kinds:
 
         def run(
-            engine: str, timestep: float | None, task: Any = task, options: dict[str, Any] = options
+            engine: str, timestep: float, task: Any = task, options: dict[str, Any] = options
         ) -> tuple[Sequence[str], Array]:
-            one = task(1, engine=engine, **({} if timestep is None else {"timestep": timestep}))
+            one = task(1, engine=engine, timestep=timestep)
             one.reset([0], [np.random.default_rng(0)], options)
             rng, found = np.random.default_rng(4), list[Array]()
             for k in range(10000):
                 if k % 5 == 0:
-                    action = rng.uniform(-1, 1, (1, 1))
+                    action = rng.choice([-1.0, 1.0], (1, 1))
                 step = one.step(action)
                 if step.over[0]:
                     break
                 found.append(one.measured[0].copy())
             return one.rows.names, np.array(found)
 
-        yield name, run
+        yield Structure(name, {engine: step for engine, (_, step) in engines.items()}, run)
 
 
 def apart(found: Array, expected: Array) -> Array:

@@ -16,10 +16,10 @@ from mrdamp.envs.frame_xml import frame_xml
 from mrdamp.envs.loads import RecordedMotions
 from mrdamp.envs.plants import Plants
 from mrdamp.model.core import Array
-from mrdamp.motions import kanai_tajimi
+from mrdamp.motions import TIME_SCALE, kanai_tajimi
 
 #: One long motion with no end in a round, so that no reset is timed.
-MOTIONS = RecordedMotions([kanai_tajimi(0, duration=400.0, sample_time=0.02, plateau=400.0)])
+MOTIONS = RecordedMotions([kanai_tajimi(0, duration=400.0, sample_time=0.02, plateau=400.0)], compression=TIME_SCALE)
 
 
 def without_damper(xml: str, timestep: float, *, sensors: bool = True) -> mujoco.MjModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_xml import modal_xml
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.frame_rows import DamperSums, currents, work
-from mrdamp.envs.plants import EngineRows, Moment, Plants
+from mrdamp.envs.plants import EngineRows, Plants
+from mrdamp.envs.sensors import Accelerometers
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.simulation.rows import Stepping
@@ -29,11 +31,19 @@ PERIOD = ("motion", "acceleration", "share", "power", "current", "energy")
 class CableRows(EngineRows):
     """n cables, each under its own load.
 
-    places: (p,) x / L, where motion is measured. Attributes: names of the measurements, in the order of the columns
-    of `measure`; plants; steps (n,), how many control periods each load lasts.
+    places: (p,) x / L, where motion is measured. bandwidth: Hz, of the accelerometers there (`Accelerometers`); None:
+    their readings are those of the coordinates at the instant. Attributes: names of the measurements, in the order of
+    the columns of `measure`; plants; steps (n,), how many control periods each load lasts.
     """
 
-    def __init__(self, cable: StayCable, damper: Model, places: Sequence[float], stepping: Stepping) -> None:
+    def __init__(
+        self,
+        cable: StayCable,
+        damper: Model,
+        places: Sequence[float],
+        bandwidth: float | None,
+        stepping: Stepping,
+    ) -> None:
         bad = [x for x in places if not 0 < x < 1]
         if bad:
             raise InputError(f"cable: measured at {bad[0]} of the length; allowed: between 0 and 1")
@@ -45,6 +55,9 @@ class CableRows(EngineRows):
             *(f"{what}_{j}" for what in ("acceleration", "displacement", "velocity") for j in many),
             *SIGNALS[:-1],
         )
+        self.accelerometers: Accelerometers | None = None
+        if bandwidth is not None:
+            self.accelerometers = Accelerometers(bandwidth, stepping.period, stepping.n, len(self._at))
         super().__init__(stepping)
 
     def _build(self) -> None:
@@ -77,7 +90,7 @@ class CableRows(EngineRows):
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) sensor readings of rows that have just started."""
-        return self._read(self.plants.measure(rows))
+        return self._limited(self._read(self.plants.measure(rows)), rows)
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
         """One control period with commands (n, 1) held: `PERIOD` (n, 6), and the sensor readings after it."""
@@ -96,7 +109,14 @@ class CableRows(EngineRows):
             after[:, self._velocity],
             self.plants.timestep,
         )
-        return found, self._read(self._moved_on(now))
+        return found, self._limited(self._read(self._moved_on(now)))
+
+    def _limited(self, values: Array, fresh: Sequence[int] | None = None) -> Array:
+        """Measurements (rows, names) with the accelerations of the sensors; fresh: rows that have just started."""
+        if self.accelerometers is not None:
+            p = len(self._at)
+            values[:, :p] = self.accelerometers.read(values[:, 2 * p : 3 * p], fresh)
+        return values
 
     def _moved_on(self, now: Mapping[str, Array]) -> Mapping[str, Array]:
         """All velocities, which stand half a step before the positions, moved on to them by the accelerations."""
@@ -118,7 +138,8 @@ class CableRows(EngineRows):
         moved = self._moved_on(now)
         after = moved["sensordata"][0].tolist()
         motion = [self._somewhere(moved[field])[0].tolist() for field in ("qacc", "qpos", "qvel")]
-        return period, [*motion[0], *motion[1], *motion[2], *after[self._direct]]
+        values = [*motion[0], *motion[1], *motion[2], *after[self._direct]]
+        return period, values if self.accelerometers is None else self._limited(np.array([values]))[0].tolist()
 
     def _read(self, data: Mapping[str, Array]) -> Array:
         motion = [self._somewhere(data[field]) for field in ("qacc", "qpos", "qvel")]
@@ -131,9 +152,16 @@ class CableRows(EngineRows):
         """
         return np.asarray((coordinates[:, None, :] * self._at).sum(axis=-1))
 
-    def save(self, row: int) -> Moment:
-        return self.plants.save(row)
+    def save(self, row: int) -> Any:
+        moment = self.plants.save(row)
+        return moment if self.accelerometers is None else (moment, self.accelerometers.state[row].copy())
 
-    def restore(self, row: int, state: Moment) -> None:
+    def restore(self, row: int, state: Any) -> None:
+        if self.accelerometers is not None:
+            state, self.accelerometers.state[row] = state
         self.plants.restore(row, state)
-        self.steps[row] = len(state.load) // self.plants.inner - 1
+        self.steps[row] = self._periods(state)
+
+    def _periods(self, moment: Any) -> int:
+        """Control periods of a saved row's load."""
+        return len(moment.load) // self.plants.inner - 1

@@ -17,7 +17,7 @@ from mrdamp.envs.chain_rows import CABLES
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import References, Task, check_options
-from mrdamp.errors import InputError
+from mrdamp.errors import require_kind
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 
@@ -37,7 +37,8 @@ class CablePlant(RowPlant):
 
     cable: None is the laboratory cable of `StayCable`. model: any identified one, None: `cable_damper`.
     measured_at: places x / L where acceleration_1 ..., displacement_1 ... and velocity_1 ... are measured; the
-    first is the damper's own by default. options: of `RowOptions`. Raises InputError.
+    first is the damper's own by default. bandwidth: Hz, of the accelerometers, as in `CableEnv`. options: of
+    `RowOptions`. Raises InputError.
     """
 
     def __init__(
@@ -45,12 +46,13 @@ class CablePlant(RowPlant):
         cable: StayCable | None = None,
         model: Model | None = None,
         measured_at: Sequence[float] | None = None,
+        bandwidth: float | None = None,
         **options: Any,
     ) -> None:
         self.cable = cable or StayCable()
         damper = model or cable_damper()
         places = measured_at or default_places(self.cable)
-        super().__init__(RowOptions(**options).rows(CABLES, [damper], self.cable, damper, places))
+        super().__init__(RowOptions(**options).rows(CABLES, [damper], self.cable, damper, places, bandwidth))
 
     @property
     def mean_square(self) -> float:
@@ -73,17 +75,21 @@ class CableTask(Task):
         cable: StayCable | None = None,
         model: Model | Path | str | None = None,
         measured_at: Sequence[float] | None = None,
+        bandwidth: float | None = None,
         loads: LoadSource | None = None,
         reward: CableReward | Mapping[str, Any] | None = None,
         **options: Any,
     ) -> None:
         given = TaskOptions(**options)
+        require_kind("a StayCable", StayCable, cable=cable)
+        require_kind("a source of loads", LoadSource, loads=loads)
+        require_kind("a list of places x / L", (list, tuple, np.ndarray), measured_at=measured_at)
         self.cable = cable or StayCable()
         self.model = model_of(model, cable_damper)
         if given.full_state:  # as many places as the sines can be distinguished at, between the anchorages
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
-        self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, n=n)
+        self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, bandwidth, n=n)
         self._references = References[Array]()
         self.loads = WindLoads() if loads is None else loads
         self.weights = CableReward.of(reward)
@@ -101,13 +107,12 @@ class CableTask(Task):
         return math.sqrt(self.cable_score.values[row, 0])
 
     def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
-        check_options(options, "load", "amplitude")
+        amplitude = check_options(options, "load")
         load = options.get("load")
         if load is None:
             load = self.loads.draw(rng, self.cable.length)
-        if not isinstance(load, CableLoad):
-            raise InputError(f"reset: option load is {load!r}; allowed: a CableLoad")
-        load = load.scaled(float(options.get("amplitude", 1.0)))
+        require_kind("a CableLoad", CableLoad, load=load)
+        load = load.scaled(amplitude)
         pushes = self.cable_rows.start(row, load)
         free = self.reference(pushes)
         self.cable_score.start(row, free)

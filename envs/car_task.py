@@ -19,7 +19,7 @@ from mrdamp.envs.frame_task import largest_force
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import References, Task, check_options
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
 from mrdamp.simulation.roads import Road, read_road
 from mrdamp.structures.cars import QuarterCar
@@ -67,6 +67,8 @@ class CarTask(Task):
         **options: Any,
     ) -> None:
         given = TaskOptions(**options)
+        require_kind("a QuarterCar, or numbers by name", (QuarterCar, Mapping), car=car)
+        require_kind("a source of roads", RoadSource, roads=roads)
         self.car = QuarterCar(**car) if isinstance(car, Mapping) else car or QuarterCar()
         self.model = model_of(model, car_damper)
         self.car_rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
@@ -103,17 +105,18 @@ class CarTask(Task):
         }
 
     def _road(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Road:
-        check_options(options, "road", "amplitude", "speed")
+        amplitude = check_options(options, "road", "speed")
         road, speed = options.get("road"), options.get("speed")
         if road is None:
             road = self.roads.draw(rng)
         elif not isinstance(road, Road):
+            require_kind("a Road, or its file", (Road, str, Path), road=road)
             if speed is None:
                 raise InputError("reset: give the speed (m/s) beside a road file")
             road = read_road(road, float(speed))
         if speed is not None:
             road = replace(road, speed=float(speed))
-        return road.scaled(float(options.get("amplitude", 1.0)))
+        return road.scaled(amplitude)
 
 
 def car_sensors(

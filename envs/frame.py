@@ -62,15 +62,15 @@ class FrameEnv(PlantEnv[FrameTask]):
     `info` also has, since the episode's start: `peak_drift` (m), `peak_acceleration` (m/s2), both over all steps of
     the engine; `drift_ratio` and `acceleration_ratio`, the same over the reference run (J1 and J2 of the benchmark
     problems); `mean_current` (A or V), `mean_power` (over that at the largest current), `dissipated_energy` (J).
-    The `info` of `reset`: `motion`, `pga` (m/s2), `duration` (s), `reference_drift` (m), `reference_acceleration`
-    (m/s2).
+    The `info` of `reset`: `motion`, `pga` (m/s2), `duration` (s), `speed` (times that of the record), `reference_drift`
+    (m), `reference_acceleration` (m/s2).
 
     ## Starting State
 
     At rest, no current in the coil, at the start of a ground motion drawn from `motions`, or given:
-    `reset(options={"motion": GroundMotion or file, "amplitude": factor})`. A given motion is used unchanged. For the
-    model frame of Dyke et al. a measured one is compressed in time by a factor of five:
-    `read_motion(file).compressed(5)`.
+    `reset(options={"motion": GroundMotion or file, "amplitude": factor, "compression": factor})`. A file is played five
+    times as fast as it was recorded, as for the model frame of Dyke et al., a `GroundMotion` as it is, unless there is
+    a `compression`: the rule of `RecordedMotions` too.
 
     ## Episode End
 
@@ -88,7 +88,7 @@ class FrameEnv(PlantEnv[FrameTask]):
     | `damper_between` | pair or pairs of floors | the structure's | (0, 1) is ground to floor 1 |
     | `motions` | `MotionSource` | `SyntheticMotions()` | Kanai-Tajimi, Clough-Penzien, files, mixtures, amplitudes |
     | `reward` | `FrameReward`, mapping | `FrameReward()` | weights of the parts, exponent, reference |
-    | `timestep` | s | 0.0005, chain: 0.001 | the largest of the engine |
+    | `timestep` | s | 0.0005 | the largest of the engine |
     | `duration` | s | the motion's | cuts long motions |
     | `camera` | str | corner | `front`, `corner`, `damper` |
 

@@ -198,7 +198,6 @@ class DamperSums:
     def __init__(self, steps: int, command_max: Array, timestep: float) -> None:
         self.command_max, self.half_step = command_max, -0.5 * timestep
         self.parts = np.zeros((4, steps, len(command_max)))
-        self.flat = self.parts.reshape(4, -1)
 
     def __call__(self, size: Array, pull: Array, velocity: Array, after: Sequence[float]) -> list[float]:
         """Shares, powers, currents and energy from |current|, pull and velocity (steps, m), after (m,) as in `work`."""
@@ -210,7 +209,7 @@ class DamperSums:
         both[-1] = after
         both += velocity
         both *= pull
-        currents, shares, powers, worked = np.add.reduce(self.flat, axis=1).tolist()
+        currents, shares, powers, worked = np.add.reduce(self.parts.reshape(4, -1), axis=1).tolist()
         many = current.size
         return [shares / many, powers / many, currents / many, self.half_step * worked]
 

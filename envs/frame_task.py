@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from mrdamp.envs.chain_rows import FRAMES
 from mrdamp.envs.frame_xml import Position, sensor_name
-from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut
+from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.plant import placed
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.envs.task import References, Task, check_options
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model, core
-from mrdamp.motions import GroundMotion, read_motion
+from mrdamp.motions import GroundMotion
 from mrdamp.structures import ShearFrame
 
 Array = NDArray[np.float64]
@@ -44,6 +44,11 @@ class FrameTask(Task):
         **options: Any,
     ) -> None:
         given = TaskOptions(**options)
+        require_kind("a Model, its file, or one a damper", (Model, str, Path, list, tuple), model=model)
+        require_kind("a ShearFrame", ShearFrame, structure=structure)
+        require_kind("a source of motions", MotionSource, motions=motions)
+        if duration is not None:
+            require_positive("motions", duration=duration)
         if isinstance(model, str | Path):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
@@ -79,6 +84,7 @@ class FrameTask(Task):
             "motion": motion.name,
             "pga": motion.pga,
             "duration": motion.duration,
+            "speed": motion.speed,
             "reference_drift": reference.drift,
             "reference_acceleration": reference.acceleration,
         }
@@ -91,13 +97,10 @@ class FrameTask(Task):
         )
 
     def _motion(self, rng: np.random.Generator, options: Mapping[str, Any]) -> GroundMotion:
-        check_options(options, "motion", "amplitude")
-        motion = options.get("motion")
-        if motion is None:
-            motion = self.motions.draw(rng)
-        elif not isinstance(motion, GroundMotion):
-            motion = read_motion(motion)
-        return cut(motion.scaled(float(options.get("amplitude", 1.0))), self.duration)
+        amplitude = check_options(options, "motion", "compression")
+        given = options.get("motion")
+        motion = self.motions.draw(rng) if given is None else played(given, options.get("compression"))
+        return cut(motion.scaled(amplitude), self.duration)
 
 
 def frame_sensors(

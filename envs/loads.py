@@ -10,13 +10,10 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from mrdamp.errors import InputError
-from mrdamp.motions import GroundMotion, kanai_tajimi, read_motion
+from mrdamp.errors import InputError, require_kind
+from mrdamp.motions import TIME_SCALE, GroundMotion, kanai_tajimi, read_motion
 
 Range = tuple[float, float]
-
-#: A frame with five times the building's frequencies requires a motion compressed by a factor of five.
-TIME_SCALE = 5.0
 
 
 @runtime_checkable
@@ -81,7 +78,7 @@ class RecordedMotions:
     motions: files (CSV or PEER .AT2, see `mrdamp.motions.read_motion`) or motions. amplitude: range of the factor
     on each one, or of the peak in m/s2 where `to_peak`; drawn evenly in its logarithm. speed: range of a further
     factor on the speed, evenly drawn, which shifts the motion's frequencies. mirror: change the sign of every second
-    one on average. compression: factor of compression in time.
+    one on average. compression: as in `played`.
     """
 
     motions: Sequence[GroundMotion | Path | str]
@@ -89,12 +86,13 @@ class RecordedMotions:
     to_peak: bool = False
     speed: Range = (1.0, 1.0)
     mirror: bool = False
-    compression: float = TIME_SCALE
+    compression: float | None = None
     _read: tuple[GroundMotion, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_ranges("recorded motions", {"amplitude": self.amplitude, "speed": self.speed})
-        read = tuple(m if isinstance(m, GroundMotion) else read_motion(m) for m in self.motions)
+        require_kind("a list of files or motions", (list, tuple), motions=self.motions)
+        read = tuple(played(m, self.compression) for m in self.motions)
         if not read:
             raise InputError("recorded motions: there is none; give at least one file")
         object.__setattr__(self, "_read", read)
@@ -103,7 +101,7 @@ class RecordedMotions:
         motion = self._read[int(rng.integers(len(self._read)))]
         factor = uniform(rng, self.amplitude) / (motion.pga if self.to_peak else 1.0)
         sign = -1.0 if self.mirror and rng.random() < 0.5 else 1.0
-        return motion.scaled(sign * factor).compressed(self.compression * rng.uniform(*self.speed))
+        return motion.scaled(sign * factor).compressed(rng.uniform(*self.speed))
 
 
 @dataclass(frozen=True)
@@ -122,6 +120,18 @@ class MixedMotions:
     def draw(self, rng: np.random.Generator) -> GroundMotion:
         share = np.array(self.weights or [1.0] * len(self.sources))
         return self.sources[int(rng.choice(len(self.sources), p=share / share.sum()))].draw(rng)
+
+
+def played(given: GroundMotion | Path | str, compression: float | None = None) -> GroundMotion:
+    """A motion on the frame's clock: a file's is played `TIME_SCALE` times as fast, a motion as it is.
+
+    compression: in place of that; 1 for a frame of full size. The one rule for environments, `mrdamp compare` and
+    training; `speed` of the motion says what was done. Raises InputError.
+    """
+    require_kind("a GroundMotion, or its file", (GroundMotion, str, Path), motion=given)
+    if isinstance(given, GroundMotion):
+        return given if compression is None else given.compressed(compression)
+    return read_motion(given).compressed(TIME_SCALE if compression is None else compression)
 
 
 def cut(motion: GroundMotion, duration: float | None) -> GroundMotion:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.chain_rows import Kind, of_engine
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.simulation.rows import Stepping
 
@@ -61,6 +62,14 @@ class TaskOptions(RowOptions):
     full_state: bool = False
     noise: Mapping[str, float] | None = None
 
+    def __post_init__(self) -> None:
+        require_kind("an Observer, or a mapping", (Observer, Mapping), observer=self.observer)
+        require_kind("a list of names", (list, tuple), signals=self.signals)
+        require_kind("a list of numbers", (list, tuple, np.ndarray), memory=self.memory)
+        require_kind("a number by name", Mapping, peaks=self.peaks, noise=self.noise)
+        own = {name: getattr(self, name) for name in ("action_in_observation", "full_state")}
+        require_kind("True, False", bool, **own)
+
     def observes(
         self, sensors: Callable[[bool], tuple[Sequence[str], Mapping[str, float]]], command_max: Array
     ) -> Observer:
@@ -96,7 +105,10 @@ def command_range(models: Sequence[Model], command_max: float | Sequence[float] 
         if missing:
             raise InputError(f"{missing[0]}: it has no command_max; give command_max (A or V)")
         command_max = [m.attributes["command_max"] for m in models]
-    values = np.broadcast_to(np.asarray(command_max, dtype=np.float64), (len(models),)).copy()
+    try:
+        values = np.broadcast_to(np.asarray(command_max, dtype=np.float64), (len(models),)).copy()
+    except (TypeError, ValueError):
+        values = np.array([math.nan])
     if not ((values > 0) & np.isfinite(values)).all():
         raise InputError(f"command_max is {command_max}; allowed: numbers > 0, one or one for each damper")
     return values
@@ -104,6 +116,7 @@ def command_range(models: Sequence[Model], command_max: float | Sequence[float] 
 
 def model_of(given: Model | Path | str | None, default: Callable[[], Model]) -> Model:
     """A damper's model as it is given, from its file, or the default. Raises InputError."""
+    require_kind("a Model, or its file", (Model, str, Path), model=given)
     if isinstance(given, str | Path):
         return Model.read(given)
     return default() if given is None else given

@@ -14,6 +14,7 @@ from mrdamp.envs.frame_xml import Position, frame_models
 from mrdamp.envs.options import RowOptions
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
+from mrdamp.simulation.rows import finite
 from mrdamp.structures import ShearFrame
 
 
@@ -84,8 +85,8 @@ class RowPlant:
 
     def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
         """One control period with the command (or one a damper) held; the measurements at its end."""
-        commands = np.broadcast_to(np.asarray(command, dtype=np.float64), (1, len(self.commands_max)))
-        self.of_period, values = self.rows.advance_one(commands)
+        each = command if np.ndim(command) else [command] * len(self.commands_max)
+        self.of_period, values = self.rows.advance_one(finite("command", each, (1, len(self.commands_max))))
         return as_mapping(self.rows.names, values)
 
 

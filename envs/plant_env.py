@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
 from mrdamp.envs.task import Episode, Task
-from mrdamp.envs.view import Image, View
-from mrdamp.errors import InputError
+from mrdamp.envs.view import Image, View, has_display
+from mrdamp.errors import InputError, require_positive
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 200}  # noqa: RUF012
-    #: Default of the rendering.
-    default_camera: ClassVar[str] = "corner"
+    #: Of the drawing, the default first.
+    cameras: ClassVar[tuple[str, ...]] = ("corner", "front", "damper")
 
     @staticmethod
     @abstractmethod
@@ -82,15 +82,22 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
             raise InputError(
                 f"render_mode is {render_mode!r}; allowed: {', '.join(self.metadata['render_modes'])}"
             )
-        if exaggeration is not None and not 0 < exaggeration < 1e6:
-            raise InputError(f"exaggeration is {exaggeration}; allowed: a number > 0")
+        if render_mode == "human" and not has_display():
+            raise InputError("render_mode human needs a display; rgb_array with MUJOCO_GL=egl needs none")
+        if camera not in (None, *self.cameras):
+            raise InputError(f"camera is {camera!r}; allowed: {', '.join(self.cameras)}")
+        if exaggeration is not None:
+            require_positive("drawing", exaggeration=exaggeration)
+        if not (isinstance(size, tuple | list) and len(size) == 2 and all(isinstance(k, int) and k > 0 for k in size)):
+            raise InputError(f"size is {size!r}; allowed: width and height in pixels")
         self.task = task = self.make_task(**arguments)
         self.render_mode = render_mode
         self.exaggeration = exaggeration
         self.observation_space = task.observation_space
         self.action_space = task.action_space
-        self.metadata = {**self.metadata, "render_fps": round(1 / task.rows.period)}
-        self._drawing = camera or self.default_camera, size
+        modes = [mode for mode in self.metadata["render_modes"] if mode != "human" or has_display()]
+        self.metadata = {"render_modes": modes, "render_fps": round(1 / task.rows.period)}
+        self._drawing = camera or self.cameras[0], size
         self._view: View | None = None
 
     def reset(
@@ -129,6 +136,10 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
         if self._view is not None:
             self._view.close()
         self._view = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies and other processes: all but the drawing."""
+        return {**self.__dict__, "_view": None}
 
     def get_state(self) -> EnvState:
         """The state, for this or another environment with the same arguments."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import mujoco.batch
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.errors import InputError
-from mrdamp.simulation.rows import Stepping
+from mrdamp.simulation.rows import Stepping, finite
 
 Array = NDArray[np.float64]
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -56,15 +57,13 @@ class Plants:
         m = self.model
         self.n, self.inner = n, inner
         self.loads = _columns([m.actuator(name).id for name in loads])
-        self.dampers = _columns([m.actuator(name).id for name in dampers])
+        self.dampers, self._many = _columns([m.actuator(name).id for name in dampers]), len(dampers)
         found = [m.sensor(k) for k in range(m.nsensor)]
         self.sensors: Mapping[str, slice] = {
             s.name: slice(int(s.adr[0]), int(s.adr[0] + s.dim[0])) for s in found
         }
-        self.batch = mujoco.batch.Batch(m, nsim=n, nthread=threads)
-        self._fields = tuple(fields)
-        self._now = {name: self.batch.bind(name) for name in fields}
-        self._control = self.batch.bind("ctrl")
+        self._fields, self._threads = tuple(fields), threads
+        self._bind()
         self._pushes = np.zeros((n, inner, m.nu))
         self._record = {name: np.zeros((n, inner, a.shape[1])) for name, a in self._now.items()}
         # Loads (n, samples, loads) at the engine's steps, and each row's last sample, from which on there is none.
@@ -72,6 +71,23 @@ class Plants:
         self._last = np.full(n, inner - 1)
         self._row, self._ahead = np.arange(n)[:, None], np.arange(inner + 1)
         self.step = np.zeros(n, dtype=np.int64)
+
+    def _bind(self) -> None:
+        self.batch = mujoco.batch.Batch(self.model, nsim=self.n, nthread=self._threads)
+        self._now = {name: self.batch.bind(name) for name in self._fields}
+        self._control = self.batch.bind("ctrl")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies: the engine's batch cannot be copied, its state can."""
+        bound = ("batch", "_now", "_control")
+        held = {name: value for name, value in self.__dict__.items() if name not in bound}
+        return {**held, "state": np.array(self.batch.state)}
+
+    def __setstate__(self, held: dict[str, Any]) -> None:
+        state = held.pop("state")
+        self.__dict__.update(held)
+        self._bind()
+        self.batch.state[:] = state
 
     @property
     def timestep(self) -> float:
@@ -102,7 +118,7 @@ class Plants:
         call.
         """
         pushes, inner = self._pushes, self.inner
-        pushes[:, :, self.dampers] = commands[:, None, :]
+        pushes[:, :, self.dampers] = finite("command", commands, (self.n, self._many))[:, None, :]
         load = self._coming()
         pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import FrameInput
 from mrdamp.simulation.stepping import second_order_step
 
@@ -169,3 +170,34 @@ class Noise:
         """Onto row of values (n, names), in place."""
         if self.where:
             values[row, self.where] += self.deviation * rng.standard_normal(len(self.where))
+
+
+class Accelerometers:
+    """Accelerometers of n rows at p places with a bandwidth: the mean acceleration of every control period, from the
+    velocities at its ends, through a Butterworth low-pass of the second order at the control period.
+
+    bandwidth: Hz, below half of the control rate. Attributes: state (n, 3, p), all that the next reading depends on:
+    the last velocities and the filter's. Raises InputError.
+    """
+
+    def __init__(self, bandwidth: float, period: float, n: int, places: int) -> None:
+        require_positive("accelerometers", bandwidth=bandwidth)
+        if bandwidth >= 0.5 / period:
+            raise InputError(f"bandwidth is {bandwidth} Hz; allowed: below {0.5 / period:g}, half of the control rate")
+        self._b, self._a = (part.tolist() for part in butter(2, bandwidth, fs=1 / period))
+        self._period = period
+        self.state = np.zeros((n, 3, places))
+
+    def read(self, velocity: Array, fresh: Sequence[int] | None = None) -> Array:
+        """(rows, p) m/s2 from velocities (rows, p) m/s; fresh: rows that have just started, None: all, a period on."""
+        if fresh is not None:
+            self.state[list(fresh)] = 0.0
+            self.state[list(fresh), 0] = velocity
+            return np.zeros_like(velocity)
+        last, first, second = self.state[:, 0], self.state[:, 1], self.state[:, 2]
+        mean = (velocity - last) / self._period
+        found = self._b[0] * mean + first
+        self.state[:, 0] = velocity
+        self.state[:, 1] = self._b[1] * mean - self._a[1] * found + second
+        self.state[:, 2] = self._b[2] * mean - self._a[2] * found
+        return np.asarray(found)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation, Observer, Stack
 from mrdamp.envs.sensors import Noise
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
+from mrdamp.simulation.rows import finite
 
 Array = NDArray[np.float64]
 Kept = TypeVar("Kept")
@@ -102,11 +103,15 @@ class References(Generic[Kept]):
         return self._kept[key]
 
 
-def check_options(options: Mapping[str, Any], *allowed: str) -> None:
-    """Raises InputError for an unknown option of `reset`."""
+def check_options(options: Mapping[str, Any], *allowed: str) -> float:
+    """The amplitude among the options of `reset`. Raises InputError for an unknown one, or no number > 0."""
+    allowed = (*allowed, "amplitude")
     unknown = sorted(set(options) - set(allowed))
     if unknown:
         raise InputError(f"reset: option {unknown[0]!r} is unknown; allowed: {', '.join(allowed)}")
+    numbers = {name: options[name] for name in ("amplitude", "speed", "compression") if name in options}
+    require_positive("reset", **numbers)
+    return float(options.get("amplitude", 1.0))
 
 
 class Task(ABC):
@@ -171,8 +176,8 @@ class Task(ABC):
         """Draws the row's load and sets structure and score to its start; returns its entries of `info`."""
 
     def commands(self, actions: Any) -> Array:
-        """(n, m) commands from actions (n, m) in [-1, 1]; clipped to the range."""
-        share = 0.5 * (np.asarray(actions, dtype=np.float64).reshape(self.n, -1) + 1.0)
+        """(n, m) commands from actions (n, m) in [-1, 1]; clipped to the range. Raises InputError."""
+        share = 0.5 * (finite("action", actions, (self.n, len(self.command_max))) + 1.0)
         return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0) * self.command_max)
 
     def reset(
@@ -221,6 +226,8 @@ class Task(ABC):
         Its observation (size,), reward, whether the load is over, and `info`.
         """
         given = np.asarray(action, dtype=np.float64).reshape(-1).tolist()
+        if len(given) != len(self._largest) or not math.isfinite(sum(given)):
+            finite("action", given, (1, len(self._largest)))
         shares = [0.5 * (a + 1.0) for a in given]
         commands = [
             m * (s if 0.0 <= s <= 1.0 else 1.0 if s > 1.0 else 0.0 if s < 0.0 else s)

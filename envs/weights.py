@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +41,7 @@ class Weights:
     @classmethod
     def of(cls, given: Self | Mapping[str, Any] | None) -> Self:
         """Weights as they are given, from names and values, or the default. Raises InputError."""
+        require_kind(f"a {cls.__name__}, or numbers by name", (cls, Mapping), reward=given)
         return given if isinstance(given, cls) else cls.from_dict(given or {})  # type: ignore[arg-type]
 
     @classmethod

@@ -103,6 +103,7 @@ def _rows(n: int, load: CableLoad) -> ChainRows:
         BENCH.cable,
         BENCH.model,
         default_places(BENCH.cable),
+        None,
         Stepping(5e-3, 1e-3, np.array([BENCH.command_max]), n),
     )
     for row in range(n):

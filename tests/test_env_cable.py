@@ -6,6 +6,7 @@ import cmath
 import json
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,20 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import eig
+from scipy.signal import butter, lfilter
 
 from excitation import Array
 from mrdamp import models_xml
-from mrdamp.envs import AmbientLoads, CableEnv, CableLoad, CablePlant, CableReward, WindLoads, cable_damper
+from mrdamp.envs import (
+    AmbientLoads,
+    CableEnv,
+    CableLoad,
+    CablePlant,
+    CableReward,
+    CableTask,
+    WindLoads,
+    cable_damper,
+)
 from mrdamp.envs.cable_reward import PARTS
 from mrdamp.envs.cable_xml import chain_xml, modal_xml
 from mrdamp.errors import InputError
@@ -382,7 +393,7 @@ def test_the_shipped_chain_is_the_default_cable_with_sag() -> None:
         ({"reward": {"drift": 1.0}}, {}, "'drift' is unknown"),
         ({"reward": {"motion": -1.0}}, {}, "weight motion"),
         ({}, {"motion": 1}, "option 'motion'"),
-        ({}, {"load": 3}, "option load is 3"),
+        ({}, {"load": 3}, "load is 3"),
         ({}, {"load": CableLoad("none", 0.1, np.array([0.5]), np.zeros((9, 1)))}, "zero throughout"),
     ],
 )
@@ -398,3 +409,36 @@ def test_bad_arguments_are_one_clear_line(
 def test_cables_that_cannot_be(values: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="cable: "):
         StayCable(**values)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_accelerometers_with_a_bandwidth_are_scipys_filter_of_the_mean_acceleration(engine: str) -> None:
+    signals = [f"{what}_{j}" for what in ("acceleration", "velocity") for j in (1, 2)]
+    task = CableTask(1, engine=engine, bandwidth=15.0, signals=signals, loads=AmbientLoads(duration=1.0))
+    task.reset([0], [np.random.default_rng(1)])
+    found = []
+    for k in range(100):
+        task.step(np.array([math.sin(k)]))
+        found.append(task.measured[0, [0, 1, 4, 5]])
+    read, velocity = np.split(np.array(found), 2, axis=1)
+    mean = np.diff(velocity, axis=0, prepend=0.0) / 5e-3
+    np.testing.assert_allclose(read, lfilter(*butter(2, 15.0, fs=200.0), mean, axis=0), atol=1e-9)
+    with pytest.raises(InputError, match=r"bandwidth is 100\.0 Hz; allowed: below 100"):
+        CableEnv(bandwidth=100.0)
+
+
+@pytest.mark.slow
+def test_what_an_accelerometer_with_a_bandwidth_reads_does_not_hang_on_the_modes() -> None:
+    """At five times the damper's distance, under commands that switch; without a bandwidth it does."""
+    load = WindLoads(duration=3.0).draw(np.random.default_rng(3), StayCable().length)
+    rms: dict[float | None, list[float]] = {}
+    for bandwidth in (15.0, None):
+        for modes in (10, 40):
+            cable = replace(StayCable(), modes=modes)
+            plant = CablePlant(cable, bandwidth=bandwidth, timestep=6.25e-5, engine="chain")
+            plant.reset(load)
+            rng = np.random.default_rng(1)
+            found = [plant.step(rng.choice([0.0, 4.0]))["acceleration_2"] for _ in range(580)]
+            rms.setdefault(bandwidth, []).append(float(np.std(found)))
+    assert rms[15.0][1] == pytest.approx(rms[15.0][0], rel=0.05)
+    assert rms[None][1] != pytest.approx(rms[None][0], rel=0.2)

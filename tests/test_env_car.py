@@ -296,7 +296,7 @@ def test_contract_and_moments(engine: str) -> None:
 def test_faults_are_told() -> None:
     with pytest.raises(InputError, match="car: wheel is 0"):
         QuarterCar(wheel=0.0)
-    with pytest.raises(InputError, match="option 'motion' is unknown; allowed: road, amplitude, speed"):
+    with pytest.raises(InputError, match="option 'motion' is unknown; allowed: road, speed, amplitude"):
         CarEnv().reset(options={"motion": 1})
     with pytest.raises(InputError, match="flat throughout"):
         CarEnv().reset(options={"road": Road("flat", 0.1, np.zeros(50), 5.0)})

@@ -44,7 +44,8 @@ def test_kanai_tajimi_lacks_the_second_filter() -> None:
 
 def test_recorded_motions_are_scaled_turned_and_played_faster() -> None:
     motion = embedded_motion()
-    source = RecordedMotions([motion], amplitude=(0.5, 2.0), to_peak=True, mirror=True, speed=(0.8, 1.2))
+    changed: Any = {"amplitude": (0.5, 2.0), "to_peak": True, "mirror": True, "speed": (0.8, 1.2), "compression": 5.0}
+    source = RecordedMotions([motion], **changed)
     found = [source.draw(np.random.default_rng(k)) for k in range(40)]
     assert all(0.5 <= m.pga <= 2.0 + 1e-12 for m in found)
     assert all(4.0 <= motion.sample_time / m.sample_time <= 6.0 for m in found)

@@ -10,15 +10,15 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from modules import TOOLS, loaded  # noqa: E402
-from mrdamp.train.worlds import FrameWorld  # noqa: E402
+from mrdamp.train.loads import reported_motions  # noqa: E402
 
 
 @pytest.fixture
 def tool(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(str(TOOLS))
     found = loaded(TOOLS / "forecast_study.py")
-    some = FrameWorld({}).validation()[4::14]  # one amplitude, that of the measured motions
-    monkeypatch.setattr(FrameWorld, "validation", lambda self: some)
+    some = reported_motions()[4::14]  # one amplitude, that of the measured motions
+    monkeypatch.setattr(found, "reported_motions", lambda: some)
     return found
 
 

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from mrdamp.blindtest.rig import RATE_HZ
 from mrdamp.cli import main
-from mrdamp.compare.motions import TIME_COMPRESSION, tuning_motions, unseen_motions
+from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.passive import Constant
 from mrdamp.diagnosis.case.folder import read_case
@@ -28,7 +28,7 @@ from mrdamp.gap.page import gap_rows, page, score_rows, ways
 from mrdamp.gap.scenario import Scenario, folded, nominal_frame
 from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
 from mrdamp.model import Effect, Model
-from mrdamp.motions import GroundMotion
+from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.stepping import run_frame
 from mrdamp.structures import ShearFrame
 
@@ -333,7 +333,7 @@ def test_a_measured_frame_is_stood_for_by_its_corrected_simulator(
     case = SimpleNamespace(name="rig", model=nominal, records=())
     found = measured.of_case(Options("constant:value=1", loads=1), case, tmp_path)  # type: ignore[arg-type]
     assert (found.verdict, found.named) == ("effect", ("storey_stiffness@1",))
-    load = unseen_motions()[0].compressed(TIME_COMPRESSION)
+    load = unseen_motions()[0].compressed(TIME_SCALE)
     peaks = [np.abs(run_frame(m, load, Constant(1.0)).drift).max() for m in (nominal, *softer)]
     scenario = Scenario(nominal, "constant:value=1", 1, 1, 1)
     before, after = (scenario.criteria(m, Constant(1.0), scenario.loads[0]) for m in (nominal, softer[0]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.control.told import told
 from mrdamp.envs.plant import FramePlant, default_damper
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
@@ -236,7 +238,7 @@ def test_a_shipped_policy_of_the_frame_does_not_chatter_on_a_driver_without_lag(
     alone.reset()
     assert moved(fast, alone) > 1.5 * as_trained
     site = registry.Site(dyke1996(), fast, 2.25, 0.002)
-    assert moved(fast, registry.make(f"policy:{file}", site)) < 1.1 * as_trained
+    assert moved(fast, told(partial(registry.make, f"policy:{file}"), site)) < 1.1 * as_trained
 
 
 def test_a_policy_is_told_the_lag_of_its_dampers_force_sensor() -> None:
@@ -245,7 +247,7 @@ def test_a_policy_is_told_the_lag_of_its_dampers_force_sensor() -> None:
     file = resources.files("mrdamp") / "data" / "policies" / "frame" / "learned" / "seed_3.json"
     rest = dict.fromkeys(Policy.read(Path(str(file))).observer.signals, 0.0)
     by_hand = Policy.read(Path(str(file))).matched(lagged.command_lag, 0.002)
-    made = registry.make(f"policy:{file}", registry.Site(dyke1996(), lagged, 2.25, 0.002))
+    made = told(partial(registry.make, f"policy:{file}"), registry.Site(dyke1996(), lagged, 2.25, 0.002))
     forces = 300.0 * np.random.default_rng(0).standard_normal(40)
     found = [
         [p.command(2e-3 * k, {**rest, "force": f}) for k, f in enumerate(forces)] for p in (made, by_hand)

@@ -32,8 +32,8 @@ def test_peaks_are_those_of_training_and_grow_with_noise(
 ) -> None:
     """Twelve of the 84 motions: a policy is better than passive-on in the mean, less so under much noise."""
     policy = tool.Policy.read(str(SHIPPED / "adjoint" / "seed_0.json"))
-    some = tool.FrameWorld.validation(tool.FrameWorld({}))[3::7]
-    monkeypatch.setattr(tool.FrameWorld, "validation", lambda self: some)
+    some = tool.reported_motions()[3::7]
+    monkeypatch.setattr(tool, "reported_motions", lambda: some)
     clean, base = tool.peaks([policy], 0.0)
     noisy, same = tool.peaks([policy], 2e-3)
     assert clean.shape == (1, len(some), 2)

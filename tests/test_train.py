@@ -128,6 +128,9 @@ def test_validation_is_drawn_apart_from_training() -> None:
     judged = {m.name for m in loads.validation_motions() if m.name.startswith("kanai")}
     assert judged
     assert not trained & judged
+    reported = {m.name for m in loads.reported_motions()}
+    assert len(reported) == 12
+    assert not (trained | {m.name for m in loads.validation_motions()}) & reported
 
 
 def test_validation_roads_are_drawn_apart_from_training() -> None:

@@ -251,7 +251,7 @@ SMALL = (
 
 
 def ppo(timesteps: int = 512) -> Options:
-    return Options(timesteps=timesteps, overrides=(*SMALL, "n_steps=32", "batch_size=64"), evaluations=2)
+    return Options(timesteps=timesteps, overrides=(*SMALL, "n_steps=32", "batch_size=64", "freeze=128"), evaluations=2)
 
 
 def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
@@ -304,6 +304,7 @@ def test_what_the_learner_does_not_know_is_refused(tmp_path: Path) -> None:
     for algorithm, wrong, said in (
         ("ppo", "learning_rte=1", "learning_rte"), ("ppo", "explore=0.1", "explore is for"),
         ("sac", "freeze=10", "freeze is for"), ("ppo", "pool=0", "privileged needs a pool"),
+        ("ppo", "freeze=100000000", "freeze is 100000000 of"),
         ("ppo", "action=command", "teacher is for action: force"), ("ppo", "reach=0", "reach"),
     ):  # fmt: skip
         options = Options(algorithm=algorithm, overrides=(*SMALL, wrong))

@@ -29,7 +29,7 @@ def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
 
 
 def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:
-    options = Options(overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4"), timesteps=123)
+    options = Options(overrides=("learning_rate=1e-4", "env_kwargs.history=7", "n_envs=4", "freeze=7"), timesteps=123)
     chosen = settings(options)
     assert (chosen.learner["learning_rate"], chosen.env_kwargs["history"]) == (1e-4, 7)
     assert (chosen.n_envs, chosen.n_timesteps) == (4, 123)

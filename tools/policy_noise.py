@@ -1,10 +1,10 @@
-"""Policies of the frame under noise of their sensors: peak drift and peak acceleration on the 84 validation motions.
+"""Policies of the frame under noise of their sensors: peak drift and peak acceleration on 12 motions at 7 amplitudes.
 
     python tools/policy_noise.py [--noise S ...] POLICY.json ...
 
 White noise on every measurement, S times the observer's unit of it (5 m/s2, 4.3 mm, 1.4 kN), on the chain at 1 ms. The
 policies are seeds of one training. Prints the means over motions and seeds, and the mean of both less passive-on's,
-with its 95 % interval over motions and seeds.
+with its 95 % interval over motions and seeds. No policy was trained or chosen on these motions.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from policy_robustness import interval
 
+from mrdamp.compare.summary import interval
 from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
+from mrdamp.train.loads import by_motion, reported_motions
 from mrdamp.train.worlds import FrameWorld
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
@@ -29,7 +30,7 @@ def peaks(policies: list[Policy], noise: float) -> tuple[np.ndarray, np.ndarray]
     """(seeds, motions, 2) drift and acceleration over the uncontrolled ones, and (motions, 2) those of passive-on."""
     first = policies[0]
     o, world = first.observer, FrameWorld({"period": first.period, "timestep": _STEP, "observer": first.observer})
-    loads = world.validation()
+    loads = reported_motions()
     deviation = {name: noise * unit for name, unit in zip(o.signals, o.scales, strict=True)}
     found = []
     for policy in [None, *policies]:
@@ -67,7 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
     for noise in a.noise:
         found, base = peaks(policies, noise)
         less = (found - base).mean(axis=2)
-        low, high = interval(less)
+        low, high = interval(by_motion(less))
         drift, acceleration = found.mean(axis=(0, 1))
         print(
             f"| {noise:g} | {drift:.3f} | {acceleration:.3f} | {less.mean():+.3f} ({low:+.3f} to {high:+.3f}) |",

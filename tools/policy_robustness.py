@@ -15,26 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamp.compare.summary import interval
 from mrdamp.control.base import Controller
 from mrdamp.control.passive import passive_on
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 from mrdamp.gap.real import EFFECTS, NONE, RealFrame
 from mrdamp.gap.scenario import Scenario, nominal_frame
-
-_DRAWS = 4000
-
-
-def interval(differences: np.ndarray) -> tuple[float, float]:
-    """95 %, of the mean of (seeds, motions), both drawn again."""
-    rng = np.random.default_rng(0)
-    seeds, motions = differences.shape
-    means = [
-        differences[np.ix_(rng.integers(0, seeds, seeds), rng.integers(0, motions, motions))].mean()
-        for _ in range(_DRAWS)
-    ]
-    low, high = np.percentile(means, [2.5, 97.5])
-    return float(low), float(high)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -70,7 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
         real = RealFrame(scenario.nominal, cause)
         base = np.array(scores(real, passive_on(site.command_max, site.period)))
         found = np.array([scores(real, policy) for policy in policies])
-        low, high = interval(found - base)
+        low, high = interval((found - base)[:, :, None])
         mean = float((found - base).mean())
         print(
             f"| {cause} | {base.mean():.3f} | {found.mean():.3f} | {mean:+.3f} ({low:+.3f} to {high:+.3f}) |",

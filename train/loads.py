@@ -6,15 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, LoadSource, WindLoads
 from mrdamp.envs.car_roads import Bumps, IsoRoads, RoadSource
-from mrdamp.envs.loads import TIME_SCALE, MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
-from mrdamp.motions import GroundMotion, embedded_motion
+from mrdamp.envs.loads import MixedMotions, MotionSource, RecordedMotions, SyntheticMotions
+from mrdamp.motions import TIME_SCALE, GroundMotion, embedded_motion
 from mrdamp.simulation.roads import CLASSES, Road
 
 #: The seed of whatever validation draws; training starts from the policy's own seed, a spawned sequence.
 VALIDATION_SEED = 902
+#: Of motions that are reported alone: no training draws them, and no checkpoint or setting is chosen on them.
+REPORT_SEED = 9_000_301
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 #: rad/s, of full-size ground from soft to firm; each band has an equal share, so that motions slower than the frame are
 #: not rare.
@@ -66,18 +69,36 @@ def _kinds(duration: float, plateau: float, pga: tuple[float, float]) -> list[Pu
 
 def training_motions(pga: tuple[float, float] = (0.25, 6.0)) -> MotionSource:
     """Synthetic ground of every kind, short to long, and the embedded motion: peaks pga in m/s2, evenly in the log."""
-    kinds = [
-        MixedMotions(_kinds(duration, plateau, pga))
-        for duration, plateau in ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
-    ]
-    embedded = RecordedMotions([embedded_motion()], amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25))
-    return MixedMotions([*kinds, embedded], (0.3, 0.3, 0.3, 0.1))
+    embedded = RecordedMotions(
+        [embedded_motion()], compression=TIME_SCALE, amplitude=(0.1, 1.5), mirror=True, speed=(0.8, 1.25)
+    )
+    return MixedMotions([*_synthetic(pga), embedded], (0.3, 0.3, 0.3, 0.1))
+
+
+def _synthetic(pga: tuple[float, float]) -> list[MotionSource]:
+    lengths = ((10.0, 4.0), (20.0, 8.0), (30.0, 12.0))
+    return [MixedMotions(_kinds(duration, plateau, pga)) for duration, plateau in lengths]
 
 
 def validation_motions(count: int = 12, amplitudes: Sequence[float] = AMPLITUDES) -> list[GroundMotion]:
     """count motions at each amplitude, of the kinds that training draws from but drawn apart."""
-    rng = np.random.default_rng([VALIDATION_SEED, 1])
-    source = training_motions((1.0, 1.0))
+    return _at_amplitudes(training_motions((1.0, 1.0)), VALIDATION_SEED, count, amplitudes)
+
+
+def reported_motions(count: int = 12) -> list[GroundMotion]:
+    """count synthetic motions at every one of AMPLITUDES, for tables: apart from training and validation."""
+    return _at_amplitudes(MixedMotions(_synthetic((1.0, 1.0))), REPORT_SEED, count, AMPLITUDES)
+
+
+def by_motion(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(seeds, motions, amplitudes) of values (seeds, loads) under `reported_motions`, for `compare.summary`."""
+    return values.reshape(len(values), -1, len(AMPLITUDES))
+
+
+def _at_amplitudes(
+    source: MotionSource, seed: int, count: int, amplitudes: Sequence[float]
+) -> list[GroundMotion]:
+    rng = np.random.default_rng([seed, 1])
     drawn = [source.draw(rng) for _ in range(count)]
     return [motion.scaled(a * _PEAK / motion.pga) for motion in drawn for a in amplitudes]
 

@@ -8,6 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
+import yaml
+
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 
@@ -138,6 +140,11 @@ class Settings:
             if not isinstance(value, int | float) or not (value > 0 or (value == 0 and not open_end)):
                 allowed = "a number > 0" if open_end else "a number, 0 or more"
                 raise InputError(f"hyperparameters: {name} is {value!r}; allowed: {allowed}")
+        if self.freeze >= self.n_timesteps:
+            raise InputError(
+                f"hyperparameters: freeze is {self.freeze} of {self.n_timesteps} control periods: nothing would be "
+                "learned; train longer, or set freeze lower"
+            )
         if self.viscous and self.switch:
             raise InputError("hyperparameters: viscous and switch exclude each other")
         if self.privileged and not self.pool:
@@ -166,13 +173,6 @@ def settings(options: Options) -> Settings:
 
 
 def _read(options: Options) -> Mapping[str, Any]:
-    try:
-        import yaml
-    except ImportError:
-        raise InputError(
-            "training needs PyYAML, which is not installed: pip install 'mrdamp[train]'"
-        ) from None
-
     if options.hyperparameters is None:
         file = resources.files("mrdamp.train") / "hyperparameters" / f"{options.algorithm}.yml"
         name, text = file.name, file.read_text(encoding="utf-8")
@@ -189,8 +189,6 @@ def _read(options: Options) -> Mapping[str, Any]:
 
 
 def _set(chosen: dict[str, Any], override: str) -> None:
-    import yaml
-
     path, equals, value = override.partition("=")
     keys = path.split(".")
     if not equals or not all(keys):

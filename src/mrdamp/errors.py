@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable
+from numbers import Real
+from typing import Any
 
 #: The largest number that an input may hold: its square and cube still are numbers.
 LARGEST = 1e30
@@ -34,5 +36,12 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 def require_positive(what: str, **values: float) -> None:
     """InputError unless every value is a finite number above 0. what: whose values they are, for the message."""
     for name, value in values.items():
-        if not 0 < value < math.inf:
-            raise InputError(f"{what}: {name} is {value}; allowed: a finite number > 0")
+        if not (isinstance(value, Real) and 0 < value < math.inf):
+            raise InputError(f"{what}: {name} is {value!r}; allowed: a finite number > 0")
+
+
+def require_kind(words: str, kind: type | tuple[type, ...], **values: Any) -> None:
+    """InputError unless every value is None or of a kind. words: what is allowed, for the message."""
+    for name, value in values.items():
+        if value is not None and (not isinstance(value, kind) or (isinstance(value, bool) and kind is int)):
+            raise InputError(f"{name} is {value!r}; allowed: {words}".splitlines()[0])

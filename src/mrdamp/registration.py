@@ -1,4 +1,7 @@
-"""The ids of the Gymnasium environments. Gymnasium has no plugin entry point, so importing `mrdamp` registers them."""
+"""The ids of the Gymnasium environments. Gymnasium has no plugin entry point, so importing `mrdamp` registers them.
+
+`gymnasium.make("mrdamp:mrdamp/Frame-v0")` imports it, in a spawned worker as well.
+"""
 
 from __future__ import annotations
 

@@ -46,7 +46,8 @@ def add_to(commands: Any) -> None:
         "--controllers",
         nargs="+",
         metavar="NAME",
-        help="names, NAME=KIND:key=value,..., or NAME=policy:FILES; several files are seeds (default: all)",
+        help="names, NAME=KIND:key=value,..., NAME=policy:FILES (several are seeds), or your own: NAME=module:CLASS, "
+        "NAME=file.py:CLASS, NAME=model.zip (default: all but your own)",
     )
     p.add_argument(
         "--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, folders; roads as CSV"
@@ -56,8 +57,9 @@ def add_to(commands: Any) -> None:
     )
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
     p.add_argument(
-        "--compression", type=float, default=5.0, help="speed of the motions (default: %(default)g)"
-    )
+        "--compression", type=float, default=5.0, metavar="K",
+        help="motions are played K times as fast (default: %(default)g, as on the published frame; full size: 1)",
+    )  # fmt: skip
     p.add_argument(
         "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"
     )
@@ -116,6 +118,8 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     shipped = shipped_policies(environment)
     names = a.controllers or [*bench.default, *shipped]
     keep = _keep(a.out)
+    # Tuning takes minutes: what is wrong with a file or a name is said before.
+    contenders(bench, [name for name in names if name.rpartition("=")[2] not in bench.tuned], {}, shipped)
     with progress_bar() as progress:
         settings = _settings(a, bench, names, progress)
         if not settings and not a.controllers:
@@ -227,7 +231,8 @@ def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names
     text = f"{bench.about()}; {', '.join(result.loads)}; amplitudes {amplitudes}."
     used = {name: s for name, s in settings.items() if any(n.rpartition("=")[2] == name for n in names)}
     if used:
-        tuned = ", ".join(f"{name} = {setting.spec}" for name, setting in used.items())
+        grids = {name: len(bench.grid(bench.tuned[name])) for name in used}
+        tuned = ", ".join(f"{name} = {s.spec} (of {grids[name]})" for name, s in used.items())
         others = ", ".join(load.name for load in bench.tuning_loads())
         text += f" Tuned on others ({others}): {tuned}."
     return text

@@ -7,27 +7,30 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.compare import own as outside
 from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Measure, digest
-from mrdamp.compare.frame import file_of, specs
+from mrdamp.compare.frame import specs
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
 from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
 from mrdamp.control import cable as controllers
 from mrdamp.control.base import Controller
+from mrdamp.control.told import knowledge
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
-from mrdamp.envs.cable_task import CablePlant, cable_damper, default_places
+from mrdamp.envs.cable_task import CablePlant, CableTask, cable_damper, default_places
+from mrdamp.envs.chain_rows import CABLES
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 
-_VERSION = 1
+_VERSION = 2
 #: Seeds of the loads; from nine million on they are for judging alone.
 _TUNING_SEED, _UNSEEN_SEED = 201, 9_000_101
 _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
@@ -35,12 +38,11 @@ _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
 
 @dataclass(frozen=True)
 class CableBench(PlantBench):
-    """A cable with its damper. timestep: at 1 ms the motion under switching controllers is 1 to 2 % too small.
-    Raises InputError."""
+    """A cable with its damper. timestep: as that of the environment. Raises InputError."""
 
     cable: StayCable = field(default_factory=StayCable)
     model: Model = field(default_factory=cable_damper, kw_only=True)
-    timestep: float = field(default=2.5e-4, kw_only=True)
+    timestep: float = field(default=CABLES["mujoco"][1], kw_only=True)
 
     environment: ClassVar[str] = "cable"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS
@@ -69,14 +71,17 @@ class CableBench(PlantBench):
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
         if spec == UNCONTROLLED:
-            rows = self._plant(self.period).rows
+            rows = self.plant(self.period).rows
             free = free_run(self.cable, rows.start(0, load.scaled(amplitude)), rows.plants.timestep)
             return {"motion": math.sqrt(float(free[0]))}
-        return self.driven(controllers.make(spec, self.site), load, amplitude)
+        return self.driven(self.controller(spec), load, amplitude)
+
+    def controller(self, spec: str) -> Controller:
+        return outside.make(spec, self.site, controllers.make, partial(CableTask, cable=self.cable, model=self.model))
 
     def driven(self, controller: Controller, load: CableLoad, amplitude: float) -> dict[str, Any]:
         """What is kept of a controller's run."""
-        return self._kept(run_plant(self._plant, load.scaled(amplitude), controller, self.period))
+        return self._kept(run_plant(self.plant, load.scaled(amplitude), controller, self.period))
 
     def bound(self, starts: Mapping[str, Sequence[str]], load: CableLoad, amplitude: float) -> dict[str, Any]:
         from mrdamp.compare.cable_bound import cable_bound
@@ -94,7 +99,7 @@ class CableBench(PlantBench):
             "clipped-optimal": {"r": [1e-10, 1e-9, 1e-8], "noise_ratio": [1.0, 100.0]},
             "modulated-optimal": {
                 "r": [1e-9, 1e-8],
-                "noise_ratio": [10.0],
+                "noise_ratio": [10.0, 100.0],
                 "force_max": [self.site.force_max * k for k in (0.5, 1.0, 2.0)],
             },
             "force-tracking": {"r": [1e-9, 1e-8], "noise_ratio": [10.0, 100.0]},
@@ -119,7 +124,7 @@ class CableBench(PlantBench):
         digest = hashlib.sha256(json.dumps([*parts, spec, amplitude, load.sample_time]).encode())
         digest.update(load.force.tobytes() + load.places.tobytes())
         digest.update(Path(library_path()).read_bytes())
-        digest.update(file_of(spec))
+        digest.update(outside.files_of(spec))
         return digest.hexdigest()[:32]
 
     def identity(self) -> str:
@@ -132,10 +137,10 @@ class CableBench(PlantBench):
         c = self.cable
         return (
             f"{self.model.name} on a cable of {c.length:g} m, {c.first / (2 * math.pi):.2f} Hz, at {c.damper_at:g} of "
-            f"its length, control period {1e3 * self.period:g} ms"
+            f"its length, control period {1e3 * self.period:g} ms; {knowledge(self.model)}"
         )
 
-    def _plant(self, period: float) -> CablePlant:
+    def plant(self, period: float) -> CablePlant:
         return CablePlant(self.cable, self.model, period=period, timestep=self.timestep, engine=self.engine)
 
     def _loads(self, seed: int, each: int) -> tuple[CableLoad, ...]:

@@ -44,7 +44,7 @@ def cable_bound(
 
     def rows(n: int) -> CableChain:
         stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
-        made = CableChain(bench.cable, bench.model, default_places(bench.cable), stepping)
+        made = CableChain(bench.cable, bench.model, default_places(bench.cable), None, stepping)
         for row in range(n):
             made.start(row, scaled)
         return made

@@ -8,30 +8,32 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.compare import own as outside
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, digest
-from mrdamp.compare.frame import file_of, specs
+from mrdamp.compare.frame import specs
 from mrdamp.compare.plant_run import PlantBench, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.car_plant import CarSite
+from mrdamp.control.told import knowledge
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import CarPlant, car_damper
+from mrdamp.envs.car_task import CarPlant, CarTask, car_damper
 from mrdamp.errors import InputError
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608
 from mrdamp.structures.cars import QuarterCar
 
-_VERSION = 1
+_VERSION = 2
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
 _TUNING = (("B", 25.0, 301), ("C", 15.0, 302), ("C", 25.0, 303), ("D", 10.0, 304))
 _UNSEEN = (
@@ -132,15 +134,14 @@ class CarBench(PlantBench):
             square = [float(np.mean(x * x)) for x in linear_run(self.car, road.at(time), self.timestep)]
             return dict(zip(PERIOD[:3], square, strict=True))
 
-        return self.driven(controllers.make(spec, self.site), load, amplitude)
+        return self.driven(self.controller(spec), load, amplitude)
+
+    def controller(self, spec: str) -> Controller:
+        return outside.make(spec, self.site, controllers.make, partial(CarTask, car=self.car, model=self.model))
 
     def driven(self, controller: Controller, load: Road, amplitude: float) -> dict[str, Any]:
         """What is kept of a controller's run. Raises InputError."""
-
-        def plant(period: float) -> CarPlant:
-            return CarPlant(self.car, self.model, period=period, timestep=self.timestep, engine=self.engine)
-
-        run = run_plant(plant, load.scaled(amplitude), controller, self.period)
+        run = run_plant(self.plant, load.scaled(amplitude), controller, self.period)
         mean = dict(zip(PERIOD, run.of_period.mean(axis=0).tolist(), strict=True))
         if not all(map(math.isfinite, mean.values())):
             raise InputError(f"{self.model.name}: the simulation diverged; check the car and the road's unit")
@@ -150,6 +151,9 @@ class CarBench(PlantBench):
             "dissipated_energy": float(run.of_period[:, PERIOD.index("energy")].sum()),
             **run.electric(self.command_unit, self.site.command_max),
         }
+
+    def plant(self, period: float) -> CarPlant:
+        return CarPlant(self.car, self.model, period=period, timestep=self.timestep, engine=self.engine)
 
     def bound(self, starts: Mapping[str, Sequence[str]], load: Road, amplitude: float) -> dict[str, Any]:
         from mrdamp.compare.car_bound import car_bound
@@ -198,7 +202,7 @@ class CarBench(PlantBench):
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "car")}
         parts = [_VERSION, __version__, own, asdict(self.car), self.model.to_dict()]
         digest = hashlib.sha256(json.dumps([*parts, spec, amplitude, load.speed, load.spacing]).encode())
-        digest.update(load.height.tobytes() + Path(library_path()).read_bytes() + file_of(spec))
+        digest.update(load.height.tobytes() + Path(library_path()).read_bytes() + outside.files_of(spec))
         return digest.hexdigest()[:32]
 
     def identity(self) -> str:
@@ -209,7 +213,7 @@ class CarBench(PlantBench):
         c = self.car
         return (
             f"{self.model.name} in a quarter car of {c.body:g} and {c.wheel:g} kg, control period "
-            f"{1e3 * self.period:g} ms; ratios are over {self.reference}"
+            f"{1e3 * self.period:g} ms; ratios are over {self.reference}; {knowledge(self.model)}"
         )
 
 

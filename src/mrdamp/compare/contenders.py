@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from mrdamp.compare import own
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.tuning import Setting
 from mrdamp.control import registry
@@ -35,7 +36,11 @@ def contenders(
     shipped: Mapping[str, Sequence[Path]] | None = None,
 ) -> tuple[Contender, ...]:
     """Rows of names on a bench; each is a tuned controller's, a shipped policy's, a spec, `policy:FILE,FILE,FOLDER`,
-    or one of these with a name of its own, `NAME=...`. settings: of the tuned ones. Raises InputError."""
+    one from outside the package (`mrdamp.compare.own`), or one of these with a name of its own, `NAME=...`.
+
+    All are made and asked once, at rest, so that a bad file is found before anything runs. settings: of the tuned ones.
+    Raises InputError.
+    """
     rows = [_contender(bench, name, settings, shipped or {}) for name in names]
     taken = [row.name for row in rows]
     for name in taken:
@@ -43,6 +48,8 @@ def contenders(
             raise InputError(
                 f"compare: controller {name} is named twice; give one another name, as in {name}2=..."
             )
+    for spec in dict.fromkeys(spec for row in rows for spec in row.specs):
+        bench.check(spec)
     return tuple(rows)
 
 
@@ -72,12 +79,14 @@ def _contender(
         if not files:
             raise InputError(f"compare: {what}: no policy file there; allowed: {', '.join(_SUFFIXES)}")
         return Contender(name or files[0].stem, tuple(f"{registry.POLICY}:{f}" for f in files))
+    if own.is_own(what) and what.partition(":")[0] not in bench.kinds:
+        place = what.partition(":")[0].partition(",")[0]
+        return Contender(name or Path(place).stem, (f"{registry.OWN}:{what}",))
     if what in bench.tuned:
         raise InputError(f"compare: {what} has not been tuned for this model; add --tune")
     if what.partition(":")[0] not in bench.kinds:
-        known = (*bench.kinds, *bench.tuned, *shipped, f"{registry.POLICY}:FILES")
+        known = (*bench.kinds, *bench.tuned, *shipped, f"{registry.POLICY}:FILES", "module:Class", "model.zip")
         raise InputError(f"controller {what!r} is unknown; there are {', '.join(known)}")
-    bench.check(what)
     return Contender(name or what, (what,))
 
 

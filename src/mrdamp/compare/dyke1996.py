@@ -15,13 +15,12 @@ import numpy as np
 
 from mrdamp import sets
 from mrdamp.compare import tables
-from mrdamp.compare.motions import TIME_COMPRESSION
 from mrdamp.control import clipped_optimal, passive_off, passive_on
 from mrdamp.control.base import Controller
 from mrdamp.errors import InputError
 from mrdamp.model import Model, effects_from
 from mrdamp.model.core import Array
-from mrdamp.motions import GroundMotion, read_motion
+from mrdamp.motions import TIME_SCALE, GroundMotion, read_motion
 from mrdamp.pictures.compare import deviations
 from mrdamp.report import Page
 from mrdamp.simulation.criteria import evaluate
@@ -92,7 +91,7 @@ def table(
         "passive-on": passive_on(COMMAND_MAX, period),
         "clipped-optimal": clipped_optimal(frame, COMMAND_MAX, period=period),
     }
-    played, model = motion.compressed(TIME_COMPRESSION), frame_model()
+    played, model = motion.compressed(TIME_SCALE), frame_model()
     rows = []
     for k, (name, controller) in enumerate(controllers.items()):
         if progress:

@@ -8,22 +8,25 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.compare import own
 from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Coil, Measure, digest
 from mrdamp.compare.motions import TUNING_AMPLITUDES, UNSEEN_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.compare.on_chain import run_chain
+from mrdamp.compare.plant_run import at_rest
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.chain_rows import FRAMES, of_engine
+from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
-from mrdamp.files import read_bytes
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
@@ -32,7 +35,7 @@ from mrdamp.simulation.stepping import FrameRun, run_frame
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
-_VERSION = 2  # of what a kept run holds
+_VERSION = 3  # of what a kept run holds
 #: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 
@@ -87,13 +90,22 @@ class FrameBench:
 
     def check(self, spec: str) -> None:
         registry.parse(spec)
+        floors = range(1, self.site.frame.storeys + 1)
+        names = [f"{what}_{j}" for what in ("acceleration", "displacement") for j in floors]
+        at_rest(self.controller(spec), [*names, "stroke", "stroke_velocity", "force"])
 
     def history(self, spec: str, load: GroundMotion, amplitude: float) -> FrameRun:
         """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
         if spec == UNCONTROLLED:
             played = self.played(load, amplitude)
             return run_frame(self.model, played, None, period=SAMPLE_TIME, timestep=self.timestep)
-        return self.driven(registry.make(spec, self.site), load, amplitude, ideal=registry.is_ideal(spec))
+        return self.driven(self.controller(spec), load, amplitude, ideal=registry.is_ideal(spec))
+
+    def controller(self, spec: str) -> Controller:
+        """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
+        if registry.is_ideal(spec):  # its force is its own command, which no sensor reads
+            return registry.make(spec, self.site)
+        return own.make(spec, self.site, registry.make, partial(FrameTask, model=self.model))
 
     def played(self, load: GroundMotion, amplitude: float) -> GroundMotion:
         """The motion as the frame feels it."""
@@ -156,22 +168,29 @@ class FrameBench:
         mass, first = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0])
         weights = [k / mass**2 for k in (1e-3, 1e-1)]
         balances = [30.0, 100.0, 300.0, 1000.0]
+        noise = [50.0, 2000.0]  # Dyke's, and that of the learned controllers
         twentieths = (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)
         choices: Mapping[str, Mapping[str, Sequence[float]]] = {
             "constant": {"value": [largest * k / 20 for k in twentieths]},
-            "clipped-optimal": {"balance": [1.0, 10.0, *balances, 3000.0], "r": weights, "level": [0.6, 1.0]},
+            "clipped-optimal": {
+                "balance": [1.0, 10.0, *balances, 3000.0],
+                "r": weights,
+                "noise_ratio": noise,
+                "level": [0.6, 1.0],
+            },
             "modulated-optimal": {
                 "balance": balances,
                 "r": weights[1:],
+                "noise_ratio": noise,
                 "force_max": [self.site.force_max() * k for k in (0.1, 0.2, 0.5)],
             },
-            "force-tracking": {"balance": [10.0, *balances], "r": weights[1:]},
-            "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0]},
+            "force-tracking": {"balance": [10.0, *balances], "r": weights, "noise_ratio": noise},
+            "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0], "noise_ratio": noise},
             "skyhook": {
                 "damping": [first * mass * k for k in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)],
                 "leak": [2 * math.pi / first * k for k in (1.0, 2.0)],
             },
-            registry.IDEAL: {"balance": [3.0, 10.0, *balances, 3000.0], "r": weights},
+            registry.IDEAL: {"balance": [3.0, 10.0, *balances, 3000.0], "r": weights, "noise_ratio": noise},
         }
         return specs(kind, choices)
 
@@ -189,7 +208,7 @@ class FrameBench:
         digest = hashlib.sha256(self._own)
         digest.update(f"{spec} {amplitude!r} {load.sample_time!r}".encode())
         digest.update(load.acceleration.tobytes())
-        digest.update(file_of(spec))
+        digest.update(own.files_of(spec))
         return digest.hexdigest()[:32]
 
     def identity(self) -> str:
@@ -202,7 +221,8 @@ class FrameBench:
         below, above = frame.damper_between
         return (
             f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {below} and {above}, "
-            f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms"
+            f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms; "
+            f"{knowledge(self.model)}"
         )
 
     @cached_property
@@ -220,12 +240,6 @@ def specs(kind: str, choices: Mapping[str, Mapping[str, Sequence[float]]]) -> tu
     chosen = choices[kind]
     points = itertools.product(*chosen.values())
     return tuple(registry.spec(kind, dict(zip(chosen, point, strict=True))) for point in points)
-
-
-def file_of(spec: str) -> bytes:
-    """Content of a policy's file, nothing for another controller."""
-    head, _, path = spec.partition(":")
-    return read_bytes(Path(path)) if head == registry.POLICY else b""
 
 
 def _criteria(kept: Mapping[str, Any]) -> Criteria:

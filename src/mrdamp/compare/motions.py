@@ -9,8 +9,6 @@ from pathlib import Path
 from mrdamp.files import SUFFIXES, files_in
 from mrdamp.motions import GroundMotion, kanai_tajimi, read_motion
 
-#: The frame is a small-scale one: motions are played at five times their speed (Dyke et al. 1996).
-TIME_COMPRESSION = 5.0
 PEAK = 3.4  # m/s2, of every synthetic motion at amplitude 1
 
 UNSEEN_AMPLITUDES = (0.4, 1.0, 1.6)

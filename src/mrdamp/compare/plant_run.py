@@ -15,7 +15,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError, MrdampError, require_positive
 from mrdamp.model import Model
 
 Array = NDArray[np.float64]
@@ -42,8 +42,17 @@ class PlantBench:
     def kinds(self) -> tuple[str, ...]:
         return tuple(self.options)
 
+    def controller(self, spec: str) -> Controller:
+        """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
+        raise NotImplementedError
+
+    def plant(self, period: float) -> RowPlant:
+        """The structure with its damper, from its control period, s."""
+        raise NotImplementedError
+
     def check(self, spec: str) -> None:
         registry.parse(spec, self.options)
+        at_rest(self.controller(spec), self.plant(self.period).rows.names)
 
     def bound(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
         raise InputError("compare: there is no clairvoyant command for this plant")
@@ -57,6 +66,21 @@ class PlantBench:
                 f"{self.model.name}: no command_max among its parameters; give the largest command"
             )
         return largest
+
+
+def at_rest(controller: Controller, names: Sequence[str]) -> None:
+    """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run.
+
+    names: of the measurements. Raises InputError.
+    """
+    controller.reset()
+    try:
+        controller.command(0.0, dict.fromkeys(names, 0.0))
+    except MrdampError:
+        raise
+    except Exception as error:  # of a controller from outside
+        line = (str(error).splitlines() or [""])[0]
+        raise InputError(f"controller {controller.name}: {type(error).__name__}: {line}") from None
 
 
 @dataclass(frozen=True)

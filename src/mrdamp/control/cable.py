@@ -193,7 +193,7 @@ def make(spec: str, site: CableSite) -> Controller:
     """The controller of a spec (see `mrdamp.control.registry`) for a cable. Raises InputError."""
     kind, path, options = registry.parse(spec, OPTIONS)
     if kind == registry.POLICY:
-        return registry.policy(path, site.damper)
+        return registry.policy(path)
     o = {**OPTIONS[kind], **options}
     largest = site.force_max if math.isnan(o.get("force_max", math.nan)) else o["force_max"]
     given = {key: None if math.isnan(o[key]) else o[key] for key in ("damping", "leak") if key in o}

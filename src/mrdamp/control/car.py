@@ -150,7 +150,7 @@ def make(spec: str, site: CarSite) -> Controller:
     """The controller of a spec (see `mrdamp.control.registry`) for a car. Raises InputError."""
     kind, path, options = registry.parse(spec, OPTIONS)
     if kind == registry.POLICY:
-        return registry.policy(path, site.damper)
+        return registry.policy(path)
     o = {**OPTIONS[kind], **options}
     # By default as much as would damp the body critically.
     damping = o.get("damping", math.nan)

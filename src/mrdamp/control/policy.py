@@ -28,6 +28,7 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.networks import Memory, Network, State, matrix, rows
 from mrdamp.control.observe import Observer
+from mrdamp.control.unlagged import Unlagged
 from mrdamp.errors import InputError, require_positive
 from mrdamp.files import read_json, write_atomic
 
@@ -106,7 +107,8 @@ class Policy:
             raise InputError(f"policy {name}: ahead is {self.ahead}; allowed: observed signals, and seconds")
         if command_lag is not None and not 0 <= command_lag < math.inf:
             raise InputError(f"policy {name}: command_lag is {command_lag}; allowed: a number >= 0, s")
-        self.command_lag, self._added, self._kept = command_lag, 0.0, 0.0
+        self.command_lag, self._added = command_lag, 0.0
+        self._unlagged = Unlagged(period, 0.0)
         self.about = dict(about or {})
         self.reset()
 
@@ -116,28 +118,24 @@ class Policy:
         self._command = 0.0
         self._state: State | None = None
         self._held: Array | None = None
-        self._force: float | None = None
+        self._unlagged.reset()
 
     def matched(self, command_lag: float, sensor_lag: float = 0.0) -> Policy:
         """The same object for a driver and a force sensor with other lags, s (`Model.command_lag`, `Model.sensor_lag`).
 
         What a faster driver lacks of the training's lag is added to the command: the measured force is fed back, and
         with the gains of a slow driver that loop is unstable on a fast one. A slower driver is left as it is.
-        Of a sensor with a first-order lag `command` takes the force that, held over the control period, gives the
-        measurement: exact for such a force. `commands` takes its forces as they are.
+        Of a sensor with a first-order lag `command` takes the force before it (`Unlagged`); `commands` takes its forces
+        as they are.
         """
-        for what, lag in (("driver", command_lag), ("force sensor", sensor_lag)):
-            if not 0 <= lag < math.inf:
-                raise InputError(f"policy {self.name}: a {what}'s lag is {lag}; allowed: a number >= 0, s")
+        if not 0 <= command_lag < math.inf:
+            raise InputError(f"policy {self.name}: a driver's lag is {command_lag}; allowed: a number >= 0, s")
         self._added = max(0.0, (self.command_lag or 0.0) - command_lag)
-        self._kept = math.exp(-self.period / sensor_lag) if sensor_lag > 0 else 0.0
+        self._unlagged = Unlagged(self.period, sensor_lag)
         return self
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
-        if self._kept and "force" in y:
-            before = y["force"] if self._force is None else self._force
-            self._force = y["force"]
-            y = {**y, "force": (y["force"] - self._kept * before) / (1.0 - self._kept)}
+        y = self._unlagged(y)
         self._command = float(self.commands(self.observer(y, self._command)[None], y.get("force", 0.0))[0])
         return self._command
 

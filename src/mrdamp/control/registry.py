@@ -24,7 +24,7 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
 
-POLICY = "policy"
+POLICY, OWN = "policy", "own"
 IDEAL = "ideal-active"
 Options = dict[str, float]
 
@@ -156,16 +156,16 @@ ENTRIES: Mapping[str, Entry] = {
 
 
 def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) -> tuple[str, str, Options]:
-    """Kind, a policy's path or "", and options of `kind`, `kind:key=value,...` or `policy:PATH`.
+    """Kind, a policy's path or "", and options of `kind`, `kind:key=value,...`, `policy:PATH` or `own:...`.
 
     defaults: kind -> options, those of a frame's controllers by default. Raises InputError.
     """
     if defaults is None:
         defaults = {kind: entry.options for kind, entry in ENTRIES.items()}
     kind, _, rest = spec.partition(":")
-    if kind == POLICY:
+    if kind in (POLICY, OWN):
         if not rest:
-            raise InputError("controller policy: give its file, as in policy:PATH")
+            raise InputError(f"controller {kind}: give its file, as in {kind}:PATH")
         return kind, rest, {}
     if kind not in defaults:
         raise InputError(f"controller {kind!r} is unknown; there are {', '.join(defaults)}, {POLICY}:PATH")
@@ -186,19 +186,21 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
     return kind, "", options
 
 
-def policy(path: str, damper: Model | None) -> Controller:
-    """An exported policy, matched to the driver and the force sensor of a damper. Raises InputError."""
+def policy(path: str) -> Controller:
+    """An exported policy. Raises InputError."""
     from mrdamp.control.policy import Policy
 
-    found = Policy.read(Path(path))
-    return found if damper is None else found.matched(damper.command_lag, damper.sensor_lag)
+    return Policy.read(Path(path))
 
 
 def make(spec: str, site: Site) -> Controller:
-    """The controller of a spec for a site. Raises InputError."""
+    """The controller of a spec for a site, as it is: see `mrdamp.control.told` for one that is compared.
+
+    Raises InputError.
+    """
     kind, path, options = parse(spec)
     if kind == POLICY:
-        return policy(path, site.damper)
+        return policy(path)
     entry = ENTRIES[kind]
     return entry.build(site, {**entry.options, **options})
 

@@ -23,7 +23,7 @@ from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
 from mrdamp.library import library_path
 from mrdamp.model import Model
-from mrdamp.motions import GroundMotion, embedded_motion, read_motion
+from mrdamp.motions import TIME_SCALE, GroundMotion, embedded_motion, read_motion
 from mrdamp.pictures import LoopData
 from mrdamp.records import Record, RecordSet, embedded, read_records
 from mrdamp.records.checks import check_explained
@@ -35,8 +35,6 @@ from mrdamp.structures import dyke1996
 
 #: Effects fitted along with the law: what records of a real damper nearly always need.
 EXTRAS = ("offset", "driver_lag", "saturation")
-#: The frame is a small-scale one: the ground motion is run at five times its speed (Dyke et al. 1996).
-TIME_COMPRESSION = 5.0
 UNCONTROLLED = "no damper"
 #: Drifts against accelerations in what force tracking regulates, and the price of its force (N^-2).
 BALANCE, FORCE_PRICE = 100.0, 1e-6
@@ -89,7 +87,7 @@ def demo(
     )
     write_mjcf(replace(fit.model, name=f"{records.name} damper"), out / "rig")
     write_mjcf(frame_model, out / "frame")
-    runs = _runs(fit.model, frame_model, ground.compressed(TIME_COMPRESSION), tell)
+    runs = _runs(fit.model, frame_model, ground.compressed(TIME_SCALE), tell)
     structure = dyke1996()
     criteria = {
         name: evaluate(structure, r.time, r.drift, r.acceleration, r.force, None, r.command, None)
@@ -253,7 +251,7 @@ def _page(
         "" if drawn else heading,
         columns,
         compare,
-        f"Ground motion: {ground.name}, peak {ground.pga:.2f} m/s2, at {TIME_COMPRESSION:g} times its speed. "
+        f"Ground motion: {ground.name}, peak {ground.pga:.2f} m/s2, at {TIME_SCALE:g} times its speed. "
         "Frame of Dyke et al. (1996), damper under the first floor, stepped by MuJoCo.",
     )
     if remarks := accelerated(criteria):

@@ -6,10 +6,12 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.told import told
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.structures import ShearFrame
@@ -73,7 +75,7 @@ class Learning:
             others=tuple(files[1:]),
         )
         found = train(options, folder / "training", progress)
-        return registry.make(f"{registry.POLICY}:{found.folder / 'policy.json'}", site)
+        return told(partial(registry.make, f"{registry.POLICY}:{found.folder / 'policy.json'}"), site)
 
 
 def straightened(model: Model) -> Model:

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mrdamp import sets
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.motions import TIME_COMPRESSION, tuning_motions, unseen_motions
+from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.told import told
 from mrdamp.gap.learned import Learning, Progress
 from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
 from mrdamp.model.core import Array
-from mrdamp.motions import GroundMotion
+from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.parallel import mapped
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
@@ -57,8 +59,8 @@ class Scenario:
             jobs,
         )
         self.learning = Learning.of(controller, seed, trainings)
-        self.loads = [m.compressed(TIME_COMPRESSION) for m in unseen_motions()[:count]]
-        self.training = [m.compressed(TIME_COMPRESSION) for m in tuning_motions()]
+        self.loads = [m.compressed(TIME_SCALE) for m in unseen_motions()[:count]]
+        self.training = [m.compressed(TIME_SCALE) for m in tuning_motions()]
         self.bench = FrameBench(nominal)
         # By name: a process that tunes has copies of the motions.
         self._reference = {m.name: self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
@@ -109,11 +111,11 @@ class Scenario:
             simulators = [plant for plant in plants if isinstance(plant, Model)]
             return self.learning.train(simulators, site, progress)
         if not is_tuned(self.controller):
-            return registry.make(self.controller, site)
+            return told(partial(registry.make, self.controller), site)
         specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]
         tasks = [(self, p, spec, site) for spec in specs for p in plants]
         found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(plants)))
-        return registry.make(specs[int(np.argmin(found.mean(axis=1)))], site)
+        return told(partial(registry.make, specs[int(np.argmin(found.mean(axis=1)))]), site)
 
     def blind(self) -> list[Model]:
         """The nominal simulator with masses, stiffnesses and size of the damper drawn about the nominal values."""
@@ -142,7 +144,7 @@ def is_tuned(controller: str) -> bool:
 
 
 def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Site) -> float:
-    controller = registry.make(spec, site)
+    controller = told(partial(registry.make, spec), site)
     return scenario.score(
         [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training
     )

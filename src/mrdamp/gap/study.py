@@ -12,6 +12,7 @@ import numpy as np
 
 from mrdamp.blindtest.rig import Numbers
 from mrdamp.compare.motions import unseen_motions
+from mrdamp.compare.summary import ratio
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.diagnosis.case.folder import read_case
@@ -275,11 +276,8 @@ def _interval(
         [[[_relative(s, m, name) for name in CRITERIA] for s, m in zip(runs, measured, strict=True)]
          for runs in (before, after)]
     ).mean(axis=2)  # fmt: skip
-    rng = np.random.default_rng(0)
-    picks = rng.integers(0, table.shape[1], (2000, table.shape[1]))
-    closed = 1 - table[1][picks].mean(axis=1) / table[0][picks].mean(axis=1)
-    low, high = np.percentile(closed, [2.5, 97.5])
-    return float(low), float(high)
+    _, low, high = ratio(*(one[None, :, None] for one in table[::-1]))
+    return 1 - high, 1 - low
 
 
 def _kept(path: Path, key: Mapping[str, Any]) -> Row | None:

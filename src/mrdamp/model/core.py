@@ -68,6 +68,9 @@ class Narx:
         self.sample_time: float = self._lib.mrdamp_narx_sample_time(self.handle)  # s
         self.inputs: int = self._lib.mrdamp_narx_inputs(self.handle)
 
+    def __reduce__(self) -> Any:
+        return Narx, (self.text,)
+
     def __del__(self) -> None:
         if getattr(self, "handle", None):
             self._lib.mrdamp_narx_free(self.handle)

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from mrdamp.motions.motion import GroundMotion, embedded_motion, kanai_tajimi, read_motion
+from mrdamp.motions.motion import TIME_SCALE, GroundMotion, embedded_motion, kanai_tajimi, read_motion
 
-__all__ = ["GroundMotion", "embedded_motion", "kanai_tajimi", "read_motion"]
+__all__ = ["TIME_SCALE", "GroundMotion", "embedded_motion", "kanai_tajimi", "read_motion"]

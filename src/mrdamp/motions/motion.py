@@ -19,6 +19,9 @@ from mrdamp.records import sampling
 
 Array = NDArray[np.float64]
 
+#: A frame with five times the building's frequencies takes a record at five times its speed (Dyke et al. 1996).
+TIME_SCALE = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class GroundMotion:
@@ -29,6 +32,7 @@ class GroundMotion:
         sample_time: s.
         acceleration: (n,) m/s2, read-only; the first sample is at t = 0.
         source: where it comes from, in words.
+        speed: how many times as fast as it was recorded.
 
     Raises:
         InputError: not one-dimensional, fewer than 3 samples, a number that is not finite.
@@ -38,6 +42,7 @@ class GroundMotion:
     sample_time: float
     acceleration: Array
     source: str = ""
+    speed: float = 1.0
 
     def __post_init__(self) -> None:
         values = np.array(self.acceleration, dtype=np.float64)
@@ -79,7 +84,7 @@ class GroundMotion:
         """
         if not 0.0 < factor < np.inf:
             raise InputError(f"{self.name}: time compression {factor}: it must be positive")
-        return replace(self, sample_time=self.sample_time / factor)
+        return replace(self, sample_time=self.sample_time / factor, speed=self.speed * factor)
 
     def resampled(self, sample_time: float) -> GroundMotion:
         """On another sample time (s), see `mrdamp.records.sampling.resampled`."""

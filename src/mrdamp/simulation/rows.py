@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model
 from mrdamp.model.attributes import law_number, vector
 from mrdamp.model.core import FrameInput, Narx, fill_frame
@@ -21,6 +21,22 @@ from mrdamp.structures.cars import QuarterCar
 
 HEADER = 3  # doubles of a row's state before its coordinates
 _CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre
+
+
+def finite(what: str, values: Any, shape: tuple[int, int]) -> Array:
+    """values as float64 of a shape; an axis of length 1 may be left out. Raises InputError, NaN and None included.
+
+    The engine takes a control that is no number for none, and the load with it: nothing may be stepped with one.
+    """
+    found = np.asarray(values, dtype=np.float64)
+    if found.shape != shape:
+        if 1 not in shape or found.size != shape[0] * shape[1]:
+            allowed = shape if shape[0] > 1 else shape[1:]
+            raise InputError(f"{what} has shape {found.shape}; allowed: {allowed}")
+        found = found.reshape(shape)
+    if not math.isfinite(np.add.reduce(found, axis=None)):
+        raise InputError(f"{what} holds NaN, None or infinity; allowed: finite numbers")
+    return found
 
 
 @dataclass(frozen=True)
@@ -35,9 +51,9 @@ class Stepping:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        for name, value in (("period", self.period), ("timestep", self.timestep)):
-            if not 0 < value < math.inf:
-                raise InputError(f"{name} is {value}; allowed: > 0 s")
+        require_positive("steps (s)", period=self.period, timestep=self.timestep)
+        require_kind("a whole number", int, threads=self.threads)
+        require_positive("rows", threads=self.threads)
 
     @property
     def inner(self) -> int:
@@ -100,6 +116,8 @@ class ChainRows:
             self.state.ctypes.data, ctypes.addressof(self._load), self.criteria.ctypes.data, self.measured.ctypes.data,
         )  # fmt: skip
         self.step = np.zeros(n, dtype=np.int64)
+        self._made: tuple[str, tuple[Any, ...]] = "", ()
+        self._noise: Array | None = None
 
     @classmethod
     def frame(
@@ -128,7 +146,9 @@ class ChainRows:
                 or 0
             )
 
-        return cls(make, models, stepping, 1, len(frame.mass))
+        rows = cls(make, models, stepping, 1, len(frame.mass))
+        rows._made = "frame", (frame, models, damper_floors, stepping, instants)
+        return rows
 
     @classmethod
     def modes(
@@ -163,7 +183,9 @@ class ChainRows:
             return int(lib.mrdamp_rows_modes(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
 
         many = len(frequency)
-        return cls(make, [model], stepping, many, many)
+        rows = cls(make, [model], stepping, many, many)
+        rows._made = "modes", (frequency, ratio, stroke, at, mass, model, stepping)
+        return rows
 
     @classmethod
     def car(
@@ -184,7 +206,14 @@ class ChainRows:
         def make(lib: Any, dampers: Dampers, error: Any) -> int:
             return int(lib.mrdamp_rows_car(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
 
-        return cls(make, [model], stepping, 1, 2)
+        rows = cls(make, [model], stepping, 1, 2)
+        rows._made = "car", (car, model, stepping)
+        return rows
+
+    def __reduce__(self) -> Any:
+        """Copies are made again as this was, at the same present."""
+        moments = [self.save(row) for row in range(self.n)]
+        return _again, (self._made, self._noise, moments, self.criteria, self.measured)
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
@@ -202,6 +231,7 @@ class ChainRows:
         if values.shape != self.measured.shape[1:]:
             raise InputError(f"noise has shape {values.shape}; expected {self.measured.shape[1:]}")
         checked(self._lib.mrdamp_rows_noise, self._handle, pointer(values))
+        self._noise = values
 
     def start(self, row: int, load: Array, sample_time: float, steps: int, seed: int = 0) -> None:
         """Row at rest under a load (samples, loads) every sample_time (s), straight between samples.
@@ -220,9 +250,7 @@ class ChainRows:
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
         """One control period with commands (n, dampers) held: `criteria` and `measured`."""
-        given = np.ascontiguousarray(commands, dtype=np.float64)
-        if given.shape != (self.n, self._dampers):
-            raise InputError(f"commands have shape {given.shape}; expected ({self.n}, {self._dampers})")
+        given = np.ascontiguousarray(finite("command", commands, (self.n, self._dampers)))
         state, load, criteria, measured = self._rows
         self._lib.mrdamp_rows_step(
             self._handle, self.n, state, load, given.ctypes.data, criteria, measured, self.threads
@@ -274,3 +302,20 @@ class ChainRows:
             raise InputError(f"load has shape {values.shape}; expected (samples, {self._loads})")
         self._given[row] = values
         self._load[row] = Load(pointer(values), sample_time, len(values), steps)
+
+
+def _again(
+    made: tuple[str, tuple[Any, ...]],
+    noise: Array | None,
+    moments: Sequence[RowMoment],
+    criteria: Array,
+    measured: Array,
+) -> ChainRows:
+    kind, arguments = made
+    rows: ChainRows = getattr(ChainRows, kind)(*arguments)
+    if noise is not None:
+        rows.noise(noise)
+    for row, moment in enumerate(moments):
+        rows.restore(row, moment)
+    rows.criteria[:], rows.measured[:] = criteria, measured
+    return rows

@@ -1,0 +1,202 @@
+"""Controllers from outside the package: a class or function of one's own, or a model of stable-baselines3.
+
+| spec | what it is |
+|---|---|
+| `module:NAME`, `file.py:NAME` | a class or function that makes a `Controller` of a site (`mrdamp.control.registry`) |
+| `model.zip` | a policy saved by any algorithm of stable-baselines3 or sb3-contrib |
+| `model.zip,statistics.pkl` | with what `VecNormalize.save` wrote; a pickle: only from a source you trust |
+| `model.zip,arguments.json` | trained with other arguments of the environment, as `{"history": 3}` |
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import json
+import pickle
+import re
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.observe import Observer
+from mrdamp.control.told import Site, Told, told
+from mrdamp.envs.task import Task
+from mrdamp.errors import InputError
+from mrdamp.files import decode, read_bytes
+
+_NAMED = re.compile(r"(?P<place>.+\.py|[A-Za-z_][\w.]*):(?P<name>[A-Za-z_]\w*)")
+
+#: Makes the task of one row that a model was trained in, from arguments of its environment.
+MakeTask = Callable[..., Task]
+
+
+def is_own(what: str) -> bool:
+    """Whether a name on the command line is a controller from outside the package."""
+    return what.partition(",")[0].endswith(".zip") or _NAMED.fullmatch(what) is not None
+
+
+def make(spec: str, site: Site, builtin: Callable[[str, Site], Controller], task: MakeTask) -> Told:
+    """The controller of a spec, from outside or built in, told of the site's damper. Raises InputError."""
+    kind, _, rest = spec.partition(":")
+    return told(partial(_build, rest, task) if kind == registry.OWN else partial(builtin, spec), site)
+
+
+def files_of(spec: str) -> bytes:
+    """Content of the files of a policy or of a controller from outside, nothing for another one. Raises InputError."""
+    kind, _, rest = spec.partition(":")
+    if kind == registry.POLICY:
+        return read_bytes(Path(rest))
+    if kind != registry.OWN:
+        return b""
+    named = _NAMED.fullmatch(rest)
+    if named is None:
+        return b"".join(read_bytes(Path(part)) for part in rest.split(","))
+    return read_bytes(Path(str(_load(named["place"]).__file__)))
+
+
+def _build(rest: str, task: MakeTask, site: Any) -> Controller:
+    named = _NAMED.fullmatch(rest)
+    if named is None:
+        return SavedPolicy(rest, task)
+    module = _load(named["place"])
+    if not hasattr(module, named["name"]):
+        raise InputError(f"controller {rest}: there is no {named['name']} in {named['place']}")
+    try:
+        found = getattr(module, named["name"])(site)
+    except Exception as error:  # whatever it raises is its author's to mend
+        raise InputError(f"controller {rest}: {type(error).__name__}: {_line(error)}") from None
+    if not isinstance(found, Controller):
+        raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")
+    if not isinstance(found.period, int | float) or not 0 < found.period < np.inf:
+        raise InputError(f"controller {rest}: its period is {found.period!r}; allowed: a number > 0, s")
+    return found
+
+
+def _load(place: str) -> Any:
+    """A module by its name, also from the working folder, or from a file. Raises InputError."""
+    try:
+        if not place.endswith(".py"):
+            if "" not in sys.path and "." not in sys.path:
+                sys.path.append("")
+            return importlib.import_module(place)
+        path = Path(place)
+        if not path.is_file():
+            raise InputError(f"{place}: no such file")
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    except InputError:
+        raise
+    except Exception as error:  # of its own code
+        raise InputError(f"{place}: cannot be imported: {type(error).__name__}: {_line(error)}") from None
+    return module
+
+
+def _line(error: Exception) -> str:
+    return (str(error).splitlines() or [""])[0]
+
+
+class SavedPolicy:
+    """A `Controller` from a model of stable-baselines3 (the extra `train`), without exploration.
+
+    files: as in the table above; task: of the environment that it was trained in. Raises InputError.
+    """
+
+    def __init__(self, files: str, task: MakeTask) -> None:
+        zipped, *others = files.split(",")
+        given: dict[str, Any] = {}
+        self._statistics: Any = None
+        for other in others:
+            if other.endswith(".json"):
+                given = _mapping(other)
+            elif other.endswith(".pkl"):
+                self._statistics = _statistics(other)
+            else:
+                raise InputError(f"{other}: beside a model; allowed: a .pkl of VecNormalize, a .json of arguments")
+        try:
+            made = task(**given)
+        except TypeError as error:
+            raise InputError(f"{zipped}: arguments: {_line(error)}") from None
+        self.name, self.period = Path(zipped).stem, float(made.rows.period)
+        self.observer: Observer = made.observer
+        self._largest = float(made.command_max[0])
+        self._policy = _policy(zipped)
+        for what, wanted in (("observation", made.observation_space), ("action", made.action_space)):
+            space = getattr(self._policy, f"{what}_space")
+            if not isinstance(space, Box) or space.shape != wanted.shape:
+                raise InputError(
+                    f"{zipped}: its {what}s are {space}; allowed here: of shape {wanted.shape} (give the environment's "
+                    "arguments in a .json beside it)"
+                )
+        self.reset()
+
+    def reset(self) -> None:
+        self.observer.reset()
+        self._command, self._state = 0.0, None
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        seen = self.observer(y, self._command)
+        if self._statistics is not None:
+            seen = self._statistics.normalize_obs(seen)
+        starts = np.array([self._state is None])
+        action, self._state = self._policy.predict(seen, self._state, starts, deterministic=True)
+        share = 0.5 * (float(action[0]) + 1.0)
+        self._command = self._largest * min(max(share, 0.0), 1.0)
+        return self._command if np.isfinite(share) else share
+
+
+def _mapping(file: str) -> dict[str, Any]:
+    try:
+        found = json.loads(decode(file, read_bytes(Path(file))))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{file}: not JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise InputError(f"{file}: allowed: arguments of the environment by name")
+    return found
+
+
+def _statistics(file: str) -> Any:
+    data = read_bytes(Path(file))
+    try:
+        found = pickle.loads(data)
+    except Exception as error:  # a pickle may raise anything
+        raise InputError(f"{file}: not what VecNormalize.save writes: {_line(error)}") from None
+    if not hasattr(found, "normalize_obs"):
+        raise InputError(f"{file}: a {type(found).__name__}; allowed: what VecNormalize.save writes")
+    return found
+
+
+def _policy(file: str) -> Any:
+    """The policy in a saved model, of whichever algorithm: what it was trained with is not needed."""
+    read_bytes(Path(file))  # that it is there
+    try:
+        from stable_baselines3.common.policies import ActorCriticPolicy
+        from stable_baselines3.common.save_util import load_from_zip_file
+    except ImportError:
+        raise InputError(f"{file}: needs stable-baselines3: pip install 'mrdamp[train]'") from None
+    try:
+        data, parameters, _ = load_from_zip_file(file, device="cpu", custom_objects={"lr_schedule": _rate})
+        assert data is not None
+        kind, options = data["policy_class"], dict(data["policy_kwargs"])
+        if issubclass(kind, ActorCriticPolicy):
+            options["use_sde"] = data["use_sde"]
+        policy = kind(data["observation_space"], data["action_space"], _rate, **options)
+        policy.load_state_dict(parameters["policy"])
+    except Exception as error:  # of pickles and archives of any kind
+        raise InputError(f"{file}: not a model of stable-baselines3: {type(error).__name__}: {_line(error)}") from None
+    policy.set_training_mode(False)
+    return policy
+
+
+def _rate(_: float) -> float:
+    return 0.0

@@ -1,0 +1,77 @@
+"""What a controller is told of the damper that it drives: one mechanism for all, learned or not.
+
+| known | what is done with it |
+|---|---|
+| lag of the force sensor | the measured force is taken back to the one before a first-order lag, for every controller |
+| delay and lag of the driver | inverse models lead it; a policy makes up for what its own training's driver had more |
+| noise of the sensors | nothing: no controller is told |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Protocol, TypeVar
+
+from mrdamp.control.base import Controller
+from mrdamp.control.policy import Policy
+from mrdamp.control.unlagged import Unlagged
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+
+_LAG = "sensor_lag"
+
+
+class _Site(Protocol):
+    """What controllers are made for: of a frame, a cable or a car."""
+
+    @property
+    def damper(self) -> Model | None: ...
+
+
+Site = TypeVar("Site", bound=_Site)
+
+
+class Told:
+    """A controller whose measured force has no lag of its sensor. Raises InputError for a command that is no number.
+
+    Attributes: inner; name; period, s.
+    """
+
+    def __init__(self, inner: Controller, sensor_lag: float) -> None:
+        self.inner, self.name, self.period = inner, inner.name, inner.period
+        self._force = Unlagged(inner.period, sensor_lag)
+
+    def reset(self) -> None:
+        self.inner.reset()
+        self._force.reset()
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        found: Any = self.inner.command(t, self._force(y))
+        try:
+            command = float(found)
+        except (TypeError, ValueError):
+            command = math.nan
+        if not math.isfinite(command):
+            raise InputError(f"controller {self.name}: its command at {t:g} s is {found!r}; allowed: a finite number")
+        return command
+
+
+def told(build: Callable[[Site], Controller], site: Site) -> Told:
+    """The controller that `build` makes for a site, told of its damper as above. Raises InputError."""
+    damper = site.damper
+    if damper is None:
+        return Told(build(site), 0.0)
+    own = tuple(e for e in damper.effects if e.name != _LAG)
+    # Inverse models compare the force with what they expect at the sensor: without its lag, as it is given to them.
+    made = build(replace(site, damper=replace(damper, effects=own)))  # type: ignore[type-var]
+    if isinstance(made, Policy):
+        made.matched(damper.command_lag)
+    return Told(made, damper.sensor_lag)
+
+
+def knowledge(damper: Model) -> str:
+    """What every controller is told of a damper, in words."""
+    driver, sensor = 1e3 * damper.command_lag, 1e3 * damper.sensor_lag
+    return f"every controller is told the lags of driver ({driver:.3g} ms) and force sensor ({sensor:.3g} ms), no noise"

@@ -1,0 +1,32 @@
+"""The force before the lag of its sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from mrdamp.errors import InputError
+
+
+class Unlagged:
+    """Measurements whose `force` is the one that, held over the control period, gives the sensor's reading.
+
+    Exact for such a force and a first-order lag. period, sensor_lag: s; with no lag the measurements are left as they
+    are. Raises InputError.
+    """
+
+    def __init__(self, period: float, sensor_lag: float) -> None:
+        if not 0 <= sensor_lag < math.inf:
+            raise InputError(f"a force sensor's lag is {sensor_lag}; allowed: a number >= 0, s")
+        self._kept = math.exp(-period / sensor_lag) if sensor_lag > 0 else 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        self._force: float | None = None
+
+    def __call__(self, y: Mapping[str, float]) -> Mapping[str, float]:
+        if not self._kept or "force" not in y:
+            return y
+        before = y["force"] if self._force is None else self._force
+        self._force = y["force"]
+        return {**y, "force": (y["force"] - self._kept * before) / (1.0 - self._kept)}

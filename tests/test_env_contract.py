@@ -1,0 +1,194 @@
+"""What every environment refuses before it steps, and that its copies go on as it does."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamp.envs import (
+    AmbientLoads,
+    CableEnv,
+    CablePlant,
+    CarEnv,
+    CarPlant,
+    FrameEnv,
+    FramePlant,
+    IsoRoads,
+    RecordedMotions,
+    SyntheticMotions,
+)
+from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion, kanai_tajimi
+from refusals import refuses
+
+Make = Callable[..., Any]
+FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
+CABLE: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}, "bandwidth": 30.0}
+CAR: Mapping[str, Any] = {"roads": IsoRoads(duration=1.0)}
+KINDS = [(FrameEnv, FrameVectorEnv, FRAME), (CableEnv, CableVectorEnv, CABLE), (CarEnv, CarVectorEnv, CAR)]
+every = pytest.mark.parametrize(("single", "rows", "given"), KINDS)
+engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
+NARX = (
+    "mrdamp-narx 1 sample_time 0.002 inputs 3 x:0 v:0 i:0 offset 0 0 0 scale 100 5 1 force 0 600 "
+    "hidden 1 2 weight 0.1 0.9 0.0 0.0 0.5 0.4 bias 0 0 weight 0.8 0.4 bias 0 end"
+)
+
+
+def same(a: Any, b: Any) -> None:
+    """Results of two steps: observation, reward, flags and info, to the last bit."""
+    for x, y in zip(a, b, strict=True):
+        np.testing.assert_equal(x, y)
+
+
+@engines
+@every
+def test_actions_that_are_no_numbers_are_refused_without_a_step(
+    single: Make, rows: Make, given: Mapping[str, Any], engine: str
+) -> None:
+    """The next step is that of an environment that was never asked."""
+    cases: Sequence[tuple[Any, Any, list[Any]]] = (
+        (partial(single), np.full(1, 0.3), [[math.nan], [math.inf], [None], np.zeros(2)]),
+        (partial(rows, 2), np.full((2, 1), 0.3), [[[0.1], [math.nan]], np.zeros((3, 1))]),
+    )
+    for make, action, wrong in cases:
+        asked, other = (make(engine=engine, **given) for _ in range(2))
+        for env in (asked, other):
+            env.reset(seed=3)
+            env.step(action)
+        for bad in wrong:
+            refuses(partial(asked.step, bad), "action has shape|action holds NaN")
+        same(asked.step(action), other.step(action))
+    refuses(lambda: single(engine=engine, **given).step(None), "action holds NaN, None")
+
+
+@engines
+@pytest.mark.parametrize("plant", [FramePlant, CablePlant, CarPlant])
+def test_commands_that_are_no_numbers_are_refused(plant: Make, engine: str) -> None:
+    made = plant(engine=engine)
+    for bad, what in ((math.nan, "holds NaN"), (None, "holds NaN"), ([1.0, 1.0], "shape")):
+        refuses(partial(made.step, bad), f"command .*{what}")
+    assert made.time == 0.0
+
+
+def test_trainers_rows_refuse_them() -> None:
+    sb3 = pytest.importorskip("mrdamp.envs.sb3", reason="needs the extra train")
+    from mrdamp.envs import CarTask
+
+    env = sb3.PlantVecEnv(CarTask(2, **CAR))
+    env.reset()
+    refuses(lambda: env.step(np.array([[0.0], [np.nan]])), "action holds NaN")
+
+
+@engines
+@every
+def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
+    """By deepcopy and pickle, over the end of an episode: the next load is drawn alike."""
+    for env, shape in ((single(engine=engine, **given), (1,)), (rows(2, engine=engine, **given), (2, 1))):
+        actions = np.random.default_rng(0).uniform(-1, 1, (150, *shape))
+        env.reset(seed=4)
+        for action in actions[:30]:
+            env.step(action)
+        copies = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+        for action in actions[30:]:
+            found = env.step(action)
+            for other in copies:
+                same(found, other.step(action))
+        found = env.reset()
+        for other in copies:
+            same(found, other.reset())
+
+
+@engines
+def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
+    env: Any = FrameEnv(model=Model("narx", weights=NARX), command_max=1.0, engine=engine, **FRAME)
+    env.reset(seed=1)
+    other = copy.deepcopy(env)
+    found = env.step(np.ones(1))
+    del env
+    same(found, other.step(np.ones(1)))
+
+
+@pytest.mark.parametrize(
+    ("make", "arguments", "message"),
+    [
+        (FrameEnv, {"motions": 3}, "motions is 3; allowed: a source"),
+        (FrameEnv, {"motions": ["a.csv"]}, "motions is .*allowed: a source"),
+        (FrameEnv, {"structure": 3}, "structure is 3"),
+        (FrameEnv, {"duration": math.nan}, "duration is nan"),
+        (FrameEnv, {"duration": -1.0}, "duration is -1"),
+        (CableEnv, {"loads": 3}, "loads is 3"),
+        (CableEnv, {"cable": 3}, "cable is 3"),
+        (CableEnv, {"measured_at": 3}, "measured_at is 3"),
+        (CarEnv, {"roads": 3}, "roads is 3"),
+        (CarEnv, {"car": 3}, "car is 3"),
+        (CarEnv, {"model": 3}, "model is 3"),
+        (CarEnv, {"threads": 0}, "threads is 0"),
+        (CarEnv, {"threads": 1.5}, "threads is 1.5"),
+        (CarEnv, {"period": "fast"}, "period is 'fast'"),
+        (CarEnv, {"command_max": [1.0, 2.0]}, "command_max is"),
+        (CarEnv, {"command_max": "a"}, "command_max is a"),
+        (CarEnv, {"noise": 3}, "noise is 3"),
+        (CarEnv, {"signals": "force"}, "signals is 'force'"),
+        (CarEnv, {"memory": 3}, "memory is 3"),
+        (CarEnv, {"peaks": 3}, "peaks is 3"),
+        (CarEnv, {"reward": 3}, "reward is 3"),
+        (CarEnv, {"full_state": "no"}, "full_state is 'no'"),
+        (CarEnv, {"camera": "top"}, "camera is 'top'"),
+        (CarEnv, {"size": (0, 1)}, "size is"),
+        (CarEnv, {"exaggeration": math.nan}, "exaggeration is nan"),
+    ],
+)
+def test_arguments_are_checked_when_the_environment_is_made(
+    make: Make, arguments: dict[str, Any], message: str
+) -> None:
+    refuses(lambda: make(**arguments), message)
+
+
+@pytest.mark.parametrize("make", [FrameEnv, CableEnv, CarEnv])
+@pytest.mark.parametrize("value", [math.nan, 0.0, -1.0, "big", None])
+def test_an_amplitude_is_blamed_by_its_name(make: Make, value: Any) -> None:
+    refuses(lambda: make().reset(options={"amplitude": value}), "reset: amplitude is")
+
+
+def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:
+    """A file of 20 s lasts 4 s on the frame, whoever plays it, unless another compression is asked for."""
+    from mrdamp.compare.dyke1996 import frame_model
+    from mrdamp.compare.frame import FrameBench
+
+    record = kanai_tajimi(1, duration=20.0)
+    file = tmp_path / "record.csv"
+    record.save(file)
+    env = FrameEnv(motions=RecordedMotions([file]))
+    bench = FrameBench(frame_model()).played(record, 1.0)
+    drawn, given = env.reset(seed=0)[1], env.reset(options={"motion": file})[1]
+    for info in (drawn, given, vars(bench) | {"duration": bench.duration}):
+        assert info["duration"] == pytest.approx(4.0, abs=0.01)
+        assert info["speed"] == 5.0
+    assert env.reset(options={"motion": file, "compression": 1.0})[1]["duration"] == pytest.approx(20, abs=0.05)
+    own = GroundMotion("own", 0.01, np.sin(np.arange(101.0)))
+    assert env.reset(options={"motion": own})[1]["duration"] == pytest.approx(1.0)
+    refuses(lambda: env.reset(options={"motion": 3}), "motion is 3")
+
+
+@pytest.mark.slow
+def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
+    """The worker has imported nothing: the part before the colon is what it imports."""
+    library = pytest.importorskip("stable_baselines3.common.env_util", reason="needs the extra train")
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    options = {"n_envs": 2, "seed": 3, "vec_env_cls": SubprocVecEnv, "vec_env_kwargs": {"start_method": "spawn"}}
+    workers = library.make_vec_env("mrdamp:mrdamp/Frame-v0", **options)
+    try:
+        seen = workers.reset()
+        np.testing.assert_array_equal(seen[0], FrameEnv().reset(seed=3)[0])
+    finally:
+        workers.close()

@@ -1,0 +1,194 @@
+"""Controllers from outside the package in a comparison, and what all controllers are told of the damper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from command_call import caller
+from mrdamp.commands.compare import add_to
+from mrdamp.compare.contenders import contenders
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
+from mrdamp.control import registry
+from mrdamp.control.told import told
+from mrdamp.envs import FrameEnv
+from mrdamp.model import Effect
+from mrdamp.motions import GroundMotion, kanai_tajimi
+from refusals import refuses
+
+OWN = '''
+class Steady:
+    """Half of the largest command."""
+    name, period = "steady", 0.005
+
+    def __init__(self, site):
+        self.value = site.command_max / 2
+
+    def reset(self):
+        pass
+
+    def command(self, t, y):
+        return self.value
+
+
+class Broken(Steady):
+    def command(self, t, y):
+        return {body}
+
+
+class Lazy:
+    name = "lazy"
+
+    def __init__(self, site):
+        pass
+'''
+BENCH = FrameBench(frame_model())
+LOAD = kanai_tajimi(5, duration=5.0)
+
+
+def write(folder: Path, body: str = "None") -> Path:
+    file = folder / "own_law.py"
+    file.write_text(OWN.replace("{body}", body))
+    return file
+
+
+def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By file and by module: a constant of its own against the package's."""
+    monkeypatch.chdir(tmp_path)
+    file = write(tmp_path)
+    rows = contenders(BENCH, [f"mine={file}:Steady", "other=own_law:Steady"], {})
+    assert [row.name for row in rows] == ["mine", "other"]
+    wanted = BENCH.run("constant:value=1.125", LOAD, 1.0)["criteria"]
+    for row in rows:
+        found = BENCH.run(row.specs[0], LOAD, 1.0)["criteria"]
+        np.testing.assert_allclose(found["peak_drift"], wanted["peak_drift"], rtol=1e-3)
+    keys = [BENCH.key(rows[0].specs[0], LOAD, 1.0)]
+    file.write_text(file.read_text() + "\n")
+    assert BENCH.key(rows[0].specs[0], LOAD, 1.0) not in keys  # a kept run belongs to the file as it was
+
+
+@pytest.mark.parametrize(
+    ("given", "body", "message"),
+    [
+        ("mine={}:Broken", "None", "its command at 0 s is None"),
+        ("mine={}:Broken", "math.nan", "NameError: name 'math'"),
+        ("mine={}:Broken", "float('nan')", "its command at 0 s is nan"),
+        ("mine={}:Broken", "y['pressure']", "KeyError: 'pressure'"),
+        ("mine={}:Lazy", "0", "lacks some of name, period"),
+        ("mine={}:Nobody", "0", "there is no Nobody"),
+        ("mine={}:Broken", ")", "cannot be imported: SyntaxError"),
+        ("mine={}x.py:Broken", "0", "no such file"),
+        ("mine=no_such_module:Broken", "0", "cannot be imported: ModuleNotFoundError"),
+        ("mine={}.zip", "0", "cannot be read|no such file|not found"),
+        ("policy:{}", "0", "not JSON"),
+    ],
+)
+def test_faults_of_ones_own_are_found_before_a_run(tmp_path: Path, given: str, body: str, message: str) -> None:
+    file = write(tmp_path, body)
+    refuses(lambda: contenders(BENCH, [given.format(file)], {}), message)
+
+
+def test_the_command_line_says_so_before_it_tunes(tmp_path: Path) -> None:
+    names = ["best-constant", f"mine={write(tmp_path)}:Broken"]
+    run = partial(caller(add_to), "compare", "frame", "--tune", "--controllers", *names, "-o", tmp_path / "out")
+    refuses(run, "its command at 0 s is None")
+    assert not (tmp_path / "out" / "tuned.json").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["PPO", "SAC", "TD3"])
+def test_a_saved_model_does_what_it_does_in_its_environment(tmp_path: Path, name: str) -> None:
+    """Peaks of the comparison are those that the library's own loop, with its VecNormalize, has in the environment."""
+    library = pytest.importorskip("stable_baselines3", reason="needs the extra train")
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    def make() -> gymnasium.Env[Any, Any]:
+        return FrameEnv(history=2)
+
+    venv = VecNormalize(DummyVecEnv([make]))
+    options: dict[str, Any] = {"n_steps": 64} if name == "PPO" else {"learning_starts": 8}
+    model = getattr(library, name)("MlpPolicy", venv, seed=1, device="cpu", **options)
+    model.learn(64)
+    model.save(tmp_path / "model.zip")
+    venv.save(str(tmp_path / "stats.pkl"))
+    (tmp_path / "env.json").write_text('{"history": 2}')
+    names = ",".join(str(tmp_path / part) for part in ("model.zip", "stats.pkl", "env.json"))
+    refuses(lambda: contenders(BENCH, [f"mine={tmp_path / 'model.zip'}"], {}), "its observations are")
+    (mine,) = contenders(BENCH, [f"mine={names}"], {})
+    found = replace(BENCH, timestep=5e-4).history(mine.specs[0], LOAD, 1.0)
+
+    venv.training = False
+    env, over, commands = make(), False, []
+    seen, _ = env.reset(options={"motion": BENCH.played(LOAD, 1.0)})
+    info: dict[str, Any] = {}
+    while not over:
+        action, _ = model.predict(venv.normalize_obs(seen), deterministic=True)
+        commands.append(2.25 * 0.5 * (float(action[0]) + 1))
+        seen, _, _, over, info = env.step(action)
+    assert np.ptp(commands) > 1e-3  # not a constant
+    assert np.abs(found.drift).max() == pytest.approx(info["peak_drift"], rel=0.02)
+    assert np.abs(found.command[:: 5] - np.array(commands[: len(found.command[:: 5])])).max() < 0.05
+
+
+class Recorder:
+    """Keeps the force that it is given."""
+
+    name, period = "recorder", 1e-3
+
+    def __init__(self) -> None:
+        self.seen: list[float] = []
+
+    def reset(self) -> None:
+        self.seen.clear()
+
+    def command(self, t: float, y: Mapping[str, float]) -> float:
+        self.seen.append(y["force"])
+        return 0.0
+
+
+def test_every_controller_gets_the_force_before_the_sensors_lag() -> None:
+    """A force that is held over each period, through SciPy's first-order lag, comes out as it was."""
+    lag, period = 3e-3, 1e-3
+    model = frame_model()
+    site = registry.Site.of(replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": lag}))), period)
+    recorder, given = Recorder(), []
+
+    def build(made: registry.Site) -> Recorder:
+        given.append(made.damper.sensor_lag)
+        return recorder
+
+    controller = told(build, site)
+    force = np.concatenate([[0.0], np.random.default_rng(0).normal(0, 100, 60)])
+    kept = math.exp(-period / lag)
+    read = lfilter([1 - kept], [1, -kept], force)
+    controller.reset()
+    for k, value in enumerate(read):
+        controller.command(k * period, {"force": float(value)})
+    np.testing.assert_allclose(recorder.seen, force, atol=1e-9)
+    assert given == [0.0]
+
+
+def test_force_tracking_and_policies_are_told_alike() -> None:
+    """With a slow force sensor both do nearly what they do with an ideal one."""
+    model = frame_model()
+    slow = replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": 3e-3})))
+    spec = "force-tracking:balance=30,r=1e-06"
+    strong = GroundMotion("strong", LOAD.sample_time, LOAD.acceleration)
+    ideal, lagged = (FrameBench(m).run(spec, strong, 1.0)["criteria"] for m in (model, slow))
+    blind = FrameBench(slow)
+    untold = blind.kept(spec, blind.driven(registry.make(spec, blind.site), strong, 1.0))["criteria"]
+
+    def worst(run: Mapping[str, Any]) -> float:
+        return float(np.max(run["peak_acceleration"]))
+
+    assert abs(worst(lagged) / worst(ideal) - 1) < 0.5 * abs(worst(untold) / worst(ideal) - 1)
