@@ -75,17 +75,13 @@ def _departure(x: Array) -> Array:
 
 
 def upsampled(
-    x: Array, u: Array, sample_time: float, factor: int, v: Array | None = None, a: Array | None = None, *,
-    filtered: bool = False, hold: bool = False,
-) -> FineInputs:  # fmt: skip
-    """The inputs (n,) at `factor` points for each sample; measured velocity and acceleration are linear."""
+    x: Array, u: Array, sample_time: float, factor: int, *, filtered: bool = False, hold: bool = False
+) -> FineInputs:
+    """The inputs (n,) at `factor` points for each sample; velocity and acceleration are those of the spline."""
     n = len(x)
     t, fine = np.arange(n), np.arange((n - 1) * factor + 1) / factor
     spline = CubicSpline(t, x)
-    velocity = spline(fine, 1) / sample_time if v is None else np.interp(fine, t, v)
-    acceleration = np.interp(fine, t, a) if a is not None else spline(fine, 2) / sample_time**2
-    if a is None and v is not None:
-        acceleration = np.interp(fine, t, np.gradient(v, sample_time, edge_order=2))
+    velocity, acceleration = spline(fine, 1) / sample_time, spline(fine, 2) / sample_time**2
     command = between(u, factor, filtered, hold)
     return FineInputs(
         factor, sample_time / factor, spline(fine), velocity, acceleration, command, filtered, hold

@@ -75,11 +75,8 @@ def damper_alone(case: Case) -> DamperRig:
     sign = 1.0 if structure.damper_between[1] > structure.damper_between[0] else -1.0
     records = []
     for r in case.records:
-        x, v = stroke(r, low, high)
-        channels = {"displacement_m": sign * x, "velocity_m_s": sign * v, "command": np.asarray(r.command)}
-        records.append(
-            Record(r.name, None, r.sample_time, channels | {"force_N": np.asarray(r.channel("force_N"))})
-        )
+        motion = {"displacement_m": sign * stroke(r, low, high)[0], "command": np.asarray(r.command)}
+        records.append(Record(r.name, None, r.sample_time, motion | {"force_N": np.asarray(r.channel("force_N"))}))
     effects = tuple(e for e in model.effects if e.place is None)
     own = Model(model.law, model.parameters, effects, weights=model.weights, name=model.name, extra=model.extra)
     return DamperRig(own, tuple(records))

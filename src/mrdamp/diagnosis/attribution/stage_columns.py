@@ -156,7 +156,7 @@ def _states(problem: Problem, rig: DamperRig, record: int) -> dict[str, Array]:
     """Variables of a record's columns, (n,) each at the residuals' samples: motion over its range, command
     over its maximum, forces in N."""
     r, size, take = rig.records[record], rig.sizes, problem.taken(record)
-    x, dt = rig.motions[record][0], r.sample_time
+    x, dt = rig.motions[record], r.sample_time
     v = rig.velocity(record)
     u, time = np.asarray(r.command) / size.command, np.asarray(r.time) - float(r.time[0])
 

@@ -81,24 +81,19 @@ class DamperRig:
         return tuple(c for c in _COLUMNS if all(c in r.channels for r in self.records))
 
     @cached_property
-    def motions(self) -> tuple[tuple[Array, Array | None, Array | None], ...]:
-        """Displacement (m), and velocity (m/s) and acceleration (m/s2) if measured, of each record."""
-        out = []
-        for r in self.records:
-            x = repaired_ends(np.asarray(r.displacement))
-            x = x if self.as_logged else smoothed(x)
-            out.append((x, r.channels.get("velocity_m_s"), r.channels.get("acceleration_m_s2")))
-        return tuple(out)
+    def motions(self) -> tuple[Array, ...]:
+        """Displacement (n,) m of each record."""
+        repaired = (repaired_ends(np.asarray(r.displacement)) for r in self.records)
+        return tuple(x if self.as_logged else smoothed(x) for x in repaired)
 
     def velocity(self, record: int) -> Array:
-        """(n,) m/s, measured or from the smoothed displacement."""
-        x, v, _ = self.motions[record]
-        return derivative(x, self.records[record].sample_time) if v is None else v
+        """(n,) m/s, from the smoothed displacement."""
+        return derivative(self.motions[record], self.records[record].sample_time)
 
     @cached_property
     def slow(self) -> float:
         """See `mrdamp.records.motion.slowness`."""
-        return slowness((x, self.velocity(k)) for k, (x, _, _) in enumerate(self.motions))
+        return slowness((x, self.velocity(k)) for k, x in enumerate(self.motions))
 
     @property
     def hold(self) -> bool:
@@ -248,14 +243,9 @@ class DamperRig:
         moved: (n,) m, added to the motion.
         """
         r = self.records[record]
-        x, v, a = self.motions[record]
-        if moved is not None:
-            x, a = x + moved, None
-            v = None if v is None else v + derivative(moved, r.sample_time)
-        factor = self._factor(r.sample_time, _COARSE)
-        inputs = upsampled(
-            x, command, r.sample_time, factor, v, a, filtered=self.filtered, hold=self.hold
-        )
+        x, factor = self.motions[record], self._factor(r.sample_time, _COARSE)
+        x = x if moved is None else x + moved
+        inputs = upsampled(x, command, r.sample_time, factor, filtered=self.filtered, hold=self.hold)
         columns = ("force", "reference")
         out = self._run([settings], inputs, columns)[0]
         return dict(zip(columns, out, strict=True))
@@ -268,11 +258,8 @@ class DamperRig:
         """A record's inputs at about this step (s), cached."""
         factor = self._factor(self.records[record].sample_time, step)
         if (record, factor) not in self._inputs:
-            r = self.records[record]
-            x, v, a = self.motions[record]
-            fine = upsampled(
-                x, r.command, r.sample_time, factor, v, a, filtered=self.filtered, hold=self.hold
-            )
+            r, x = self.records[record], self.motions[record]
+            fine = upsampled(x, r.command, r.sample_time, factor, filtered=self.filtered, hold=self.hold)
             self._inputs[record, factor] = fine
         return self._inputs[record, factor]
 
@@ -315,15 +302,14 @@ class DamperRig:
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,) N: RMS force error due to the displacement noise that remains after smoothing."""
         r = self.records[record]
-        x = self.motions[record][0]
+        x = self.motions[record]
         level = noise_level(r.displacement)
         rng = np.random.default_rng(np.random.SeedSequence(_NOISE_SEED, spawn_key=(record,)))
         again = x + level * rng.standard_normal(r.n)
         again = again if self.as_logged else smoothed(again, level)
         inputs = self._fine(record, _COARSE)
-        _, v, a = self.motions[record]
         disturbed = upsampled(
-            again, r.command, r.sample_time, inputs.factor, v, a, filtered=self.filtered, hold=self.hold
+            again, r.command, r.sample_time, inputs.factor, filtered=self.filtered, hold=self.hold
         )
         change = self._run([settings], disturbed) - self._run([settings], inputs)
         kept = change[0][:, compared(r.n, r.sample_time)]
@@ -355,7 +341,7 @@ class DamperRig:
             "velocity (m/s)": v,
             "command": np.asarray(r.command),
             "command rate (1/s)": derivative(r.command, r.sample_time),
-            "displacement (m)": self.motions[record][0],
+            "displacement (m)": self.motions[record],
             "acceleration (m/s2)": derivative(v, r.sample_time),
         }
 

@@ -322,12 +322,11 @@ def _nrms(simulated: Array, measured: Array) -> float:
 
 
 def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
-    velocity = record.channels.get("velocity_m_s")
     before, after = (free_run(m, record)["force_N"] for m in (nominal, corrected))
     return pictures.ResidualData(
         record.name,
         record.time,
-        derivative(record.displacement, record.sample_time) if velocity is None else velocity,
+        record.velocity(),
         record.command,
         record.channel("force_N"),
         before,
