@@ -87,7 +87,7 @@ wheel-test: build tools  ## sdist, wheel from it, installed and tried in a fresh
 docs: build  ## the documentation site: out/site/index.html
 	@$(pip) mkdocs-material mkdocstrings mkdocstrings-python
 	@$(bin)/python tools/command_reference.py
-	@$(bin)/mkdocs build --quiet
+	@$(bin)/mkdocs build --strict
 
 # OpenSees' wheel does not find its own libraries without the path.
 bench: build tools  ## speed, as ratios, beside OpenSeesPy where it can be had

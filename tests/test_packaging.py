@@ -177,9 +177,9 @@ def test_spawned_worker_imports(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "[1, 1]\n", "")
 
 
-def test_command_tells_its_version(tmp_path: Path) -> None:
-    command = Path(sys.executable).parent / "mrdamp"
-    done = subprocess.run([command, "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+@pytest.mark.parametrize("command", [[Path(sys.executable).parent / "mrdamp"], [sys.executable, "-m", "mrdamp"]])
+def test_command_tells_its_version(tmp_path: Path, command: list[str]) -> None:
+    done = subprocess.run([*command, "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.split() == ["mrdamp", importlib.metadata.version("mrdamp")]
 

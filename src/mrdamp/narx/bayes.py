@@ -114,7 +114,8 @@ def minimise(
     Args:
         problem: the residuals.
         theta: (M,) start.
-        alpha, beta: start values; beta None: from the residuals at the start.
+        alpha: start value.
+        beta: start value; None: from the residuals at the start.
         reestimate: False keeps alpha and beta as they are.
         free: (M,) bool, weights that may move; None: all. The others stay, and gamma counts the free ones.
         iterations: at most.

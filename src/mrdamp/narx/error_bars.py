@@ -89,9 +89,11 @@ def sufficiency(
     posterior's error bars and inputs beyond their training range need no measured force and say where to measure.
 
     Args:
-        network, posterior: as for `error_bars`.
+        network: as for `error_bars`.
+        posterior: as for `error_bars`.
         train: records of the training. others: other parts of the records.
-        fitted, new: free-run errors on the two.
+        fitted: free-run errors on the training records.
+        new: free-run errors on the others.
     """
     before, after = (float(np.median([e.nrmse for e in errors])) for errors in (fitted, new))
     suffice = after <= _WORSE * before

@@ -165,9 +165,11 @@ def select(
     """Chooses inputs, then lags, then hidden units, each by the validation error with the others held.
 
     Args:
-        train, validation: parts at one sample time.
+        train: parts at one sample time.
+        validation: the same.
         sets: channels to try; None: with the current where the command varies.
-        lags, units: to try. start: lags and units while the inputs are chosen; None: 4 and 10, as in the paper.
+        lags: to try.
+        units: to try. start: lags and units while the inputs are chosen; None: 4 and 10, as in the paper.
         by: "free_run", or "one_step" as in the paper.
         effort: how thoroughly each is trained.
         seed: the same seed gives the same choice, for any number of workers.

@@ -122,13 +122,16 @@ def train_narx(
     ones where there are none) is kept; the test stretches are never looked at before the end.
 
     Args:
-        train, validation, test: stretches; lags never reach from one into another.
+        train: stretches; lags never reach from one into another.
+        validation: the same.
+        test: the same.
         inputs: as from `lagged`. hidden: tanh units per layer, such as (20,) or (10, 4).
         initialisations: number of random starts. refined: how many of them are trained in free run.
         horizons: stages of the free-run training, samples; () leaves it out.
         seed: the same seed gives the same network.
         most: samples per iteration at most.
-        one_step_iterations, iterations: Levenberg-Marquardt steps one step ahead, and per horizon.
+        one_step_iterations: Levenberg-Marquardt steps one step ahead.
+        iterations: the same per horizon.
         score: error that the stages are chosen by; None: free run on the validation splits.
         workers: processes; the same network for any number.
         cache: JSON file of what is finished; training that was interrupted continues from it.

@@ -148,6 +148,10 @@ def _sheet(path: Path) -> Iterator[str]:
         yield "\t".join(re.sub(r"\s+", " ", cell) for cell in cells)
 
 
+#: First bytes of an HDF5 file.
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
 def _npz(path: Path) -> dict[str, Any]:
     def load(data: io.BytesIO) -> dict[str, Any]:
         with zipfile.ZipFile(data) as packed:
@@ -164,10 +168,9 @@ def _mat(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     def load(data: io.BytesIO) -> Any:
-        try:
-            return loadmat(data, simplify_cells=True)
-        except NotImplementedError:  # version 7.3 is HDF5
+        if _HDF5 in (data.getvalue()[:8], data.getvalue()[512:520]):  # version 7.3, without and with its header
             return _hdf5(path, data)
+        return loadmat(data, simplify_cells=True)
 
     return dict(_flat(_foreign(path, load)))
 

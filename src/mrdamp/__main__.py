@@ -1,0 +1,7 @@
+"""`python -m mrdamp` is the command `mrdamp`."""
+
+import sys
+
+from mrdamp.cli import main
+
+sys.exit(main())
