@@ -153,6 +153,10 @@ def test_bad_tests_are_told(tmp_path: Path) -> None:
         calibrate([CalibrationTest("cut", 0.002, good.force, np.minimum(good.charge, 1e5))])
     with pytest.raises(InputError, match="periods; at least 3"):
         calibrate([CalibrationTest("short", 0.002, good.force[:700], good.charge[:700])])
+    # A quarter of a period late: Eq. (2) gives 100 %.
+    late = sine(1.0, 1000.0, -158.0, 1e6, 0.25)
+    with pytest.raises(InputError, match=r"charge does not follow the force: delta_1 is (99|100) %"):
+        calibrate([late])
     with pytest.raises(InputError, match="no calibration test"):
         calibrate([])
     path = tmp_path / "a.csv"

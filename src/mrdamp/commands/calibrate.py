@@ -64,8 +64,6 @@ def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
     from mrdamp.identify import calibration
     from mrdamp.records import read_record, read_records
 
-    if a.out and a.out.is_file():
-        raise InputError(f"{a.out}: is a file; a folder is written")
     if a.tests:
         tests = calibration.read_tests(a.tests[0] if len(a.tests) == 1 else a.tests)
     else:

@@ -27,6 +27,8 @@ CUTOFF = 20.0  # Hz, the paper's elliptic low-pass
 #: The paper's sensor: mean sensitivity (pC/N), its delta_1, and its delta_2 by current (A), Table 1.
 PAPER_SENSITIVITY, PAPER_DELTA_1 = -158.248, 0.0235
 PAPER_DELTA_2 = {0.0: 0.0389, 0.25: 0.0270, 0.5: 0.0230, 0.75: 0.0246, 1.0: 0.0239}
+#: delta_1 from which a charge is none of the force's: its correlation with it is below .87.
+_NO_SENSOR = 0.5
 #: Of a faster test, the cut-off over its frequency: the harmonics that make delta_1 pass.
 _ABOVE = 4.0
 _HARMONICS = 3
@@ -127,6 +129,11 @@ def calibrate(tests: Sequence[CalibrationTest], cutoff: float | None = None) -> 
     mean = float(np.mean([r.sensitivity for r in results]))
     # Every test counts by its own deviation: each is relative to its force.
     pooled = float(np.sqrt(np.mean([delta_1(f, q / mean) ** 2 for _, f, q in measured])))
+    if not pooled < _NO_SENSOR:
+        raise InputError(
+            f"{tests[0].name}: the charge does not follow the force: delta_1 is {100 * pooled:.0f} %, a sensor's is"
+            " below 4 %; check that charge and force are of one test and on one clock"
+        )
     response = _response(results)
     return Calibration(tuple(results), mean, pooled, *response)
 
