@@ -233,7 +233,8 @@ def holed(text: str) -> str:
         ((*COLUMNS[:2], COLUMNS[3]), str, "no column is named for command; .* a constant is command=0:A"),
         (COLUMNS, headless, "the file has no header and 6 columns: name them by their numbers, such as time_s=1:ms"),
         (COLUMNS, lambda text: in_blocks(text).replace("\n700,", "\n700;"), "line 713 has 5 cells, 6 columns are"),
-        (COLUMNS, lambda text: stamped(text).replace("14 23:59:59.014", "x"), "line 9: t .* neither a number nor a d"),
+        (("time_s=t [ms]", *COLUMNS[1:]), lambda text: stamped(text).replace("14 23:59:59.014", "x"),
+         "line 9: t .* neither a number nor a d"),
         ((*COLUMNS, "force_N=Load"), str, "a channel is named twice"),
         (COLUMNS, holed, r"sample 300: 0\.042 s are missing at 0\.596 s"),
         (COLUMNS, lambda text: text.replace("\n7,14.0", "\n7,4.0"), r"sample 8: the time does not increase"),
@@ -282,3 +283,43 @@ def test_the_command_writes_what_is_read_again(tmp_path: Path, capsys: pytest.Ca
     assert [p.name for p in (tmp_path / "again").iterdir()] == ["a.csv"]
     assert main(["convert", str(tmp_path / "a.txt"), *call[1:], "--skip"]) == 2
     assert "a.txt is given twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("mark", "separator"), [(",", ","), (",", ";"), (".", ";")])
+def test_marks_between_thousands_are_refused(mark: str, separator: str, tmp_path: Path) -> None:
+    """Read as decimals, the largest forces would be a thousandth."""
+    decimal = "," if separator == ";" else "."
+    rows = []
+    for t in EVEN:
+        force = f"{round(1200 * np.cos(WAVE * t)):,}".replace(",", mark)
+        numbers = [f"{value:.4f}".replace(".", decimal) for value in (t, 5 * np.sin(WAVE * t))]
+        rows.append([*numbers, f'"{force}"'])
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(separator.join(row) for row in [["t", "x", "f"], *rows]))
+    columns = [column(c) for c in ("time_s=t", "displacement_m=x:mm", "command=0", "force_N=f")]
+    refuses(lambda: convert(path, columns), "numbers have no marks between their thousands")
+    plain = [[*row[:2], row[2].replace(mark, "").strip('"')] for row in rows]
+    path.write_text("\n".join(separator.join(row) for row in [["t", "x", "f"], *plain]))
+    assert np.abs(convert(path, columns).record.channel("force_N")).max() == 1200
+
+
+def test_a_unit_of_dates_and_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    stamps = [f"2026-01-02T10:00:00.{k:03d}" for k in range(0, 600, 10)]
+    wave = np.sin(np.arange(60) / 5)
+    rows = [f"{stamp},{x:.5f},{np.cos(k / 5):.5f}" for k, (stamp, x) in enumerate(zip(stamps, wave, strict=True))]
+    path = tmp_path / "a.csv"
+    path.write_text("t,x,f\n" + "\n".join(rows))
+    others = [column(c) for c in ("displacement_m=x:mm", "command=0", "force_N=f")]
+    assert convert(path, [column("time_s=t"), *others]).record.sample_time == pytest.approx(0.01)
+    refuses(lambda: convert(path, [column("time_s=t:ms"), *others]), "t")
+    path.write_text("t,x,f,f\n" + "\n".join(f"{row},1" for row in rows))
+    refuses(lambda: convert(path, [column("time_s=t"), *others]), "two columns are named")
+
+
+def test_a_clock_that_drifts_is_followed(tmp_path: Path) -> None:
+    """The second half is slower by .75 %: in the middle a uniform clock would be 11 ms off."""
+    time = np.cumsum(np.r_[0, np.full(1500, 0.002), np.full(1500, 0.002015)])
+    np.savez(tmp_path / "a.npz", t=time, x=0.01 * np.sin(6 * time), f=300 * np.cos(6 * time))
+    columns = [column(c) for c in ("time_s=t", "displacement_m=x", "command=0", "force_N=f")]
+    record = convert(tmp_path / "a.npz", columns).record
+    assert np.abs(record.displacement - 0.01 * np.sin(6 * record.time)).max() < 1e-6

@@ -93,6 +93,15 @@ def test_a_link_is_written_through(folder: Path) -> None:
     assert (folder / "kept.csv").read_text().startswith("time_s,")
 
 
+def test_a_link_to_an_input_is_no_output(folder: Path) -> None:
+    Path("there").mkdir()
+    Path("there/r.csv").symlink_to("../r.csv")
+    before = Path("r.csv").read_bytes()
+    columns = ["displacement_m=displacement_m", "command=command", "force_N=force_N", "time_s=time_s"]
+    assert main(["convert", "r.csv", "--columns", *columns, "-o", "there"]) == 2
+    assert Path("r.csv").read_bytes() == before
+
+
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     (tmp_path / "b").write_text("old")
 

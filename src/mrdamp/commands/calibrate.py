@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
 from mrdamp.commands.identify_json import to_text, words
-from mrdamp.commands.output import OutFolder, Picture
+from mrdamp.commands.output import OutFolder, Picture, check_written
 from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
 
@@ -182,8 +182,8 @@ def _write(
     made = {folder / "records" / f"{r.name}.csv": r for r in records if "charge_pC" in r.channels}
     if len(made) < sum("charge_pC" in r.channels for r in records):
         raise InputError(f"{folder / 'records'}: two records have one name; rename one")
-    if written := next((path for path, r in made.items() if r.path and path.resolve() == r.path.resolve()), None):
-        raise InputError(f"{written}: is an input; another folder is needed with -o")
+    inputs = [r.path for r in records if r.path]
+    check_written([*made, folder / "records"], [*inputs, *(path.parent for path in inputs)])
     (folder / "records" if made else folder).mkdir(parents=True, exist_ok=True)
     for path, r in made.items():
         r.save(path)

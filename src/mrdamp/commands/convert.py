@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import OutFolder
+from mrdamp.commands.output import OutFolder, check_written
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -66,10 +66,12 @@ def run_convert(a: argparse.Namespace) -> int:
     names = [c.record.name for c in found]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"two files would be one record: {', '.join(twice)}")
+    written = {a.out / f"{one.record.name}.csv": one.record for one in found}
+    check_written(written, a.files)
     a.out.mkdir(parents=True, exist_ok=True)
     with together():
-        for one in found:
-            one.record.save(a.out / f"{one.record.name}.csv")
+        for path, record in written.items():
+            record.save(path)
     for one in found:
         print(_summary(one))
     for check in warnings_of([one.record for one in found]):

@@ -16,7 +16,16 @@ from mrdamp.commands.calibrate import add_calibrate
 from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, to_text, words
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
 from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture
-from mrdamp.commands.record_options import add_json, add_records, add_signals, follows, read, show_progress
+from mrdamp.commands.record_options import (
+    add_json,
+    add_records,
+    add_signals,
+    as_recorded,
+    follows,
+    prepared,
+    read,
+    show_progress,
+)
 from mrdamp.commands.table1 import add_table1
 from mrdamp.errors import InputError
 
@@ -122,7 +131,7 @@ def run_identify(a: argparse.Namespace) -> int:
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.diagnosis.form import form_of
-    from mrdamp.identify import compare_dependences, error, identify
+    from mrdamp.identify import compare_dependences, error, identify, pooled
     from mrdamp.identify.comparison import loops_of
     from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
@@ -185,6 +194,13 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         _errors(fit.held_out, "held out")
     left = channel_findings(fit, records.train)
     checks = findings(fit, records.train, records.held_out)
+    if prepared(a):
+        raw = as_recorded(a)
+        left_there = pooled([error(fit.model, r) for r in raw.held_out or raw.train])
+        checks.append(
+            "on the records as they are, without --cutoff and --zero-mean, the error of `mrdamp predict` is"
+            f" {left_there:.3f}"
+        )
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:

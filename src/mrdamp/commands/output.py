@@ -7,7 +7,7 @@ import io
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PosixPath
 from typing import TYPE_CHECKING
@@ -53,6 +53,14 @@ def check_outputs(a: argparse.Namespace) -> None:
             raise InputError(f"{out}: a picture is written as .svg, .png or .pdf")
         if reason := _unwritable(out):
             raise InputError(f"{out}: cannot be written: {reason}")
+
+
+def check_written(written: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Raises InputError for a file of an output folder that would replace an input, also through a link."""
+    sources = {source.resolve(): source for source in inputs}
+    for path in written:
+        if source := sources.get(path.resolve()):
+            raise InputError(f"{path}: it would replace the input {source}; give another folder")
 
 
 def _replaces(out: Path, source: Path) -> bool:

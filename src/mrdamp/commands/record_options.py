@@ -49,17 +49,25 @@ def add_signals(p: argparse.ArgumentParser) -> None:
     p.add_argument("--zero-mean", action="store_true", help="take the means off displacement and force")
 
 
-def read(a: argparse.Namespace) -> RecordSet:
-    """The records of the parsed arguments. Raises InputError."""
+def as_recorded(a: argparse.Namespace) -> RecordSet:
+    """The records of the parsed arguments as they are. Raises InputError."""
     from mrdamp.records import embedded, read_records
 
+    paths = a.records
+    return embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
+
+
+def prepared(a: argparse.Namespace) -> bool:
+    """Whether something is done to the measured signals before a fit."""
+    return a.cutoff is not None or bool(a.zero_mean)
+
+
+def read(a: argparse.Namespace) -> RecordSet:
+    """The records of the parsed arguments, as they are fitted to. Raises InputError."""
     if a.cutoff_force and a.cutoff is None:
         raise InputError("--cutoff-force needs a --cutoff")
-    paths = a.records
-    records = embedded() if not paths else read_records(paths[0] if len(paths) == 1 else list(paths))
-    if a.cutoff is None and not a.zero_mean:
-        return records
-    return records.smoothed(a.cutoff, force=a.cutoff_force, zero_mean=a.zero_mean)
+    records = as_recorded(a)
+    return records.smoothed(a.cutoff, force=a.cutoff_force, zero_mean=a.zero_mean) if prepared(a) else records
 
 
 def follows(a: argparse.Namespace) -> Sequence[str] | None:

@@ -60,7 +60,10 @@ def _table1(a: argparse.Namespace) -> dict[str, Any]:
     judged = judged_records(records, a.condition)
     others = {}
     if a.network:
-        others = network_forces(Model.read(a.network), judged)
+        network = Model.read(a.network)
+        if network.law != "narx" or a.no_network:
+            raise InputError(f"{a.network}: law {network.law}; --network takes a network (narx), without --no-network")
+        others = network_forces(network, judged)
     elif not a.no_network:
         with progress_bar() as progress:
             network = paper_network(records, seed=a.seed, workers=a.workers, progress=progress).model

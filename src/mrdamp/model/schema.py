@@ -37,8 +37,8 @@ FILE: Mapping[str, Kind] = {
     "nominal": OBJECT,
     "model": OBJECT,
     **dict.fromkeys(("channels", "records", "baseline", "notes", "identified_on", "network"), ANY),
-    "command_log": TEXT,
-    "logger": TEXT,
+    "command_log": ((lambda value: value == "as sent"), "as sent"),
+    "logger": ((lambda value: value == "filtered"), "filtered"),
 }
 BODY: Mapping[str, Kind] = {
     "law": TEXT,

@@ -100,7 +100,8 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     if rate is not None and not 0 < rate < 1e7:
         raise InputError(f"rate is {rate:g} Hz; allowed: above 0, below 1e7")
     constants, read = _constants(columns)
-    time_column = next((c.source for c in read if c.channel == "time_s"), "")
+    # Dates have no unit: with one they are no numbers.
+    time_column = next((c.source for c in read if c.channel == "time_s" and c.factor == 1.0), "")
     table = columns_of(path, [c.source for c in read], time_column)
     n = len(next(iter(table.values())))
     values = {c.channel: c.factor * table[c.source] for c in read} | {k: np.full(n, v) for k, v in constants.items()}
@@ -115,7 +116,8 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     steps = np.diff(time)
     _check(path, time, steps)
     step, ends = float(np.mean(steps)), None
-    if np.abs(steps - step).max() > _EVEN * step:
+    wander = np.abs(time - time[0] - step * np.arange(n)).max()
+    if max(np.abs(steps - step).max(), wander) > _EVEN * step:
         step, ends = float(f"{step:.3g}"), (float(steps.min()), float(steps.max()))
         even = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1 + 1e-12)) + 1)
         values = {name: np.interp(even, time, x) for name, x in values.items()}

@@ -41,7 +41,7 @@ def columns_of(path: Path, wanted: Sequence[str], time: str = "") -> dict[str, A
     if suffix == ".xlsx":
         return _of_lines(path, list(_sheet(path)), wanted, time)
     if suffix in _ARRAYS:
-        return _picked(path, _ARRAYS[suffix](path), wanted)
+        return _picked(path, _ARRAYS[suffix](path), wanted, time)
     return _of_lines(path, decode(str(path), read_bytes(path)).rstrip().split("\n"), wanted, time)
 
 
@@ -50,6 +50,8 @@ def _of_lines(path: Path, lines: list[str], wanted: Sequence[str], time: str) ->
         for k, line in enumerate(lines[:_HEAD]):
             header = _cells(line, separator)
             if set(wanted) <= set(header):
+                if twice := [name for name in wanted if header.count(name) > 1]:
+                    raise InputError(f"{path}: two columns are named {show(twice[0])}; rename one")
                 return _values(path, lines, k, header, separator, wanted, time)
     numbered = all(re.fullmatch("[1-9][0-9]{0,3}", name) for name in wanted)
     for separator in _SEPARATORS if numbered else ():
@@ -91,6 +93,8 @@ def _values(
     for line, rows in blocks:
         plain = [_plain(row, separator, len(header)) for row in rows]
         parts.append(numbers(str(path), header, plain, picked, line, least=1))
+        for k, column in enumerate(picked):
+            _refuse_thousands(path, header[column], [_cells(row, separator)[column] for row in rows], parts[-1][:, k])
         if stamped:
             stamps += _stamps(path, plain, line, header.index(time), time)
     if (n := sum(map(len, parts))) < 3:
@@ -98,6 +102,22 @@ def _values(
     table = np.concatenate(parts)
     found = {header[column]: table[:, k] for k, column in enumerate(picked)}
     return found | ({time: np.array([(s - stamps[0]).total_seconds() for s in stamps])} if stamped else {})
+
+
+#: A number with marks between its thousands, or with three decimals.
+_GROUPED = re.compile(r"[-+]?\d{1,3}([.,])\d{3}(\1\d{3})*")
+
+
+def _refuse_thousands(path: Path, name: str, cells: Sequence[str], read: Array) -> None:
+    """Raises InputError for a column (n,) that is smoother if its grouped cells are thousands than as it was read."""
+    grouped = np.array([_GROUPED.fullmatch(cell) is not None for cell in cells])
+    if not grouped.any() or grouped.all():
+        return
+    whole = [float(re.sub("[.,]", "", cell)) if g else 0.0 for cell, g in zip(cells, grouped, strict=True)]
+    thousands = np.where(grouped, whole, read)
+    if np.abs(np.diff(thousands)).max() < 0.5 * np.abs(np.diff(read)).max():
+        cell = cells[int(np.argmax(grouped))]
+        raise InputError(f"{path}: {show(name)} holds {show(cell)}: numbers have no marks between their thousands")
 
 
 def _blocks(lines: list[str], at: int, header: list[str], separator: str) -> Iterator[tuple[int, list[str]]]:
@@ -231,13 +251,13 @@ def _flat(found: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
             yield f"{prefix}{name}", array
 
 
-def _picked(path: Path, found: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Array]:
+def _picked(path: Path, found: Mapping[str, Any], wanted: Sequence[str], time: str) -> dict[str, Array]:
     if missing := [show(name) for name in dict.fromkeys(wanted) if name not in found]:
         raise InputError(f"{path}: no column {', '.join(missing)}; the file has {listed(list(found))}")
     out = {}
     for name in wanted:
         array = found[name]
-        if array.dtype.kind == "M":
+        if array.dtype.kind == "M" and name == time:
             array = (array - array[0]) / np.timedelta64(1, "s")
         if array.dtype.kind not in "iufb":
             raise InputError(f"{path}: {name} holds no numbers")
