@@ -77,6 +77,18 @@ def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkey
     assert BENCH.key(rows[0].specs[0], LOAD, 1.0) not in keys  # a kept run belongs to the file as it was
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize(("body", "acts"), [("1e12", 2.25), ("-2.25", 0.0)])
+def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: str, acts: float) -> None:
+    """Dyke's takes 0 to 2.25 V: any other command is the nearest of these, on both engines and in the tables."""
+    bench = replace(BENCH, engine=engine)
+    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={write(tmp_path, body)}:Broken"], {}))
+    found, wanted = (bench.history(s, LOAD, 1.0) for s in (spec, f"constant:value={acts}"))
+    np.testing.assert_array_equal(found.command, acts)
+    # The own period, 5 ms, is stepped as the constant's 1 ms.
+    np.testing.assert_allclose(np.abs(found.drift).max(0), np.abs(wanted.drift).max(0), rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("given", "body", "message"),
     [
@@ -90,7 +102,7 @@ def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkey
         ("mine={}x.py:Broken", "0", "no such file"),
         ("mine=no_such_module:Broken", "0", "cannot be imported: ModuleNotFoundError"),
         ("mine={}.zip", "0", "cannot be read|no such file|not found"),
-        ("policy:{}", "0", "not JSON"),
+        ("policy:{}", "0", "no JSON"),
     ],
 )
 def test_faults_of_ones_own_are_found_before_a_run(tmp_path: Path, given: str, body: str, message: str) -> None:

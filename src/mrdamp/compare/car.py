@@ -33,7 +33,7 @@ from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608
 from mrdamp.structures.cars import QuarterCar
 
-_VERSION = 2
+_VERSION = 3
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
 _TUNING = (("B", 25.0, 301), ("C", 15.0, 302), ("C", 25.0, 303), ("D", 10.0, 304))
 _UNSEEN = (

@@ -35,7 +35,7 @@ from mrdamp.simulation.stepping import FrameRun, run_frame
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
-_VERSION = 3  # of what a kept run holds
+_VERSION = 4  # of what a kept run holds
 #: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 

@@ -29,18 +29,22 @@ class _Site(Protocol):
     @property
     def damper(self) -> Model | None: ...
 
+    @property
+    def command_max(self) -> float: ...
+
 
 Site = TypeVar("Site", bound=_Site)
 
 
 class Told:
-    """A controller whose measured force has no lag of its sensor. Raises InputError for a command that is no number.
+    """A controller whose measured force has no lag of its sensor, its command clamped to what the damper takes.
 
-    Attributes: inner; name; period, s.
+    Raises InputError for a command that is no number. Attributes: inner; name; period, s; takes: the least and the
+    largest command, A or V.
     """
 
-    def __init__(self, inner: Controller, sensor_lag: float) -> None:
-        self.inner, self.name, self.period = inner, inner.name, inner.period
+    def __init__(self, inner: Controller, sensor_lag: float, takes: tuple[float, float]) -> None:
+        self.inner, self.name, self.period, self.takes = inner, inner.name, inner.period, takes
         self._force = Unlagged(inner.period, sensor_lag)
 
     def reset(self) -> None:
@@ -55,20 +59,23 @@ class Told:
             command = math.nan
         if not math.isfinite(command):
             raise InputError(f"controller {self.name}: its command at {t:g} s is {found!r}; allowed: a finite number")
-        return command
+        least, largest = self.takes
+        return min(max(command, least), largest)
 
 
 def told(build: Callable[[Site], Controller], site: Site) -> Told:
     """The controller that `build` makes for a site, told of its damper as above. Raises InputError."""
-    damper = site.damper
+    damper, largest = site.damper, site.command_max
     if damper is None:
-        return Told(build(site), 0.0)
+        return Told(build(site), 0.0, (-largest, largest))
     own = tuple(e for e in damper.effects if e.name != _LAG)
     # Inverse models compare the force with what they expect at the sensor: without its lag, as it is given to them.
     made = build(replace(site, damper=replace(damper, effects=own)))  # type: ignore[type-var]
     if isinstance(made, Policy):
         made.matched(damper.command_lag)
-    return Told(made, damper.sensor_lag)
+    # As the chain clamps: without command_min a command acts by its size. 0 is no command, also of a law above it.
+    least = min(0.0, damper.attributes.get("command_min", -largest))
+    return Told(made, damper.sensor_lag, (least, largest))
 
 
 def knowledge(damper: Model) -> str:
