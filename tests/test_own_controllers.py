@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -75,6 +77,19 @@ def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkey
     keys = [BENCH.key(rows[0].specs[0], LOAD, 1.0)]
     file.write_text(file.read_text() + "\n")
     assert BENCH.key(rows[0].specs[0], LOAD, 1.0) not in keys  # a kept run belongs to the file as it was
+
+
+@pytest.mark.parametrize("name", ["dataclass_of_mine.py", "json.py"])
+def test_a_dataclass_of_ones_own_is_loaded(tmp_path: Path, name: str) -> None:
+    """Its annotations are text, which is looked up in the class's module; no other module is replaced."""
+    file = tmp_path / name
+    file.write_text(
+        "from __future__ import annotations\nfrom dataclasses import dataclass\n\n"
+        "@dataclass\nclass Mine:\n    site: object\n    name: str = 'mine'\n    period: float = 0.005\n\n"
+        "    def reset(self): pass\n\n    def command(self, t, y): return 1.0\n"
+    )
+    contenders(BENCH, [f"mine={file}:Mine"], {})
+    assert sys.modules["json"] is json
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])

@@ -90,10 +90,11 @@ def _load(place: str) -> Any:
         path = Path(place)
         if not path.is_file():
             raise InputError(f"{place}: no such file")
-        spec = importlib.util.spec_from_file_location(path.stem, path)
+        # By its path: its stem may be the name of another module.
+        spec = importlib.util.spec_from_file_location(str(path.resolve()), path)
         assert spec is not None
         assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
+        module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # a dataclass looks there
         spec.loader.exec_module(module)
     except InputError:
         raise
