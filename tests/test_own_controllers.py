@@ -79,6 +79,18 @@ def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkey
     assert BENCH.key(rows[0].specs[0], LOAD, 1.0) not in keys  # a kept run belongs to the file as it was
 
 
+def test_a_file_imports_what_is_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At its own import and when it is asked."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    (tmp_path / "gains_of_mine.py").write_text("LEVEL = 1.25\n")
+    (tmp_path / "late_gain_of_mine.py").write_text("SHARE = 0.5\n")
+    body = "gains_of_mine.LEVEL * __import__('late_gain_of_mine').SHARE"
+    file = write(tmp_path, body)
+    file.write_text("import gains_of_mine\n" + file.read_text())
+    (row,) = contenders(BENCH, [f"mine={file}:Broken"], {})
+    assert BENCH.controller(row.specs[0]).command(0.0, {"force": 0.0}) == 0.625
+
+
 @pytest.mark.parametrize("name", ["dataclass_of_mine.py", "json.py"])
 def test_a_dataclass_of_ones_own_is_loaded(tmp_path: Path, name: str) -> None:
     """Its annotations are text, which is looked up in the class's module; no other module is replaced."""

@@ -90,6 +90,8 @@ def _load(place: str) -> Any:
         path = Path(place)
         if not path.is_file():
             raise InputError(f"{place}: no such file")
+        if (folder := str(path.resolve().parent)) not in sys.path:
+            sys.path.insert(0, folder)  # as that of a script, for what it imports now or later
         # By its path: its stem may be the name of another module.
         spec = importlib.util.spec_from_file_location(str(path.resolve()), path)
         assert spec is not None
