@@ -91,6 +91,16 @@ def test_a_file_imports_what_is_beside_it(tmp_path: Path, monkeypatch: pytest.Mo
     assert BENCH.controller(row.specs[0]).command(0.0, {"force": 0.0}) == 0.625
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize("number", ["float64", "float32"])
+def test_a_period_may_be_a_number_of_numpy(tmp_path: Path, engine: str, number: str) -> None:
+    file = write(tmp_path)
+    file.write_text(f"import numpy as np\n{file.read_text()}".replace("0.005", f"np.{number}(0.0078125)"))
+    (row,) = contenders(BENCH, [f"mine={file}:Steady"], {})
+    run = replace(BENCH, engine=engine).history(row.specs[0], LOAD, 1.0)
+    assert run.time[8] == 0.0078125  # of both types; a run is sampled at least once a millisecond
+
+
 @pytest.mark.parametrize("name", ["dataclass_of_mine.py", "json.py"])
 def test_a_dataclass_of_ones_own_is_loaded(tmp_path: Path, name: str) -> None:
     """Its annotations are text, which is looked up in the class's module; no other module is replaced."""

@@ -29,7 +29,7 @@ from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
 from mrdamp.control.told import Site, Told, told
 from mrdamp.envs.task import Task
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.files import decode, read_bytes
 
 _NAMED = re.compile(r"(?P<place>.+\.py|[A-Za-z_][\w.]*):(?P<name>[A-Za-z_]\w*)")
@@ -75,8 +75,7 @@ def _build(rest: str, task: MakeTask, site: Any) -> Controller:
         raise InputError(f"controller {rest}: {type(error).__name__}: {_line(error)}") from None
     if not isinstance(found, Controller):
         raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")
-    if not isinstance(found.period, int | float) or not 0 < found.period < np.inf:
-        raise InputError(f"controller {rest}: its period is {found.period!r}; allowed: a number > 0, s")
+    require_positive(f"controller {rest}", period=found.period)
     return found
 
 

@@ -44,8 +44,9 @@ class Told:
     """
 
     def __init__(self, inner: Controller, sensor_lag: float, takes: tuple[float, float]) -> None:
-        self.inner, self.name, self.period, self.takes = inner, inner.name, inner.period, takes
-        self._force = Unlagged(inner.period, sensor_lag)
+        self.inner, self.name, self.takes = inner, inner.name, takes
+        self.period = float(inner.period)  # NumPy's numbers as well: MJCF cannot hold them
+        self._force = Unlagged(self.period, sensor_lag)
 
     def reset(self) -> None:
         self.inner.reset()
