@@ -133,6 +133,10 @@ def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: s
         ("mine={}:Broken", "math.nan", "NameError: name 'math'"),
         ("mine={}:Broken", "float('nan')", "its command at 0 s is nan"),
         ("mine={}:Broken", "y['pressure']", "KeyError: 'pressure'"),
+        ("mine={}:Broken", "'2.25'", "own_law.py:Broken: its command at 0 s is '2.25'"),
+        ("mine={}:Broken", "True", "its command at 0 s is True"),
+        ("mine={}:Broken", "2j", "its command at 0 s is 2j"),
+        ("mine={}:Broken", "exit(3)", "own_law.py:Broken: SystemExit: 3"),
         ("mine={}:Lazy", "0", "lacks some of name, period"),
         ("mine={}:Nobody", "0", "there is no Nobody"),
         ("mine={}:Broken", ")", "cannot be imported: SyntaxError"),
@@ -145,6 +149,20 @@ def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: s
 def test_faults_of_ones_own_are_found_before_a_run(tmp_path: Path, given: str, body: str, message: str) -> None:
     file = write(tmp_path, body)
     refuses(lambda: contenders(BENCH, [given.format(file)], {}), message)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("None", "1 / (t < 0.5)", "own_law.py:Broken: ZeroDivisionError: division by zero"),
+        ("None", "exit('no more') if t > 0.5 else 0", "own_law.py:Broken: SystemExit: no more"),
+        ("pass", "1 / 0", "own_law.py:Broken: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_what_fails_in_a_run_is_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace(old, new))
+    refuses(lambda: BENCH.run(f"own:{file}:Broken", LOAD, 1.0), message)
 
 
 def test_the_command_line_says_so_before_it_tunes(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-from mrdamp.errors import InputError, MrdampError, require_positive
+from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
 
 Array = NDArray[np.float64]
@@ -74,13 +74,7 @@ def at_rest(controller: Controller, names: Sequence[str]) -> None:
     names: of the measurements. Raises InputError.
     """
     controller.reset()
-    try:
-        controller.command(0.0, dict.fromkeys(names, 0.0))
-    except MrdampError:
-        raise
-    except Exception as error:  # of a controller from outside
-        line = (str(error).splitlines() or [""])[0]
-        raise InputError(f"controller {controller.name}: {type(error).__name__}: {line}") from None
+    controller.command(0.0, dict.fromkeys(names, 0.0))
 
 
 @dataclass(frozen=True)
