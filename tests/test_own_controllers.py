@@ -156,6 +156,7 @@ def test_faults_of_ones_own_are_found_before_a_run(tmp_path: Path, given: str, b
     [
         ("None", "1 / (t < 0.5)", "own_law.py:Broken: ZeroDivisionError: division by zero"),
         ("None", "exit('no more') if t > 0.5 else 0", "own_law.py:Broken: SystemExit: no more"),
+        ("0.005", "1e-12", "own_law.py:Broken: period is 1e-12; allowed: 1e-05 to 10 s"),
         ("pass", "1 / 0", "own_law.py:Broken: ZeroDivisionError: division by zero"),
     ],
 )

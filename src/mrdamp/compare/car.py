@@ -18,7 +18,7 @@ from mrdamp import __version__
 from mrdamp.compare import own as outside
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, digest
 from mrdamp.compare.frame import specs
-from mrdamp.compare.plant_run import PlantBench, run_plant
+from mrdamp.compare.plant_run import PlantBench, require_periods, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
@@ -130,10 +130,10 @@ class CarBench(PlantBench):
     def run(self, spec: str, load: Road, amplitude: float) -> dict[str, Any]:
         if spec == UNCONTROLLED:
             road = load.scaled(amplitude)
+            require_periods(road, self.period)
             time = np.arange(0.0, road.duration, self.timestep)
             square = [float(np.mean(x * x)) for x in linear_run(self.car, road.at(time), self.timestep)]
             return dict(zip(PERIOD[:3], square, strict=True))
-
         return self.driven(self.controller(spec), load, amplitude)
 
     def controller(self, spec: str) -> Controller:

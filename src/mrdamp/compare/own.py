@@ -24,12 +24,13 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from mrdamp.compare.plant_run import require_period
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
 from mrdamp.control.told import Site, Told, ask, first_line, told
 from mrdamp.envs.task import Task
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
 
 _NAMED = re.compile(r"(?P<place>.+\.py|[A-Za-z_][\w.]*):(?P<name>[A-Za-z_]\w*)")
@@ -74,7 +75,7 @@ def _build(rest: str, task: MakeTask, site: Any) -> Controller:
     found = ask(rest, getattr(module, named["name"]), site)
     if not isinstance(found, Controller):
         raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")
-    require_positive(f"controller {rest}", period=found.period)
+    require_period(f"controller {rest}", found.period)
     return found
 
 
