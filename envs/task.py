@@ -225,9 +225,10 @@ class Task(ABC):
 
         Its observation (size,), reward, whether the load is over, and `info`.
         """
-        given = np.asarray(action, dtype=np.float64).reshape(-1).tolist()
-        if len(given) != len(self._largest) or not math.isfinite(sum(given)):
-            finite("action", given, (1, len(self._largest)))
+        array = np.asarray(action)
+        given = array.reshape(-1).tolist()
+        if array.dtype.kind != "f" or len(given) != len(self._largest) or not math.isfinite(sum(given)):
+            given = finite("action", action, (1, len(self._largest)))[0].tolist()
         shares = [0.5 * (a + 1.0) for a in given]
         commands = [
             m * (s if 0.0 <= s <= 1.0 else 1.0 if s > 1.0 else 0.0 if s < 0.0 else s)

@@ -341,6 +341,12 @@ def test_the_command_writes_tables_that_agree(
         (("bridge",), "environment 'bridge' is unknown"),
         (("frame", "--amplitudes", "-1", "--controllers", "passive-on"), "amplitude -1.0; allowed: > 0"),
         (("frame", "--period", "-1", "--controllers", "passive-on"), "period is -0.001"),
+        (("frame", "--period", "0", "--controllers", "passive-on"), "period is 0.0; allowed: 1e-05 to 10 s"),
+        (("frame", "--period", "1e-9", "--controllers", "passive-on"), "allowed: 1e-05 to 10 s"),
+        (("cable", "--period", "1e-9", "--controllers", "passive-on"), "allowed: 1e-05 to 10 s"),
+        (("car", "--period", "1e9", "--controllers", "passive-on"), "period is 1000000.0"),
+        (("car", "--period", "0", "--controllers", "passive-on"), "period is 0.0"),
+        (("frame", "--compression", "1e-6", "--controllers", "passive-on", "--jobs", "1"), "2.5e+07 s in control"),
         (("cable", "--motions", "a.csv"), "a cable has no ground motion"),
         (("frame", "--compression", "2", "--controllers", "best-constant"), "not tuned for this model yet"),
         (("--preset", "dyke1996", "--motions", "no.csv"), "no.csv: no such file"),
@@ -351,6 +357,15 @@ def test_bad_calls_get_one_line(arguments: tuple[str, ...], says: str) -> None:
     with pytest.raises(InputError) as error:
         run("compare", *arguments)
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize(("speed", "lasts"), [("1e9", "4e-09"), ("1e-9", "4e+09")])
+def test_a_road_that_is_over_at_once_or_never_gets_one_line(tmp_path: Path, speed: str, lasts: str) -> None:
+    """4 m at a speed, m/s."""
+    road = tmp_path / "road.csv"
+    road.write_text("position_m,height_m\n" + "".join(f"{k / 10},{k % 2 / 100}\n" for k in range(41)))
+    with pytest.raises(InputError, match=re.escape(f"road: {lasts} s in control periods of 0.005 s")):
+        run("compare", "car", "--motions", road, "--speed", speed, "--controllers", "passive-on", "--jobs", "1")
 
 
 def test_without_el_centro_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -77,6 +79,53 @@ def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkey
     assert BENCH.key(rows[0].specs[0], LOAD, 1.0) not in keys  # a kept run belongs to the file as it was
 
 
+def test_a_file_imports_what_is_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At its own import and when it is asked."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    (tmp_path / "gains_of_mine.py").write_text("LEVEL = 1.25\n")
+    (tmp_path / "late_gain_of_mine.py").write_text("SHARE = 0.5\n")
+    body = "gains_of_mine.LEVEL * __import__('late_gain_of_mine').SHARE"
+    file = write(tmp_path, body)
+    file.write_text("import gains_of_mine\n" + file.read_text())
+    (row,) = contenders(BENCH, [f"mine={file}:Broken"], {})
+    assert BENCH.controller(row.specs[0]).command(0.0, {"force": 0.0}) == 0.625
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize("number", ["float64", "float32"])
+def test_a_period_may_be_a_number_of_numpy(tmp_path: Path, engine: str, number: str) -> None:
+    file = write(tmp_path)
+    file.write_text(f"import numpy as np\n{file.read_text()}".replace("0.005", f"np.{number}(0.0078125)"))
+    (row,) = contenders(BENCH, [f"mine={file}:Steady"], {})
+    run = replace(BENCH, engine=engine).history(row.specs[0], LOAD, 1.0)
+    assert run.time[8] == 0.0078125  # of both types; a run is sampled at least once a millisecond
+
+
+@pytest.mark.parametrize("name", ["dataclass_of_mine.py", "json.py"])
+def test_a_dataclass_of_ones_own_is_loaded(tmp_path: Path, name: str) -> None:
+    """Its annotations are text, which is looked up in the class's module; no other module is replaced."""
+    file = tmp_path / name
+    file.write_text(
+        "from __future__ import annotations\nfrom dataclasses import dataclass\n\n"
+        "@dataclass\nclass Mine:\n    site: object\n    name: str = 'mine'\n    period: float = 0.005\n\n"
+        "    def reset(self): pass\n\n    def command(self, t, y): return 1.0\n"
+    )
+    contenders(BENCH, [f"mine={file}:Mine"], {})
+    assert sys.modules["json"] is json
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize(("body", "acts"), [("1e12", 2.25), ("-2.25", 0.0)])
+def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: str, acts: float) -> None:
+    """Dyke's takes 0 to 2.25 V: any other command is the nearest of these, on both engines and in the tables."""
+    bench = replace(BENCH, engine=engine)
+    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={write(tmp_path, body)}:Broken"], {}))
+    found, wanted = (bench.history(s, LOAD, 1.0) for s in (spec, f"constant:value={acts}"))
+    np.testing.assert_array_equal(found.command, acts)
+    # The own period, 5 ms, is stepped as the constant's 1 ms.
+    np.testing.assert_allclose(np.abs(found.drift).max(0), np.abs(wanted.drift).max(0), rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("given", "body", "message"),
     [
@@ -84,18 +133,37 @@ def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkey
         ("mine={}:Broken", "math.nan", "NameError: name 'math'"),
         ("mine={}:Broken", "float('nan')", "its command at 0 s is nan"),
         ("mine={}:Broken", "y['pressure']", "KeyError: 'pressure'"),
+        ("mine={}:Broken", "'2.25'", "own_law.py:Broken: its command at 0 s is '2.25'"),
+        ("mine={}:Broken", "True", "its command at 0 s is True"),
+        ("mine={}:Broken", "2j", "its command at 0 s is 2j"),
+        ("mine={}:Broken", "exit(3)", "own_law.py:Broken: SystemExit: 3"),
         ("mine={}:Lazy", "0", "lacks some of name, period"),
         ("mine={}:Nobody", "0", "there is no Nobody"),
         ("mine={}:Broken", ")", "cannot be imported: SyntaxError"),
         ("mine={}x.py:Broken", "0", "no such file"),
         ("mine=no_such_module:Broken", "0", "cannot be imported: ModuleNotFoundError"),
         ("mine={}.zip", "0", "cannot be read|no such file|not found"),
-        ("policy:{}", "0", "not JSON"),
+        ("policy:{}", "0", "no JSON"),
     ],
 )
 def test_faults_of_ones_own_are_found_before_a_run(tmp_path: Path, given: str, body: str, message: str) -> None:
     file = write(tmp_path, body)
     refuses(lambda: contenders(BENCH, [given.format(file)], {}), message)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("None", "1 / (t < 0.5)", "own_law.py:Broken: ZeroDivisionError: division by zero"),
+        ("None", "exit('no more') if t > 0.5 else 0", "own_law.py:Broken: SystemExit: no more"),
+        ("0.005", "1e-12", "own_law.py:Broken: period is 1e-12; allowed: 1e-05 to 10 s"),
+        ("pass", "1 / 0", "own_law.py:Broken: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_what_fails_in_a_run_is_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace(old, new))
+    refuses(lambda: BENCH.run(f"own:{file}:Broken", LOAD, 1.0), message)
 
 
 def test_the_command_line_says_so_before_it_tunes(tmp_path: Path) -> None:

@@ -165,7 +165,12 @@ def _frame_bench(a: argparse.Namespace) -> Bench:
     if model.rig == "damper":
         model = replace(model, rig="frame", structure=dyke1996())
     unit = a.command_unit or ("V" if a.model is None else "A")
-    return FrameBench(model, unit, a.compression, 1e-3 * (a.period or 1.0), engine=a.engine)
+    return FrameBench(model, unit, a.compression, _period(a, 1.0), engine=a.engine)
+
+
+def _period(a: argparse.Namespace, default: float) -> float:
+    """s, of an option and a default in ms."""
+    return 1e-3 * (default if a.period is None else a.period)
 
 
 def _cable_bench(a: argparse.Namespace) -> Bench:
@@ -174,7 +179,7 @@ def _cable_bench(a: argparse.Namespace) -> Bench:
 
     if a.motions:
         raise InputError("a cable has no ground motion; leave --motions out")
-    period = 1e-3 * (a.period or 5.0)
+    period = _period(a, 5.0)
     if a.model is None:
         return CableBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
     return CableBench(
@@ -186,7 +191,7 @@ def _car_bench(a: argparse.Namespace) -> Bench:
     from mrdamp.compare.car import CarBench
     from mrdamp.model import Model
 
-    period = 1e-3 * (a.period or 5.0)
+    period = _period(a, 5.0)
     if a.model is None:
         return CarBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
     return CarBench(

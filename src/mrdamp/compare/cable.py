@@ -30,7 +30,7 @@ from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 
-_VERSION = 2
+_VERSION = 3
 #: Seeds of the loads; from nine million on they are for judging alone.
 _TUNING_SEED, _UNSEEN_SEED = 201, 9_000_101
 _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))

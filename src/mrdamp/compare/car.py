@@ -18,7 +18,7 @@ from mrdamp import __version__
 from mrdamp.compare import own as outside
 from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, digest
 from mrdamp.compare.frame import specs
-from mrdamp.compare.plant_run import PlantBench, run_plant
+from mrdamp.compare.plant_run import PlantBench, require_periods, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
@@ -33,7 +33,7 @@ from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608
 from mrdamp.structures.cars import QuarterCar
 
-_VERSION = 2
+_VERSION = 3
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
 _TUNING = (("B", 25.0, 301), ("C", 15.0, 302), ("C", 25.0, 303), ("D", 10.0, 304))
 _UNSEEN = (
@@ -130,10 +130,10 @@ class CarBench(PlantBench):
     def run(self, spec: str, load: Road, amplitude: float) -> dict[str, Any]:
         if spec == UNCONTROLLED:
             road = load.scaled(amplitude)
+            require_periods(road, self.period)
             time = np.arange(0.0, road.duration, self.timestep)
             square = [float(np.mean(x * x)) for x in linear_run(self.car, road.at(time), self.timestep)]
             return dict(zip(PERIOD[:3], square, strict=True))
-
         return self.driven(self.controller(spec), load, amplitude)
 
     def controller(self, spec: str) -> Controller:

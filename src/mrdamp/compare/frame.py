@@ -19,14 +19,14 @@ from mrdamp.compare import own
 from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Coil, Measure, digest
 from mrdamp.compare.motions import TUNING_AMPLITUDES, UNSEEN_AMPLITUDES, tuning_motions, unseen_motions
 from mrdamp.compare.on_chain import run_chain
-from mrdamp.compare.plant_run import at_rest
+from mrdamp.compare.plant_run import at_rest, require_period, require_periods
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.envs.frame_task import FrameTask
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
@@ -35,7 +35,7 @@ from mrdamp.simulation.stepping import FrameRun, run_frame
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
-_VERSION = 3  # of what a kept run holds
+_VERSION = 4  # of what a kept run holds
 #: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 
@@ -74,9 +74,8 @@ class FrameBench:
     }
 
     def __post_init__(self) -> None:
-        for name in ("compression", "period", "timestep"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"compare: {name} is {getattr(self, name)}; allowed: > 0")
+        require_period("compare", self.period)
+        require_positive("compare", compression=self.compression, timestep=self.timestep)
         of_engine(FRAMES, self.engine)
 
     @cached_property
@@ -98,6 +97,7 @@ class FrameBench:
         """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
         if spec == UNCONTROLLED:
             played = self.played(load, amplitude)
+            require_periods(played, SAMPLE_TIME)
             return run_frame(self.model, played, None, period=SAMPLE_TIME, timestep=self.timestep)
         return self.driven(self.controller(spec), load, amplitude, ideal=registry.is_ideal(spec))
 
@@ -118,6 +118,7 @@ class FrameBench:
         played = self.played(load, amplitude)
         every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
         finer: Controller = ZeroOrderHold(controller, every) if every > 1 else controller
+        require_periods(played, finer.period)
         if self.engine == "chain" and not ideal:
             return run_chain(self.model, played, finer, timestep=self.timestep)
         return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)

@@ -24,10 +24,11 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from mrdamp.compare.plant_run import require_period
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
-from mrdamp.control.told import Site, Told, told
+from mrdamp.control.told import Site, Told, ask, first_line, told
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
@@ -46,7 +47,9 @@ def is_own(what: str) -> bool:
 def make(spec: str, site: Site, builtin: Callable[[str, Site], Controller], task: MakeTask) -> Told:
     """The controller of a spec, from outside or built in, told of the site's damper. Raises InputError."""
     kind, _, rest = spec.partition(":")
-    return told(partial(_build, rest, task) if kind == registry.OWN else partial(builtin, spec), site)
+    if kind == registry.OWN:
+        return told(partial(_build, rest, task), site, rest)
+    return told(partial(builtin, spec), site)
 
 
 def files_of(spec: str) -> bytes:
@@ -69,14 +72,10 @@ def _build(rest: str, task: MakeTask, site: Any) -> Controller:
     module = _load(named["place"])
     if not hasattr(module, named["name"]):
         raise InputError(f"controller {rest}: there is no {named['name']} in {named['place']}")
-    try:
-        found = getattr(module, named["name"])(site)
-    except Exception as error:  # whatever it raises is its author's to mend
-        raise InputError(f"controller {rest}: {type(error).__name__}: {_line(error)}") from None
+    found = ask(rest, getattr(module, named["name"]), site)
     if not isinstance(found, Controller):
         raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")
-    if not isinstance(found.period, int | float) or not 0 < found.period < np.inf:
-        raise InputError(f"controller {rest}: its period is {found.period!r}; allowed: a number > 0, s")
+    require_period(f"controller {rest}", found.period)
     return found
 
 
@@ -90,20 +89,19 @@ def _load(place: str) -> Any:
         path = Path(place)
         if not path.is_file():
             raise InputError(f"{place}: no such file")
-        spec = importlib.util.spec_from_file_location(path.stem, path)
+        if (folder := str(path.resolve().parent)) not in sys.path:
+            sys.path.insert(0, folder)  # as that of a script, for what it imports now or later
+        # By its path: its stem may be the name of another module.
+        spec = importlib.util.spec_from_file_location(str(path.resolve()), path)
         assert spec is not None
         assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
+        module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # a dataclass looks there
         spec.loader.exec_module(module)
     except InputError:
         raise
-    except Exception as error:  # of its own code
-        raise InputError(f"{place}: cannot be imported: {type(error).__name__}: {_line(error)}") from None
+    except (Exception, SystemExit) as error:  # of its own code
+        raise InputError(f"{place}: cannot be imported: {type(error).__name__}: {first_line(error)}") from None
     return module
-
-
-def _line(error: Exception) -> str:
-    return (str(error).splitlines() or [""])[0]
 
 
 class SavedPolicy:
@@ -126,7 +124,7 @@ class SavedPolicy:
         try:
             made = task(**given)
         except TypeError as error:
-            raise InputError(f"{zipped}: arguments: {_line(error)}") from None
+            raise InputError(f"{zipped}: arguments: {first_line(error)}") from None
         self.name, self.period = Path(zipped).stem, float(made.rows.period)
         self.observer: Observer = made.observer
         self._largest = float(made.command_max[0])
@@ -170,7 +168,7 @@ def _statistics(file: str) -> Any:
     try:
         found = pickle.loads(data)
     except Exception as error:  # a pickle may raise anything
-        raise InputError(f"{file}: not what VecNormalize.save writes: {_line(error)}") from None
+        raise InputError(f"{file}: not what VecNormalize.save writes: {first_line(error)}") from None
     if not hasattr(found, "normalize_obs"):
         raise InputError(f"{file}: a {type(found).__name__}; allowed: what VecNormalize.save writes")
     return found
@@ -193,7 +191,8 @@ def _policy(file: str) -> Any:
         policy = kind(data["observation_space"], data["action_space"], _rate, **options)
         policy.load_state_dict(parameters["policy"])
     except Exception as error:  # of pickles and archives of any kind
-        raise InputError(f"{file}: not a model of stable-baselines3: {type(error).__name__}: {_line(error)}") from None
+        said = f"{type(error).__name__}: {first_line(error)}"
+        raise InputError(f"{file}: not a model of stable-baselines3: {said}") from None
     policy.set_training_mode(False)
     return policy
 

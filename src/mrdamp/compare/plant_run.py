@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,10 +16,12 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-from mrdamp.errors import InputError, MrdampError, require_positive
+from mrdamp.errors import InputError, require_positive
 from mrdamp.model import Model
 
 Array = NDArray[np.float64]
+_PERIODS = 1e-5, 10.0  # s
+_MOST = 10_000_000  # periods of a run: results of more may not fit into memory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +39,8 @@ class PlantBench:
     base: ClassVar[str] = "passive-on"
 
     def __post_init__(self) -> None:
-        require_positive("compare", period=self.period, timestep=self.timestep)
+        require_period("compare", self.period)
+        require_positive("compare", timestep=self.timestep)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -74,13 +78,21 @@ def at_rest(controller: Controller, names: Sequence[str]) -> None:
     names: of the measurements. Raises InputError.
     """
     controller.reset()
-    try:
-        controller.command(0.0, dict.fromkeys(names, 0.0))
-    except MrdampError:
-        raise
-    except Exception as error:  # of a controller from outside
-        line = (str(error).splitlines() or [""])[0]
-        raise InputError(f"controller {controller.name}: {type(error).__name__}: {line}") from None
+    controller.command(0.0, dict.fromkeys(names, 0.0))
+
+
+def require_period(what: str, period: Any) -> None:
+    """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
+    if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
+        raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
+
+
+def require_periods(load: Any, period: float) -> None:
+    """InputError unless a load, with a name and a duration (s), lasts 1 to `_MOST` control periods (s)."""
+    if not 1 <= load.duration / period * (1 + 1e-9) <= _MOST:
+        raise InputError(
+            f"{load.name}: {load.duration:g} s in control periods of {period:g} s; allowed: 1 to {_MOST} periods"
+        )
 
 
 @dataclass(frozen=True)
@@ -121,6 +133,7 @@ def run_plant(
     every = round(controller.period / period)
     if abs(every * period - controller.period) > 1e-9 * period or every < 1:
         period, every = controller.period, 1
+    require_periods(load, period)
     plant, sampled = make(period), ZeroOrderHold(controller, every)
     sampled.reset()
     y, rows, said = plant.reset(load), [], []

@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
@@ -17,8 +16,9 @@ from typing import Any, Protocol, TypeVar
 from mrdamp.control.base import Controller
 from mrdamp.control.policy import Policy
 from mrdamp.control.unlagged import Unlagged
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, MrdampError
 from mrdamp.model import Model
+from mrdamp.simulation.rows import finite
 
 _LAG = "sensor_lag"
 
@@ -29,46 +29,71 @@ class _Site(Protocol):
     @property
     def damper(self) -> Model | None: ...
 
+    @property
+    def command_max(self) -> float: ...
+
 
 Site = TypeVar("Site", bound=_Site)
 
 
 class Told:
-    """A controller whose measured force has no lag of its sensor. Raises InputError for a command that is no number.
+    """A controller whose measured force has no lag of its sensor, its command clamped to what the damper takes.
 
-    Attributes: inner; name; period, s.
+    Raises InputError for a command that is no number and for whatever else it raises. Attributes: inner; name; period,
+    s; takes: the least and the largest command, A or V.
     """
 
-    def __init__(self, inner: Controller, sensor_lag: float) -> None:
-        self.inner, self.name, self.period = inner, inner.name, inner.period
-        self._force = Unlagged(inner.period, sensor_lag)
+    def __init__(self, inner: Controller, sensor_lag: float, takes: tuple[float, float], name: str = "") -> None:
+        self.inner, self.name, self.takes = inner, name or inner.name, takes
+        self.period = float(inner.period)  # NumPy's numbers as well: MJCF cannot hold them
+        self._force = Unlagged(self.period, sensor_lag)
 
     def reset(self) -> None:
-        self.inner.reset()
+        ask(self.name, self.inner.reset)
         self._force.reset()
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
-        found: Any = self.inner.command(t, self._force(y))
+        found = ask(self.name, self.inner.command, t, self._force(y))
         try:
-            command = float(found)
-        except (TypeError, ValueError):
-            command = math.nan
-        if not math.isfinite(command):
-            raise InputError(f"controller {self.name}: its command at {t:g} s is {found!r}; allowed: a finite number")
-        return command
+            command = float(finite("command", found, (1, 1))[0, 0])
+        except InputError:
+            said = f"controller {self.name}: its command at {t:g} s is {found!r}"
+            raise InputError(f"{said}; allowed: a finite number") from None
+        least, largest = self.takes
+        return min(max(command, least), largest)
 
 
-def told(build: Callable[[Site], Controller], site: Site) -> Told:
-    """The controller that `build` makes for a site, told of its damper as above. Raises InputError."""
-    damper = site.damper
+def ask(name: str, call: Callable[..., Any], *given: Any) -> Any:
+    """What a controller's own code returns; whatever it raises is its author's to mend. Raises InputError."""
+    try:
+        return call(*given)
+    except MrdampError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise InputError(f"controller {name}: {type(error).__name__}: {first_line(error)}") from None
+
+
+def first_line(error: BaseException) -> str:
+    """Of its message."""
+    return (str(error).splitlines() or [""])[0]
+
+
+def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Told:
+    """The controller that `build` makes for a site, told of its damper as above. name: for messages, else its own.
+
+    Raises InputError.
+    """
+    damper, largest = site.damper, site.command_max
     if damper is None:
-        return Told(build(site), 0.0)
+        return Told(build(site), 0.0, (-largest, largest), name)
     own = tuple(e for e in damper.effects if e.name != _LAG)
     # Inverse models compare the force with what they expect at the sensor: without its lag, as it is given to them.
     made = build(replace(site, damper=replace(damper, effects=own)))  # type: ignore[type-var]
     if isinstance(made, Policy):
         made.matched(damper.command_lag)
-    return Told(made, damper.sensor_lag)
+    # As the chain clamps: without command_min a command acts by its size. 0 is no command, also of a law above it.
+    least = min(0.0, damper.attributes.get("command_min", -largest))
+    return Told(made, damper.sensor_lag, (least, largest), name)
 
 
 def knowledge(damper: Model) -> str:

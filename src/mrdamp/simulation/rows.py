@@ -22,13 +22,22 @@ from mrdamp.structures.cars import QuarterCar
 HEADER = 3  # doubles of a row's state before its coordinates
 _CAR = 5  # of a car's between the rates and the filter: force and rise of damper and tyre, friction of the tyre
 
+#: Kinds of NumPy's types that would be taken for numbers: truth values, complex numbers and text.
+_NO_NUMBERS = "bcSU"
+
 
 def finite(what: str, values: Any, shape: tuple[int, int]) -> Array:
     """values as float64 of a shape; an axis of length 1 may be left out. Raises InputError, NaN and None included.
 
     The engine takes a control that is no number for none, and the load with it: nothing may be stepped with one.
     """
-    found = np.asarray(values, dtype=np.float64)
+    try:
+        found = np.asarray(values)
+        if found.dtype.kind in _NO_NUMBERS:
+            raise TypeError
+        found = found.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} is {values!r}; allowed: finite numbers".replace("\n", "")) from None
     if found.shape != shape:
         if 1 not in shape or found.size != shape[0] * shape[1]:
             allowed = shape if shape[0] > 1 else shape[1:]
