@@ -97,19 +97,9 @@ def network_page(folder: Path) -> Path:
 def comparison_page(folder: Path) -> Path:
     kanai_tajimi(1, duration=6.0, rise=1.0, plateau=2.0, decay=1.0).save(folder / "quake.csv")
     call = ["compare", "frame", "--controllers", "passive-off", "passive-on", "c=constant:value=0.5"]
-    call += [
-        "--motions",
-        str(folder / "quake.csv"),
-        "--amplitudes",
-        "0.5",
-        "1",
-        "--jobs",
-        "1",
-        "-o",
-        str(folder),
-    ]
-    assert main(call) == 0
-    return folder / "index.html"
+    call += ["--motions", str(folder / "quake.csv"), "--amplitudes", "0.5", "1", "--jobs", "1"]
+    assert main([*call, "-o", str(folder / "compared")]) == 0
+    return folder / "compared" / "index.html"
 
 
 def published_page(folder: Path) -> Path:
