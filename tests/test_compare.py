@@ -6,6 +6,8 @@ import csv
 import json
 import math
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -128,6 +130,26 @@ def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     assert not third.done
     with pytest.raises(InputError, match="0 jobs"):
         run_all(third, [1], jobs=0)
+
+
+LISTENERS = """
+import signal
+from mrdamp.compare.runner import run_all
+
+class Work:
+    def key(self, task): return str(task)
+    def run(self, task): return {"deaf": signal.getsignal(signal.SIGINT) is signal.SIG_IGN}
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+found = [result["deaf"] for jobs in (2, 1) for result in run_all(Work(), [1, 2], jobs=jobs)]
+print(*found, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+"""
+
+
+def test_an_interrupt_is_heard_by_one_process_alone() -> None:
+    """Others would print a traceback each; in a process of its own, so that no workers of another test are used."""
+    done = subprocess.run([sys.executable, "-c", LISTENERS], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "True", "False", "False", "True"]
 
 
 def test_the_motions_of_test_and_tuning_are_different_ones() -> None:

@@ -91,6 +91,25 @@ def test_a_file_imports_what_is_beside_it(tmp_path: Path, monkeypatch: pytest.Mo
     assert BENCH.controller(row.specs[0]).command(0.0, {"force": 0.0}) == 0.625
 
 
+@pytest.mark.parametrize("changed", ["kept_one.py", "kept_two.py", "kept_three/deep.py", "other.py"])
+def test_a_kept_run_belongs_to_what_a_file_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    """From its folder, also what that imports; nothing else."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    file = write(tmp_path, "0")
+    file.write_text("import kept_one, math\n" + file.read_text())
+    (tmp_path / "kept_three").mkdir()
+    others = {"kept_one.py": "from kept_two import X", "kept_two.py": "import kept_three.deep\nX = 1", "other.py": ""}
+    for name, text in {**others, "kept_three/__init__.py": "", "kept_three/deep.py": "Y = 1"}.items():
+        (tmp_path / name).write_text(text + "\n")
+    spec = f"own:{file}:Broken"
+    before = BENCH.key(spec, LOAD, 1.0)
+    assert BENCH.key(spec, LOAD, 1.0) == before
+    (tmp_path / changed).write_text((tmp_path / changed).read_text() + "Z = 2\n")
+    assert (BENCH.key(spec, LOAD, 1.0) == before) == (changed == "other.py")
+
+
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])
 @pytest.mark.parametrize("number", ["float64", "float32"])
 def test_a_period_may_be_a_number_of_numpy(tmp_path: Path, engine: str, number: str) -> None:

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import json
@@ -17,6 +18,7 @@ import pickle
 import re
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -53,7 +55,8 @@ def make(spec: str, site: Site, builtin: Callable[[str, Site], Controller], task
 
 
 def files_of(spec: str) -> bytes:
-    """Content of the files of a policy or of a controller from outside, nothing for another one. Raises InputError."""
+    """Content of the files of a policy or of a controller from outside, with what a file of Python imports from its
+    folder; nothing for another controller. Raises InputError."""
     kind, _, rest = spec.partition(":")
     if kind == registry.POLICY:
         return read_bytes(Path(rest))
@@ -62,7 +65,23 @@ def files_of(spec: str) -> bytes:
     named = _NAMED.fullmatch(rest)
     if named is None:
         return b"".join(read_bytes(Path(part)) for part in rest.split(","))
-    return read_bytes(Path(str(_load(named["place"]).__file__)))
+    file = Path(str(_load(named["place"]).__file__))
+    return b"".join(map(read_bytes, _with_imports(file) if named["place"].endswith(".py") else [file]))
+
+
+def _with_imports(file: Path) -> list[Path]:
+    """A Python file and those that it imports, they as well, from its folder; of a package every module."""
+    found = [file]
+    for path in found:
+        nodes: list[ast.AST] = []
+        with suppress(SyntaxError, ValueError):  # of a module that is never run
+            nodes = list(ast.walk(ast.parse(read_bytes(path))))
+        names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+        for place in (file.parent / name.partition(".")[0] for name in names):
+            beside = place.rglob("*.py") if (place / "__init__.py").is_file() else [place.with_suffix(".py")]
+            found += sorted(other for other in beside if other.is_file() and other not in found)
+    return found
 
 
 def _build(rest: str, task: MakeTask, site: Any) -> Controller:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -61,6 +64,19 @@ class Kept(Generic[Task]):
                 raise InputError(f"{self.path}: cannot be written: {error.strerror}") from None
 
 
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that are started here leave Ctrl-C, which the terminal sends to all of them, to this one."""
+    if threading.current_thread() is not threading.main_thread():  # no other may set signals
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def run_all(
     work: Work[Task],
     tasks: Sequence[Task],
@@ -83,7 +99,8 @@ def run_all(
     if progress:
         progress(f"{what}: {done} of {len(tasks)} kept", done / max(len(tasks), 1))
     pool = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    results = pool(joblib.delayed(work.run)(task) for task in left.values())
+    with _uninterrupted():
+        results = pool(joblib.delayed(work.run)(task) for task in left.values())
     for key, result in zip(left, results, strict=True):
         kept.add(key, result)
         done += 1
