@@ -91,12 +91,28 @@ def test_a_file_imports_what_is_beside_it(tmp_path: Path, monkeypatch: pytest.Mo
     assert BENCH.controller(row.specs[0]).command(0.0, {"force": 0.0}) == 0.625
 
 
+def test_modules_of_two_folders_are_not_mixed_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python keeps one module of a name: the second folder's controller would get the first one's numbers."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    names = []
+    for k in (1, 2):
+        (tmp_path / str(k)).mkdir()
+        (tmp_path / str(k) / "gain_of_two.py").write_text(f"GAIN = {k}\n")
+        file = write(tmp_path / str(k), "gain_of_two.GAIN")
+        file.write_text("import gain_of_two\n" + file.read_text())
+        names.append(f"c{k}={file}:Broken")
+    refuses(lambda: contenders(BENCH, names, {}), "its gain_of_two.py is hidden by .*1/gain_of_two.py")
+    contenders(BENCH, names[:1], {})
+
+
 @pytest.mark.parametrize("changed", ["kept_one.py", "kept_two.py", "kept_three/deep.py", "other.py"])
 def test_a_kept_run_belongs_to_what_a_file_imports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
 ) -> None:
     """From its folder, also what that imports; nothing else."""
     monkeypatch.setattr(sys, "path", sys.path.copy())
+    for name in [name for name in sys.modules if name.startswith("kept_")]:  # of another folder
+        del sys.modules[name]
     file = write(tmp_path, "0")
     file.write_text("import kept_one, math\n" + file.read_text())
     (tmp_path / "kept_three").mkdir()

@@ -108,7 +108,8 @@ def _load(place: str) -> Any:
         path = Path(place)
         if not path.is_file():
             raise InputError(f"{place}: no such file")
-        if (folder := str(path.resolve().parent)) not in sys.path:
+        folder = str(path.resolve().parent)
+        if folder not in sys.path:
             sys.path.insert(0, folder)  # as that of a script, for what it imports now or later
         # By its path: its stem may be the name of another module.
         spec = importlib.util.spec_from_file_location(str(path.resolve()), path)
@@ -116,6 +117,10 @@ def _load(place: str) -> Any:
         assert spec.loader is not None
         module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # a dataclass looks there
         spec.loader.exec_module(module)
+        for beside in _with_imports(path)[1:]:
+            other = getattr(sys.modules.get(beside.stem, beside), "__file__", beside)
+            if str(beside.parent.resolve()) == folder and not beside.samefile(str(other)):
+                raise InputError(f"{place}: its {beside.name} is hidden by {other}; give it another name")
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # of its own code
