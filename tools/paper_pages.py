@@ -57,7 +57,7 @@ RUNS: Mapping[str, str] = {
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, WORK = ROOT / "docs" / "papers", ROOT / "out" / "papers"
 #: Of a command's JSON, what no row needs.
-_DROPPED = {"checks", "left_in_records", "effects_left_out", "train", "stages", "by_command", "course", "fitted"}
+_DROPPED = {"checks", "left_in_records", "effects_left_out", "train", "stages", "by_command", "course", "fitted", "warnings"}
 
 
 class Results:
@@ -152,7 +152,9 @@ def run(name: str, data: Path | None) -> Any:
         code = mrdamp([*words, *out, "--json"])
     if code:
         raise SystemExit(code)
-    return small(json.loads(said.getvalue()))
+    found = json.loads(said.getvalue())
+    found.pop("model", None)  # where the file lies here
+    return small(found)
 
 
 def small(value: Any) -> Any:

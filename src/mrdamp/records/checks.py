@@ -22,7 +22,7 @@ _SHARE, _OVER_NEXT = 0.01, 4.0
 NO_BETTER, _WORSE = 0.9, 1.1
 #: What dampers and their rigs have, as the least and the largest: range of the displacement (m), size of force (N) and
 #: command (A or V), sampling rate (Hz). A channel beyond it is likely in mm, kN, mA or ms.
-_USUAL = {"displacement_m": (1e-4, 3.0), "force_N": (5.0, 1e7), "command": (0.0, 50.0), "rate": (20.0, 1e5)}
+_USUAL = {"displacement_m": (1e-4, 3.0), "force_N": (2.0, 1e7), "command": (0.0, 50.0), "rate": (20.0, 1e5)}
 _SAID = {
     "displacement_m": "displacement_m spans {:.3g} m",
     "force_N": "force_N is up to {:.3g} N",
