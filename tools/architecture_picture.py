@@ -26,7 +26,7 @@ FILE = ROOT / "docs" / "pictures" / "packages.svg"
 
 #: Group -> its packages and modules right below `mrdamp`.
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "command line": ("cli", "commands", "demo"),
+    "command line": ("__main__", "cli", "commands", "demo"),
     "diagnosis": ("diagnosis", "gap", "blindtest"),
     "learning, comparison": ("envs", "train", "compare"),
     "control": ("control", "inverse"),
