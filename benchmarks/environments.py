@@ -17,7 +17,7 @@ from mrdamp.envs.frame_xml import frame_xml
 from mrdamp.envs.vector import CableVectorEnv, FrameVectorEnv, PlantVectorEnv
 
 ROWS = 8
-LOADS = AmbientLoads(duration=60.0)
+LOADS = AmbientLoads(duration=12.0)
 
 
 def single(env: FrameEnv | CableEnv, steps: int) -> Task:

@@ -20,7 +20,7 @@ from mrdamp.motions import kanai_tajimi
 
 ROWS = 64
 SIZES = (1, 8, 64, 512, 4096)
-LOADS = AmbientLoads(duration=60.0)
+LOADS = AmbientLoads(duration=25.0)
 
 
 def wall() -> float:
