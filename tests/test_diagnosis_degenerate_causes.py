@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.constants import LOGIT_LAW
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import gone, of_damper, unreferenced
 from mrdamp.diagnosis.evidence.verdict import decide
@@ -123,6 +124,19 @@ def test_a_gain_without_a_reference_is_numbers_of_the_law(
     decision = decide(scored(fits, penalties), 0.01)
     assert decision.verdict == ("effect" if channels else "parameters")
     assert not unreferenced(rig, made(mass, Hypothesis((), (mass,)).start(), 0.01))
+
+
+def test_hysteresis_beside_a_law_without_any_counts_as_another_law_unless_the_law_is_known(
+    terms: dict[str, Term],
+) -> None:
+    """Seal friction of presliding beside Bingham's law; a spring has no loop."""
+    rig = rig_with("reference_force_N")
+    law = Fit(Hypothesis(rig.nominal), np.zeros(len(rig.nominal)), 0.5, np.zeros(10), np.zeros((10, 5)))
+    seal, spring = (made(terms[n], Hypothesis((), (terms[n],)).start(), 0.1) for n in ("seal_friction", "gas_spring"))
+    assert of_damper(rig, seal, law, inexact=True) == LOGIT_LAW
+    assert of_damper(rig, seal, law, inexact=True, baseline=True) == 0.0
+    assert of_damper(rig, spring, law, inexact=True) == 0.0
+    assert of_damper(rig, seal, law) == 0.0
 
 
 @pytest.mark.parametrize(("left", "verdict"), [(0.0198, "parameters"), (0.0101, "effect")])

@@ -295,6 +295,7 @@ def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> No
     assert found.gap.corrected == pytest.approx(float(np.sqrt(np.mean(squares))), rel=0.01)
 
 
+@pytest.mark.slow
 def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:
     found = answer(case())
     assert found.effects == ()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.identify_json import to_text, words
+from mrdamp.commands.identify_json import reported
 from mrdamp.commands.output import OutFolder, Picture, check_written
 from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
@@ -52,11 +52,7 @@ def add_calibrate(commands: Any) -> None:
 
 def run_calibrate(a: argparse.Namespace) -> int:
     """Prints sensitivity, deviation and phase by test, the sensor's response, and delta_2 per current."""
-    with words(a.json):
-        report = _calibrated(a)
-    if a.json:
-        print(to_text(report))
-    return 0
+    return reported(a.json, lambda: _calibrated(a))
 
 
 def _calibrated(a: argparse.Namespace) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import HOLD, add_command
 from mrdamp.commands.calibrate import add_calibrate
-from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, to_text, words
+from mrdamp.commands.identify_json import of_by_command, of_fit, of_norms, reported
 from mrdamp.commands.narx import add_narx_options, add_protocol_options, identify_narx, protocol_records
 from mrdamp.commands.output import OutFile, Picture, progress_bar, save_picture
 from mrdamp.commands.record_options import (
@@ -105,27 +105,29 @@ def add_identify(commands: Any) -> None:
 
 def run_identify(a: argparse.Namespace) -> int:
     """Fits, prints the errors, intervals and findings, and writes the model."""
-    with words(a.json):
-        from mrdamp.identify.laws import PARAMETRIC
-        from mrdamp.records.checks import warnings_of
+    return reported(a.json, lambda: _checked(a))
 
-        if a.law not in (*PARAMETRIC, "narx"):
-            raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
-        given = [name for name, default in a.of_networks.items() if getattr(a, name) != default]
-        if a.law != "narx" and given:
-            raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
-        records = read(a)
-        warnings = warnings_of(records.records)
-        for warning in warnings:
-            print(f"check: {warning}", flush=True)
-        if a.starts < 1 or a.resamples < 20 or a.workers < 1:
-            raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
-        report = {"model": str(a.out), "warnings": warnings, **_identified(a, records)}
-        if a.norms:
-            report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
-    if a.json:
-        print(to_text(report))
-    return 0
+
+def _checked(a: argparse.Namespace) -> dict[str, Any]:
+    """What `--json` prints, after the options and the units of the records were looked at."""
+    from mrdamp.identify.laws import PARAMETRIC
+    from mrdamp.records.checks import warnings_of
+
+    if a.law not in (*PARAMETRIC, "narx"):
+        raise InputError(f"--law is {a.law}; allowed: {', '.join(PARAMETRIC)}, narx")
+    given = [name for name, default in a.of_networks.items() if getattr(a, name) != default]
+    if a.law != "narx" and given:
+        raise InputError(f"--{given[0].replace('_', '-')} is for a network (--law narx); the law is {a.law}")
+    records = read(a)
+    warnings = warnings_of(records.records)
+    for warning in warnings:
+        print(f"check: {warning}", flush=True)
+    if a.starts < 1 or a.resamples < 20 or a.workers < 1:
+        raise InputError("--starts and --jobs must be at least 1 and --resamples at least 20")
+    report = {"model": str(a.out), "warnings": warnings, **_identified(a, records)}
+    if a.norms:
+        report["norms"] = of_norms(_norms(a, protocol_records(a, records)))
+    return report
 
 
 def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:

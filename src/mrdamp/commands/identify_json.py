@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,15 @@ def words(as_json: bool) -> AbstractContextManager[Any]:
 def to_text(report: Mapping[str, Any]) -> str:
     """JSON without NaN or Infinity, which the standard excludes."""
     return json.dumps(_finite(report), indent=1, allow_nan=False)
+
+
+def reported(as_json: bool, report: Callable[[], Mapping[str, Any]]) -> int:
+    """Makes a command's report, whose words go where `words` says, and prints it if it is wanted as JSON; 0."""
+    with words(as_json):
+        found = report()
+    if as_json:
+        print(to_text(found))
+    return 0
 
 
 def of_fit(

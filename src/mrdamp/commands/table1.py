@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.identify_json import of_table, to_text, words
+from mrdamp.commands.identify_json import of_table, reported
 from mrdamp.commands.output import Picture, progress_bar, save_picture
 from mrdamp.commands.record_options import add_json, add_records, add_signals, read, show_progress
 from mrdamp.errors import InputError
@@ -40,11 +40,7 @@ def add_table1(commands: Any) -> None:
 
 def run_table1(a: argparse.Namespace) -> int:
     """Prints the table and writes the picture."""
-    with words(a.json):
-        report = _table1(a)
-    if a.json:
-        print(to_text(report))
-    return 0
+    return reported(a.json, lambda: _table1(a))
 
 
 def _table1(a: argparse.Namespace) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -25,7 +26,7 @@ _MOST = 10_000_000  # periods of a run: results of more may not fit into memory
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlantBench:
+class PlantBench(ABC):
     """Base of benches of a plant. command_unit: A or V; period: of the classical controllers, s; timestep: of the
     engine, s, at most; engine: `mujoco` or `chain`; options: kind of controller -> options with their defaults."""
 
@@ -46,13 +47,13 @@ class PlantBench:
     def kinds(self) -> tuple[str, ...]:
         return tuple(self.options)
 
+    @abstractmethod
     def controller(self, spec: str) -> Controller:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
-        raise NotImplementedError
 
+    @abstractmethod
     def plant(self, period: float) -> RowPlant:
         """The structure with its damper, from its control period, s."""
-        raise NotImplementedError
 
     def check(self, spec: str) -> None:
         registry.parse(spec, self.options)

@@ -19,7 +19,7 @@ PRIOR_WEIGHT = 3e-6
 #: Relative reduction of the cost that ends a fit; number of full steps if a fit need not be precise.
 TOLERANCE, ROUGHLY = 2e-3, 0.01
 #: Damping factors evaluated at once, relative to the present one; initial damping.
-_DAMPINGS, _DAMPING = (0.03, 1.0, 30.0), 1e-2
+_DAMPINGS, DAMPING = (0.03, 1.0, 30.0), 1e-2
 #: Number of iterations after which a fit has to be below its bar.
 _PATIENCE = 4
 #: Number of descents with coarse runs, each from the last full step; relative accuracy required of a coarse
@@ -33,8 +33,6 @@ _LONGEST = 8.0
 #: Range of a line scan along a rugged coordinate (logarithm of its setting), and number of scans.
 _AHEAD = np.array([0.02, 0.07, 0.25, 0.9])
 _SCANS = 4
-#: Steps of a fit without some samples, and trials of each.
-_REFITS, _RETRIES = 4, 2
 #: Largest number of halvings of the step to the optimum without some records.
 _HALVINGS = 6
 #: A step to the optimum of the other samples is checked if those that are left out cost more than this many times what
@@ -148,7 +146,7 @@ class _Descent:
         if float(off @ off) > _NEARBY * self.total:
             self.r, self.total = self.own, self.cost(self.own, self.q)
         self.known, self.fresh = known, known is None
-        self.damping, self.iterations, self.converged = _DAMPING, 0, False
+        self.damping, self.iterations, self.converged = DAMPING, 0, False
         self.steps_there = 0  # iterations up to the last full step
         self.there = True  # the last full step was at this point
         self.exact = False  # the Jacobian is from full runs
@@ -204,7 +202,7 @@ class _Descent:
         """Takes the best of some trial steps; returns the relative reduction of the cost."""
         steps = np.array(
             [
-                _step(self.j * self.smooth, self.r, self.prior, self.q, self.low, self.high, self.damping * d)
+                gauss_newton(self.j * self.smooth, self.r, self.prior, self.q, self.low, self.high, self.damping * d)
                 for d in _DAMPINGS
             ]
         )
@@ -237,7 +235,7 @@ class _Descent:
                 moves.append(move)
         if not moves or self.take(np.array(moves))[0] < tolerance:
             return False
-        self.iterations, self.steps_there, self.damping = 0, 0, _DAMPING
+        self.iterations, self.steps_there, self.damping = 0, 0, DAMPING
         self.look()
         return True
 
@@ -260,7 +258,7 @@ class _Descent:
             self.iterations = self.steps_there
         if agreed or self.iterations >= most or self.total > bar:
             return True
-        self.damping = min(self.damping, _DAMPING)
+        self.damping = min(self.damping, DAMPING)
         self.look()
         return False
 
@@ -307,32 +305,6 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
     return gaps
 
 
-def refitted(problem: Problem, found: Fit, left: NDArray[np.bool_]) -> Array:
-    """Residuals (samples,) of a fit made again without the samples `left`.
-
-    Gauss-Newton steps from the fit to all, with its Jacobian. A step that does not make the other samples better is
-    tried again at a quarter of its length.
-    """
-    prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
-    low, high = found.hypothesis.bounds()
-    j, keep = found.jacobian[~left], ~left
-    q, r = found.point, found.residual
-    cost = float(np.sum(r[keep] ** 2) + np.sum((prior * q) ** 2))
-    for _ in range(_REFITS):
-        step, before = _step(j, r[keep], prior, q, low, high, _DAMPING), cost
-        for _ in range(_RETRIES):
-            trial = np.clip(q + step, low, high)
-            row = problem.residuals(found.hypothesis, trial)[0]
-            total = float(np.sum(row[keep] ** 2) + np.sum((prior * trial) ** 2))
-            if total < cost:
-                q, r, cost = trial, row, total
-                break
-            step = step / 4
-        if not cost < (1 - ROUGHLY) * before:
-            break
-    return r
-
-
 def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Problem) -> Array:
     """Residuals of the samples that are left out, at the optimum of the others.
 
@@ -343,7 +315,7 @@ def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Proble
     q, keep = found.point, ~left
     inside = np.concatenate([left[b.span] for b in problem.blocks if b.record in part.records])
     # Damping limits steps along directions that hardly matter (exchangeable poles).
-    step = _step(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
+    step = gauss_newton(found.jacobian[keep], found.residual[keep], prior, q, low, high, 1e-2)
     row = part.residuals(found.hypothesis, np.clip(q + step, low, high))[0, inside]
     if keep.any() and np.sum(row**2) > _MUCH_WORSE * np.sum(found.residual[left] ** 2):
         step = _no_worse(problem, found, step, keep)
@@ -379,7 +351,7 @@ def _jacobian(problem: Problem, hypothesis: Hypothesis, q: Array, r: Array, know
     return np.hstack([known, rest])
 
 
-def _step(j: Array, r: Array, prior: Array, q: Array, low: Array, high: Array, damping: float) -> Array:
+def gauss_newton(j: Array, r: Array, prior: Array, q: Array, low: Array, high: Array, damping: float) -> Array:
     """A damped Gauss-Newton step within the bounds; coordinates that would leave stay at their limit."""
     matrix = j.T @ j + np.diag(prior**2)
     vector = -(j.T @ r + prior**2 * q)

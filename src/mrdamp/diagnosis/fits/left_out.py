@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.constants import CELL_SCALE
-from mrdamp.diagnosis.fits.least_squares import Fit, refitted
+from mrdamp.diagnosis.fits.least_squares import DAMPING, PRIOR_WEIGHT, ROUGHLY, Fit, gauss_newton
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 from mrdamp.records.motion import share_of_stroke
@@ -26,6 +26,9 @@ _GROUPS, _PARTS, _SEED = 4, 3, 1
 _EIGHTHS = 8
 #: The mean over so many cells is shrunk to one half: a frame of two records has two, a damper sixteen a record.
 _FEW = 2
+
+#: Steps of a fit without some samples, and trials of each.
+_REFITS, _RETRIES = 4, 2
 
 
 def folds(problem: Problem) -> list[Mask]:
@@ -49,6 +52,32 @@ def predicted(problem: Problem, found: Fit, left: Sequence[Mask]) -> Array:
     for mask in left:
         out[mask] = refitted(problem, found, mask)[mask]
     return out
+
+
+def refitted(problem: Problem, found: Fit, left: Mask) -> Array:
+    """Residuals (samples,) of a fit made again without the samples `left`.
+
+    Gauss-Newton steps from the fit to all, with its Jacobian. A step that does not make the other samples better is
+    tried again at a quarter of its length.
+    """
+    prior = np.sqrt(PRIOR_WEIGHT) * found.hypothesis.prior()
+    low, high = found.hypothesis.bounds()
+    j, keep = found.jacobian[~left], ~left
+    q, r = found.point, found.residual
+    cost = float(np.sum(r[keep] ** 2) + np.sum((prior * q) ** 2))
+    for _ in range(_REFITS):
+        step, before = gauss_newton(j, r[keep], prior, q, low, high, DAMPING), cost
+        for _ in range(_RETRIES):
+            trial = np.clip(q + step, low, high)
+            row = problem.residuals(found.hypothesis, trial)[0]
+            total = float(np.sum(row[keep] ** 2) + np.sum((prior * trial) ** 2))
+            if total < cost:
+                q, r, cost = trial, row, total
+                break
+            step = step / 4
+        if not cost < (1 - ROUGHLY) * before:
+            break
+    return r
 
 
 def cells(problem: Problem) -> Numbers:
