@@ -42,6 +42,8 @@ RUNS: Mapping[str, str] = {
     "table1_utfpr": "table1 {data}/utfpr --starts 2",
     "table1_nees": "table1 {data}/nees --starts 2",
     "bingham": f"identify foam --law bingham --protocol constant --command 3 {_SIGNALS}",
+    "bouc_wen_3V": f"identify foam --law bouc_wen --protocol constant --command 3 --norms {_SIGNALS}",
+    "tanh_3V": f"identify foam --law hyperbolic_tangent --protocol constant --command 3 --norms {_SIGNALS}",
     "bouc_wen": f"identify foam --law bouc_wen --by-command {_SIGNALS}",
     "tanh": f"identify foam --law hyperbolic_tangent --by-command --follows paper {_SIGNALS}",
     "calibrate": "calibrate",
@@ -79,6 +81,26 @@ class Results:
         """Of a table's row; a dash where there is none."""
         rows = self.kept[run]["rows"]
         return next((f"{row[norm]:.4f}" for row in rows if row["model"] == model), "-")
+
+    def of_law(self, run: str, norm: str) -> str:
+        """Of a law alone, on the condition's record."""
+        return next(f"{row[norm]:.4f}" for row in self.kept[run]["norms"] if row["record"] == CONDITION)
+
+    def share(self, run: str, model: str) -> str:
+        """E_t of a table's network over that of its best law."""
+        rows = {row["model"]: row["e_t"] for row in self.kept[run]["rows"]}
+        return f"{rows[model] / min(value for name, value in rows.items() if 'network' not in name):.2g}"
+
+    def peak(self, frequency: str) -> str:
+        """Largest force (N) of the set's tests at a frequency."""
+        tests = (r for r in embedded("foam") if r.name.startswith(f"sine_{frequency}Hz"))
+        return f"{max(float(np.abs(r.channel('force_N')).max()) for r in tests):.0f}"
+
+    def lead(self, name: str) -> str:
+        """Degrees by which the force leads the displacement at 4 Hz in a record of the set."""
+        r = next(r for r in embedded("foam") if r.name == name)
+        f, x = (np.sum((y - y.mean()) * np.exp(-8j * np.pi * r.time)) for y in (r.channel("force_N"), r.displacement))
+        return f"{np.degrees(np.angle(f / x)):.0f}"
 
     def attribute(self, run: str, name: str, scale: str = "1") -> str:
         """Of a law."""
