@@ -71,6 +71,7 @@ typedef struct {
   int threads;     /* that share the parameter sets; <= 1: none */
   double substep;  /* s: overrides the attribute where > 0 */
   int run_in;      /* 1: a record of mrdamp_run that begins in motion is led into by motion of its own, see there */
+  int lanes;       /* sets that a core steps at once: 1, 4 or 8; 0: what its vector units take */
 } mrdamp_options;
 
 /* nset parameter vectors, each through the whole record.
@@ -80,7 +81,7 @@ typedef struct {
  *   columns ncol of the enum above;  out  nset x ncol x n
  * With run_in the damper does not start at rest where the first 20 ms move: the part of the record before the sample
  * that is most like its first one, over twice the stroke to and fro, is run before. Else it starts at rest.
- * Results do not depend on the number of threads. */
+ * Results do not depend on the numbers of threads and lanes. */
 MRDAMP_API int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt,
                           int n, const double* x, const double* v, const double* a, const double* u,
                           const mrdamp_options* options, int ncol, const int* columns, double* out,

@@ -41,7 +41,7 @@ bool Finite(const char* name, const double* a, int n, char* err, int size) {
 
 extern "C" {
 
-int mrdamp_abi(void) { return 9; }
+int mrdamp_abi(void) { return 10; }
 int mrdamp_attribute_count(void) { return kParamCount; }
 const char* mrdamp_attribute_name(int i) { return kAttributes[i].name; }
 const char* mrdamp_attribute_group(int i) { return kAttributes[i].group; }
@@ -115,9 +115,9 @@ int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, 
   if (!a) a = (acceleration = Differentiate(v, n, dt)).data();
   const RecordView record{dt, n, x, v, a, u};
   const RunIn before = options && options->run_in ? FindRunIn(record) : RunIn{};
-  ParallelFor(nset, options ? options->threads : 1, [&](int k) {
-    RunRecord(dampers[k], record, before, ncol, columns, out + static_cast<std::size_t>(k) * ncol * n);
-  });
+  std::vector<Job> jobs;
+  for (int k = 0; k < nset; k++) jobs.push_back({&dampers[k], &record, before, out + static_cast<std::size_t>(k) * ncol * n});
+  RunJobs(jobs, ncol, columns, options ? options->threads : 1, options ? options->lanes : 0);
   return 0;
 }
 

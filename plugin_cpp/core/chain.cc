@@ -1,7 +1,6 @@
 #include "core/chain.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/forces.h"
 #include "core/piece.h"
@@ -11,25 +10,24 @@
 
 namespace mrdamp {
 
-double Damper::Clamp(double u) const {
-  const double least = AnySign() ? -p.command_max : p.command_min;
-  if (u < least) u = least;  // false where unset (NaN)
-  if (u > p.command_max) u = p.command_max;
-  return u;
+Real Damper::Clamp(Real u) const {
+  const Real least = AnySign() ? -p.command_max : p.command_min;
+  u = Select(u < least, least, u);  // not where unset (NaN)
+  return Select(u > p.command_max, p.command_max, u);
 }
 
 namespace {
 
 // Pieces of a step, none longer than asked for.
 int Pieces(const Damper& d, double dt) {
-  const double n = dt / d.p.substep;
-  return n > 1 ? static_cast<int>(std::min(std::ceil(n - 1e-9), 1e6)) : 1;
+  const double n = dt / Head(d.p.substep);
+  return n > 1 ? static_cast<int>(min(std::ceil(n - 1e-9), 1e6)) : 1;
 }
 
 // How much an inner rate that is fast against dt changes with a jump of the field: the tanh law's g' alone.
-double InnerJump(const Damper& d, const ChainState& c, double x, double v, double field0, double field1, double dt) {
-  if (d.law != Law::kHyperbolicTangent || field0 == field1) return 0;
-  const auto rate = [&](double field) {
+Real InnerJump(const Damper& d, const ChainState& c, Real x, Real v, Real field0, Real field1, double dt) {
+  if (d.law != Law::kHyperbolicTangent || All(field0 == field1)) return 0;
+  const auto rate = [&](Real field) {
     return HyperbolicTangent::Rate(d.p, Evaluate(d.p, d.law, FluidAt(d, c, field), v), c.z, c.r, x, v, dt);
   };
   return rate(field1) - rate(field0);
@@ -37,10 +35,10 @@ double InnerJump(const Damper& d, const ChainState& c, double x, double v, doubl
 
 }  // namespace
 
-void Start(const Damper& d, State* s, double x, double v, double u) {
+void Start(const Damper& d, State* s, Real x, Real v, Real u) {
   ChainState& c = s->c;
   c = ChainState();
-  if (!std::isnan(d.p.command_start)) u = d.p.command_start;
+  u = Either(d.p.command_start, u);
   c.coil.Start(d.p, d.Clamp(u));
   c.magnet.Start(d.p, d.Acting(d.Clamp(u)));
   c.heat = c.body = d.p.heating_start;
@@ -49,31 +47,33 @@ void Start(const Damper& d, State* s, double x, double v, double u) {
   if (HasMount(d.p)) x = c.piston = Rest(d, *s, x);
   if (d.law == Law::kHyperbolicTangent) c.z = x;
   c.stroke.extreme = c.stroke.turn = c.stroke.last = x;
-  if (d.p.trapped_gas_direction < 0) c.stroke.pocket = PocketReach(d.p);
+  c.stroke.pocket = Select(d.p.trapped_gas_direction < 0, PocketReach(d.p), 0);
   c.piston_velocity = HasMount(d.p) ? 0 : v;
   c.gas.flow = c.piston_velocity;
   if (s->line) {
     *s->line = DelayLine();
-    s->line->Push(-DelayLine::Spacing(Reach(d.p)), d.Clamp(u), Reach(d.p));  // before the command at 0, which may be another
-    s->line->Push(0, d.Clamp(u), Reach(d.p));
+    const double reach = Reach(d.p), first = Head(d.Clamp(u));
+    s->line->Push(-DelayLine::Spacing(reach), first, reach);  // before the command at 0, which may be another
+    s->line->Push(0, first, reach);
   }
-  if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, x, c.piston_velocity, FieldNow(d, c));
+  if (d.law == Law::kNarx) Narx::Start(*d.net, s->past, Head(x), Head(c.piston_velocity), Head(FieldNow(d, c)));
 }
 
-void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
+void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
   if (!(m.dt > 0)) return;
   const Params& p = d.p;
-  const double shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
+  const Real shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
   const int pieces = Pieces(d, m.dt);
   const bool delayed = HasDelay(p) && s->line, mount = HasMount(p);
   const bool jumps = delayed ? Jumps(p, d.hold) : d.hold;
-  const double begin = s->c.time;
+  const double begin = Head(s->c.time);
   u0 = d.Clamp(u0);
   u1 = d.Clamp(u1);
-  double x = m.x0, from = 0, to;  // s of the step
+  Real x = m.x0;
+  double from = 0, to;  // s of the step
   for (int k = 0; k < pieces; from = to) {
     const double grid = m.dt * (k + 1) / pieces;
-    double first = u0 + (u1 - u0) * from / m.dt, last;
+    Real first = u0 + (u1 - u0) * from / m.dt, last;
     to = grid;
     if (delayed && jumps) {  // a piece ends where the command jumps
       first = last = Arrived(*s->line, p, begin + from, d.hold);
@@ -87,20 +87,21 @@ void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1) {
     }
     k += to == grid;
     ChainState& c = s->c;
-    const double dt = to - from, before = d.Acting(c.coil.current), field0 = FieldNow(d, c);
-    const double mean = d.Acting(c.coil.Step(p, first, last, dt)), after = d.Acting(c.coil.current);
+    const double dt = to - from;
+    const Real before = d.Acting(c.coil.current), field0 = FieldNow(d, c);
+    const Real mean = d.Acting(c.coil.Step(p, first, last, dt)), after = d.Acting(c.coil.current);
     Magnet middle = c.magnet;
-    if (p.remanence_b > 0) {
+    if (Head(p.remanence_b) > 0) {
       middle.Follow(p, before, mean);
       c.magnet.Follow(p, before, after);
     }
-    const double field1 = FieldNow(d, c);
+    const Real field1 = FieldNow(d, c);
     // A straight field of the same mean and end: a fast lag bends it, without one it jumps at the piece's start.
-    const double start = 2 * FieldOf(p, mean, middle.branch) - field1;
-    const double va = m.v0 + shift + (m.v1 - m.v0) * from / m.dt, vb = m.v0 + shift + (m.v1 - m.v0) * to / m.dt;
+    const Real start = 2 * FieldOf(p, mean, middle.branch) - field1;
+    const Real va = m.v0 + shift + (m.v1 - m.v0) * from / m.dt, vb = m.v0 + shift + (m.v1 - m.v0) * to / m.dt;
     const Piece piece{x, va, vb, dt};
     if (jumps && !HasLag(p) && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
-    if (jumps && !HasLag(p) && field0 != start) Release(d, s, x, start);
+    if (jumps && !HasLag(p) && Any(field0 != start)) Release(d, s, x, start, field0 != start);
     StepPiece(d, s, piece, start, field1);
     Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
     x += piece.path();
@@ -115,40 +116,40 @@ namespace {
 
 // Current and field with the command u: a chain without lag or delay acts at once.
 struct Magnetised {
-  double current, field;
+  Real current, field;
 };
-Magnetised Commanded(const Damper& d, const State& s, double u, Side side) {
+Magnetised Commanded(const Damper& d, const State& s, Real u, Side side) {
   const Params& p = d.p;
   const ChainState& c = s.c;
   if (HasLag(p)) return {c.coil.current, FieldNow(d, c)};
-  double now = d.Clamp(u);
-  if (HasDelay(p) && s.line) now = Arrived(*s.line, p, side == kBefore ? c.time - 2 * kSame : c.time, d.hold);
-  const double acting = d.Acting(now);
-  if (!(p.remanence_b > 0)) return {now, FieldOf(p, acting, c.magnet.branch)};
+  Real now = d.Clamp(u);
+  if (HasDelay(p) && s.line) now = Arrived(*s.line, p, Head(c.time) - (side == kBefore ? 2 * kSame : 0), d.hold);
+  const Real acting = d.Acting(now);
+  if (!(Head(p.remanence_b) > 0)) return {now, FieldOf(p, acting, c.magnet.branch)};
   Magnet magnet = c.magnet;
   magnet.Follow(p, d.Acting(c.coil.current), acting);
   return {now, FieldOf(p, acting, magnet.branch)};
 }
 
 // The force on the rod, by what the damper or its mount carries.
-double OnRod(const Params& p, const State& s, double carried, double a) {
+Real OnRod(const Params& p, const State& s, Real carried, Real a) {
   return carried + RodMass(p, HasMount(p)) * a + RingingForce(p, s.c.felt);
 }
 
 }  // namespace
 
-void Settle(const Damper& d, State* s, double x, double v, double u) {
+void Settle(const Damper& d, State* s, Real x, Real v, Real u) {
   if (d.law != Law::kNarx) return;
   if (HasMount(d.p)) {
     x = s->c.piston;
     v = s->c.piston_velocity;
   }
   if (HasPocket(d.p)) v = s->c.gas.flow;
-  if (std::fabs(s->c.time - s->past->count * d.net->sample_time) > 1e-9 * d.net->sample_time) return;
-  Narx::Amend(*d.net, s->past, x, v, Commanded(d, *s, u, kAfter).field);
+  if (fabs(Head(s->c.time) - s->past->count * d.net->sample_time) > 1e-9 * d.net->sample_time) return;
+  Narx::Amend(*d.net, s->past, Head(x), Head(v), Head(Commanded(d, *s, u, kAfter).field));
 }
 
-Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u, Side side) {
+Observation Observe(const Damper& d, const State& s, Real x, Real v, Real a, Real u, Side side) {
   const Params& p = d.p;
   Observation o{};
   const ChainState& c = s.c;
@@ -170,16 +171,16 @@ Observation Observe(const Damper& d, const State& s, double x, double v, double 
   return o;
 }
 
-double RateJump(const Damper& d, const State& s, double x, double v, double u0, double u1, double dt) {
-  if (u0 == u1 || HasMount(d.p) || HasPocket(d.p)) return 0;
+Real RateJump(const Damper& d, const State& s, Real x, Real v, Real u0, Real u1, double dt) {
+  if (All(u0 == u1) || HasMount(d.p) || HasPocket(d.p)) return 0;
   return InnerJump(d, s.c, x, v, Commanded(d, s, u0, kBefore).field, Commanded(d, s, u1, kAfter).field, dt);
 }
 
-double CurrentNow(const Damper& d, const State& s, double u) {
+Real CurrentNow(const Damper& d, const State& s, Real u) {
   return HasLag(d.p) ? s.c.coil.current : Commanded(d, s, u, kAfter).current;
 }
 
-double RodForce(const Damper& d, const State& s, double x, double v, double a, double u) {
+Real RodForce(const Damper& d, const State& s, Real x, Real v, Real a, Real u) {
   if (!HasMount(d.p)) return Observe(d, s, x, v, a, u, kBefore).force;
   return OnRod(d.p, s, s.c.rubber.Force(d.p, x - s.c.piston), a);
 }

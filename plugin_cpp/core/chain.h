@@ -5,7 +5,6 @@
 #ifndef MRDAMP_CORE_CHAIN_H_
 #define MRDAMP_CORE_CHAIN_H_
 
-#include <cmath>
 
 #include "core/params.h"
 #include "effects/driver.h"
@@ -20,37 +19,41 @@ namespace mrdamp {
 
 // A damper's fixed part.
 struct Damper {
+  #ifdef MRDAMP_LAW  // packs are made for one law each
+  static constexpr Law law = Law::MRDAMP_LAW;
+#else
   Law law = Law::kBingham;
+#endif
   Params p;
   const NarxNet* net = nullptr;  // narx alone; not owned
   bool hold = true;              // the command is constant between samples; false: linear
 
-  double Clamp(double u) const;
+  Real Clamp(Real u) const;
   // The fluid feels the size of the field: without a least command a negative current acts as a positive one. A
   // network takes what it was trained with.
-  bool AnySign() const { return std::isnan(p.command_min) && law != Law::kNarx; }
-  double Acting(double current) const { return AnySign() ? std::fabs(current) : current; }
+  bool AnySign() const { return std::isnan(Head(p.command_min)) && law != Law::kNarx; }
+  Real Acting(Real current) const { return AnySign() ? fabs(current) : current; }
 };
 
 // Inner state of the chain; plain doubles.
 struct ChainState {
-  double time = 0;             // s since the start
+  Real time = 0;             // s since the start; read of the first lane alone
   Coil coil;                   // the driver's lag
   Magnet magnet;               // remanence
-  double heat = 0, body = 0;   // K, of the fluid and of the housing
-  double z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
-  double bristle = 0;          // m, seal friction
-  double piston = 0, piston_velocity = 0;  // behind the mount
-  double piston_slope = 0;     // N s/m, d(force)/dv of the last balance, start of the next solve
+  Real heat = 0, body = 0;   // K, of the fluid and of the housing
+  Real z = 0, r = 0;         // Bouc-Wen z and x - y; or Gavin's g and g'
+  Real bristle = 0;          // m, seal friction
+  Real piston = 0, piston_velocity = 0;  // behind the mount
+  Real piston_slope = 0;     // N s/m, d(force)/dv of the last balance, start of the next solve
   Stroke stroke;
   Pocket gas;        // in series with the fluid
-  double plate = 0;  // -1 to 1, asymmetry along the stroke or in its own time
+  Real plate = 0;  // -1 to 1, asymmetry along the stroke or in its own time
   Rubber rubber;    // friction inside the mount
   Felt felt;        // accelerations of sprung moving masses
 };
 
-inline constexpr int kChainSize = sizeof(ChainState) / sizeof(double);
-static_assert(sizeof(ChainState) % sizeof(double) == 0, "the state is stored as doubles");
+inline constexpr int kChainSize = sizeof(ChainState) / sizeof(Real);
+static_assert(sizeof(ChainState) % sizeof(Real) == 0, "the state is stored as doubles");
 
 // State of optional parts. `past` and `line` may be null if law and effects do not need them.
 struct State {
@@ -61,26 +64,27 @@ struct State {
 
 // Piston motion in a step: velocity linear from v0 to v1, shifted so that the path is x1 - x0.
 struct Motion {
-  double x0, v0, x1, v1, dt;
+  Real x0, v0, x1, v1;
+  double dt;
 };
 
 // Output of the damper at one instant.
 struct Observation {
-  double force;      // N, at the rod end, with the moving mass
-  double damper;     // N, without it
-  double slope;      // N s/m, d(force)/dv at fixed state
-  double current, field, temperature, piston, inner;
+  Real force;      // N, at the rod end, with the moving mass
+  Real damper;     // N, without it
+  Real slope;      // N s/m, d(force)/dv at fixed state
+  Real current, field, temperature, piston, inner;
 };
 
 // Starts the chain at rest at displacement x, where the command was u before, including the narx history.
-void Start(const Damper& d, State* s, double x, double v, double u);
+void Start(const Damper& d, State* s, Real x, Real v, Real u);
 
 // Steps the chain over the motion while the command runs linearly from u0 to u1 (u1 == u0: constant).
-void Advance(const Damper& d, State* s, const Motion& m, double u0, double u1);
+void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1);
 
 // To be called if a step ends at a sample, with the motion and the command there: they replace the step's values in a
 // network sample at this instant.
-void Settle(const Damper& d, State* s, double x, double v, double u);
+void Settle(const Damper& d, State* s, Real x, Real v, Real u);
 
 // Of a command that jumps at an instant: as it was, as it is.
 enum Side { kBefore, kAfter };
@@ -92,17 +96,17 @@ inline bool CurrentJumps(const Damper& d) {
 
 // The force in the state s, at rod displacement x, velocity v and acceleration a, with the present command u. side: of a
 // delayed command that arrives now.
-Observation Observe(const Damper& d, const State& s, double x, double v, double a, double u, Side side = kAfter);
+Observation Observe(const Damper& d, const State& s, Real x, Real v, Real a, Real u, Side side = kAfter);
 
 // The force alone, before a change of the command; behind a mount it is independent of the damper's force.
-double RodForce(const Damper& d, const State& s, double x, double v, double a, double u);
+Real RodForce(const Damper& d, const State& s, Real x, Real v, Real a, Real u);
 
 // How much an inner rate that is fast against dt changes with a jump of the command from u0 to u1, within dt; the tanh
 // law's g' alone.
-double RateJump(const Damper& d, const State& s, double x, double v, double u0, double u1, double dt);
+Real RateJump(const Damper& d, const State& s, Real x, Real v, Real u0, Real u1, double dt);
 
 // The coil current alone.
-double CurrentNow(const Damper& d, const State& s, double u);
+Real CurrentNow(const Damper& d, const State& s, Real u);
 
 // Checks ranges and the requirements of the law; false and one line (without element name) on failure.
 bool Check(const Damper& d, char* error, int error_size);

@@ -3,7 +3,6 @@
 #define MRDAMP_CORE_FORCES_H_
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/chain.h"
 #include "effects/mechanics.h"
@@ -14,37 +13,34 @@
 
 namespace mrdamp {
 
-inline Fluid FluidAt(const Damper& d, const ChainState& c, double field) {
+inline Fluid FluidAt(const Damper& d, const ChainState& c, Real field) {
   Fluid f;
   f.b = field;
-  if (d.p.heating_kappa != 0) f.viscosity = Thinned(d.p, c.heat);
-  if (d.p.heating_kappa_yield != 0) f.yield = std::exp(-d.p.heating_kappa_yield * c.heat);
+  if (Head(d.p.heating_kappa) != 0) f.viscosity = Thinned(d.p, c.heat);
+  if (Head(d.p.heating_kappa_yield) != 0) f.yield = exp(-d.p.heating_kappa_yield * c.heat);
   return f;
 }
 
-inline double FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, d.Acting(c.coil.current), c.magnet.branch); }
+inline Real FieldNow(const Damper& d, const ChainState& c) { return FieldOf(d.p, d.Acting(c.coil.current), c.magnet.branch); }
 
 // Velocities of what falls with the velocity, where they are not the fluid's own: in a balance that is solved for that,
 // there would be more than one solution.
 struct Pace {
-  double turned = kUnset;  // by which the direction counts
-  double slip = kUnset;    // of a seal's friction
+  Real turned = kUnset;  // by which the direction counts
+  Real slip = kUnset;    // of a seal's friction
 };
 
-inline double Either(double given, double own) { return std::isnan(given) ? own : given; }
-
-inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double x, double v, Pace pace = {}) {
+inline LawForce ForceOfLaw(const Damper& d, const State& s, Real field, Real x, Real v, Pace pace = {}) {
   const ChainState& c = s.c;
   const Params& p = d.p;
   if (d.law == Law::kNarx) {
-    const double now = c.time / d.net->sample_time - s.past->count;
+    const double now = Head(c.time) / d.net->sample_time - s.past->count;
     // Rounding must not move a grid sample into the next interval, nor the start before the first one.
-    const double part = now < 1e-9 ? 0 : std::min(now, 1.0);
-    const double yield = p.heating_kappa_yield != 0 ? std::exp(-p.heating_kappa_yield * c.heat) : 1;
-    return {yield * Narx::Force(*d.net, *s.past, part, x, v, field), 0, 0};
+    const double part = now < 1e-9 ? 0 : min(now, 1.0);
+    return {FluidAt(d, c, field).yield * Narx::Force(*d.net, *s.past, part, Head(x), Head(v), Head(field)), 0, 0};
   }
   const Fluid fluid = FluidAt(d, c, field);
-  const auto force = [&](double at) {
+  const auto force = [&](Real at) {
     const Coefficients k = Evaluate(p, d.law, fluid, at, pace.turned);
     switch (d.law) {
       case Law::kBingham: return Bingham::Force(p, k, at);
@@ -55,74 +51,73 @@ inline LawForce ForceOfLaw(const Damper& d, const State& s, double field, double
   };
   LawForce f = force(v);
   // Coefficients that change with the velocity have a share in the slope.
-  const double width = VelocityWidth(p);
-  if (width < kInf) {
-    const double dv = 1e-6 * (std::fabs(v) + width);
+  const Real width = VelocityWidth(p);
+  if (Head(width) < kInf) {
+    const Real dv = 1e-6 * (fabs(v) + width);
     f.slope = (force(v + dv).fluid - f.fluid) / dv;
   }
   return f;
 }
 
 // Force of the fluid alone, moving at v, before any gas; the law's spring at the piston's x is returned in `spring`.
-inline double FlowForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring,
+inline Real FlowForce(const Damper& d, const State& s, Real field, Real x, Real v, Real* slope, Real* spring,
                         Pace pace) {
   const Params& p = d.p;
   const LawForce f = ForceOfLaw(d, s, field, x, v, pace);
   *spring = f.spring;
-  if (p.asymmetry_travel > 0 || HasTimedPlate(p)) {
-    const double factor = 1 + p.asymmetry_a * s.c.plate;
+  if (Head(p.asymmetry_travel) > 0 || HasTimedPlate(p)) {
+    const Real factor = 1 + p.asymmetry_a * s.c.plate;
     *slope = factor * f.slope;
     return factor * f.fluid;
   }
-  double rate;
-  if (p.asymmetry_force > 0 && p.asymmetry_a != 0) {
-    const double force = AsymmetryByForce(p, f.fluid, &rate);
+  Real rate;
+  if (Head(p.asymmetry_force) > 0 && Head(p.asymmetry_a) != 0) {
+    const Real force = AsymmetryByForce(p, f.fluid, &rate);
     *slope = rate * f.slope;
     return force;
   }
-  const double factor = Asymmetry(p, Either(pace.turned, v), &rate);
-  *slope = factor * f.slope + (std::isnan(pace.turned) ? rate * f.fluid : 0);
+  const Real factor = Asymmetry(p, Either(pace.turned, v), &rate);
+  *slope = factor * f.slope + Select(isnan(pace.turned), rate * f.fluid, 0);
   return factor * f.fluid;
 }
 
 // The same with the effect of gas.
-inline double FluidForce(const Damper& d, const State& s, double field, double x, double v, double* slope, double* spring,
+inline Real FluidForce(const Damper& d, const State& s, Real field, Real x, Real v, Real* slope, Real* spring,
                          Pace pace = {}) {
   const Params& p = d.p;
-  double force = FlowForce(d, s, field, x, v, slope, spring, pace);
+  Real force = FlowForce(d, s, field, x, v, slope, spring, pace);
   if (!HasTrappedGas(p)) return force;
   Stroke stroke = s.c.stroke;
   stroke.Follow(x, p);
-  if (p.trapped_gas_force > 0) {
-    double limited;
+  if (Head(p.trapped_gas_force) > 0) {
+    Real limited;
     force = LimitedByGas(p, stroke, force, &limited);
     *slope *= limited;
     return force;
   }
-  const double factor = TrappedGas(p, stroke, x, Either(pace.turned, v));
+  const Real factor = TrappedGas(p, stroke, x, Either(pace.turned, v));
   *slope *= factor;
   return factor * force;
 }
 
 // Force of damper and mechanics on the piston side of the mount, without inertia.
-inline double PistonForce(const Damper& d, const State& s, double field, double x, double v, double* slope,
+inline Real PistonForce(const Damper& d, const State& s, Real field, Real x, Real v, Real* slope,
                           Pace pace = {}) {
   const Params& p = d.p;
-  double spring, fluid = FluidForce(d, s, field, x, v, slope, &spring, pace);
+  Real spring, fluid = FluidForce(d, s, field, x, v, slope, &spring, pace);
   if (HasPocket(p)) {
     // Compressed gas carries its own force at any velocity; at its stop it carries none.
-    const double side = p.trapped_gas_direction;
-    if (s.c.gas.stretch != 0 || !(fluid * side < 0)) {
-      fluid = PocketForce(p, s.c.gas.stretch);
-      *slope = 0;
-    }
+    const Real side = p.trapped_gas_direction;
+    const Mask gas = s.c.gas.stretch != 0 || !(fluid * side < 0);
+    fluid = Select(gas, PocketForce(p, s.c.gas.stretch), fluid);
+    *slope = Select(gas, 0, *slope);
   }
-  double force = fluid + spring + GasSpring(p, x);
-  if (p.seal_friction_coulomb > 0 && p.seal_friction_width > 0) {
-    double own;
+  Real force = fluid + spring + GasSpring(p, x);
+  if (HasSeal(p) && Head(p.seal_friction_width) > 0) {
+    Real own;
     force += SealFriction::Slip(SealLimit(p, Either(pace.slip, v)), p.seal_friction_width, v, &own);
     *slope += own;
-  } else if (p.seal_friction_coulomb > 0) {
+  } else if (HasSeal(p)) {
     force += SealSigma(p) * s.c.bristle;
   }
   return force;

@@ -1,26 +1,21 @@
-// All parameters of one damper as a plain struct of doubles, generated from attributes.def.
+// All parameters of one damper (or of a pack of them) as a plain struct of numbers, generated from attributes.def.
 #ifndef MRDAMP_CORE_PARAMS_H_
 #define MRDAMP_CORE_PARAMS_H_
 
-#include <cmath>
-#include <limits>
+#include "core/real.h"
 
 namespace mrdamp {
 
-inline constexpr double kPi = 3.14159265358979323846;
-inline constexpr double kInf = std::numeric_limits<double>::infinity();
-inline constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
-
 struct Params {
-#define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) double name = def;
+#define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) Real name = def;
 #include "core/attributes.def"
 #undef MRDAMP_ATTRIBUTE
 
-  double* data() { return reinterpret_cast<double*>(this); }
-  const double* data() const { return reinterpret_cast<const double*>(this); }
+  Real* data() { return reinterpret_cast<Real*>(this); }
+  const Real* data() const { return reinterpret_cast<const Real*>(this); }
 };
 
-inline constexpr int kParamCount = sizeof(Params) / sizeof(double);
+inline constexpr int kParamCount = sizeof(Params) / sizeof(Real);
 
 // One row of the attribute table.
 struct Attribute {

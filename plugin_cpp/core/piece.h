@@ -9,20 +9,22 @@ namespace mrdamp {
 
 // A piece of piston motion: velocities at its ends with a path of their mean.
 struct Piece {
-  double x, va, vb, dt;
+  Real x, va, vb;
+  double dt;
   Pace pace = {};
-  double path() const { return 0.5 * (va + vb) * dt; }
+  Real path() const { return 0.5 * (va + vb) * dt; }
 };
 
 // Steps the chain behind its magnetics over a piece of rod motion while the field runs straight. What is in series is
 // stepped in shorter ones where its error asks for them.
-void StepPiece(const Damper& d, State* s, const Piece& m, double field0, double field1);
+void StepPiece(const Damper& d, State* s, const Piece& m, Real field0, Real field1);
 
 // Where the piston rests while the rod stands at x: its springs may be preloaded.
-double Rest(const Damper& d, const State& s, double x);
+Real Rest(const Damper& d, const State& s, Real x);
 
 // The piston's velocity just after a jump of the field, while all states are as they were: where it may begin to slip.
-void Release(const Damper& d, State* s, double rod, double field);
+// Where `here`.
+void Release(const Damper& d, State* s, Real rod, Real field, Mask here);
 
 }  // namespace mrdamp
 

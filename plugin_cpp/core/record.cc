@@ -2,9 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <string>
+#include <utility>
 
-#include "effects/sensor.h"
-#include "mrdamp.h"
+#include "laws/hysteresis.h"
+
+#ifdef MRDAMP_PACKS
+#define MRDAMP_PACK(lanes, law) extern "C" MrdampRun mrdamp_pack_##lanes##_##law;
+#define MRDAMP_PACK_LAWS(lanes)     \
+  MRDAMP_PACK(lanes, kBingham)      \
+  MRDAMP_PACK(lanes, kBoucWen)      \
+  MRDAMP_PACK(lanes, kHyperbolicTangent) \
+  MRDAMP_PACK(lanes, kModifiedBoucWen)
+MRDAMP_PACK_LAWS(4)
+MRDAMP_PACK_LAWS(8)
+#endif
 
 namespace mrdamp {
 
@@ -48,34 +61,72 @@ struct Shifted {
   }
 };
 
-double Column(const Observation& o, const Sensor& sensor, const SensorParams& reading, int column) {
-  switch (column) {
-    case MRDAMP_FORCE: return sensor.Read(reading);
-    case MRDAMP_REFERENCE: return o.force;
-    case MRDAMP_TRUE: return o.damper;
-    case MRDAMP_CURRENT: return o.current;
-    case MRDAMP_FIELD: return o.field;
-    case MRDAMP_TEMPERATURE: return o.temperature;
-    case MRDAMP_PISTON: return o.piston;
-    default: return o.inner;
-  }
+// In which of its ranges an attribute is: which terms and effects there are hangs on that alone.
+int Range(int attribute, double value) {
+  if (std::isnan(value)) return 9;
+  const double usual = kAttributes[attribute].def;
+  const int side = (value > usual) - (value < usual) + 1, sign = (value > 0) - (value < 0) + 1;
+  return 3 * side + sign;
 }
 
-// The state at the end of a run-in as that of a start: its clock begins anew, the piston stands dx further on, and what
-// heats and settles from the start on begins.
-void Rebase(const Damper& d, double dx, State* s) {
-  ChainState& c = s->c;
-  if (s->line) {
-    for (double& t : s->line->time) t -= c.time;
+// Jobs whose keys are equal may share a pack.
+std::string Key(const Job& job) {
+  const Damper& d = *job.d;
+  const auto number = [](double x) { return std::string(reinterpret_cast<const char*>(&x), sizeof x); };
+  std::string key = number(job.record->dt) + number(d.p.substep);
+  key += static_cast<char>('0' + static_cast<int>(d.law));
+  key += d.hold ? 'h' : 'l';
+  key += job.before.to > job.before.from ? 'm' : 'r';
+  for (int i = 0; i < kParamCount; i++) key += static_cast<char>('0' + Range(i, d.p.data()[i]));
+  for (const double n : {1.0, 2.0}) key += Exponent(d.p.n, n) ? 'e' : '-';
+  return key;
+}
+
+// A command that arrives late jumps at times of its own, and a network has a grid of its own.
+bool Packs(const Damper& d) { return d.law != Law::kNarx && !HasDelay(d.p); }
+
+#ifdef MRDAMP_PACKS
+#define MRDAMP_ROW(lanes)                                                                                    \
+  {mrdamp_pack_##lanes##_kBingham, mrdamp_pack_##lanes##_kBoucWen, mrdamp_pack_##lanes##_kHyperbolicTangent, \
+   mrdamp_pack_##lanes##_kModifiedBoucWen}
+MrdampRun* const kPacks[2][kLawCount - 1] = {MRDAMP_ROW(4), MRDAMP_ROW(8)};
+#undef MRDAMP_ROW
+#endif
+
+// Dampers in a pack on this processor.
+int Widest(int asked) {
+  int most = 1;
+#ifdef MRDAMP_PACKS
+  if (__builtin_cpu_supports("avx2")) most = 4;
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) most = 8;
+#endif
+  if (asked > 0) most = std::min(most, asked);
+  return most >= 8 ? 8 : most >= 4 ? 4 : 1;
+}
+
+void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* columns) {
+  const Damper& d = *jobs[0]->d;
+  MrdampLane lane[8];
+  std::optional<Shifted> shifted[8];
+  Damper plain[8];
+  for (int k = 0; k < count; k++) {
+    const Job& job = *jobs[k];
+    const RecordView& r = *job.record;
+    plain[k] = *job.d;
+    lane[k] = {plain[k].p.data(), r.n, r.x, r.v, r.a, r.u, job.before.from, job.before.to, job.out};
+    if (const double shift = job.d->p.channel_shift_d; shift != 0) {
+      const Shifted& moved = shifted[k].emplace(r, shift);
+      lane[k].x = moved.x.data();
+      lane[k].v = moved.v.data();
+      lane[k].a = moved.a.data();
+    }
   }
-  if (s->past) {
-    s->past->count = 0;
-    for (double& x : s->past->value[NarxNet::kX]) x += dx;
-  }
-  c.time = 0;
-  c.heat = c.body = d.p.heating_start;
-  if (d.law == Law::kHyperbolicTangent) c.z += dx;
-  for (double* x : {&c.piston, &c.stroke.extreme, &c.stroke.turn, &c.stroke.last}) *x += dx;
+  const double dt = jobs[0]->record->dt;
+#ifdef MRDAMP_PACKS
+  if (count > 1) return kPacks[lanes == 8][static_cast<int>(d.law)](lane, count, dt, d.hold, ncol, columns);
+#endif
+  (void)lanes;
+  Run(plain[0], lane, 1, dt, ncol, columns);
 }
 
 }  // namespace
@@ -111,71 +162,23 @@ RunIn FindRunIn(const RecordView& r) {
   return found;
 }
 
-void RunRecord(const Damper& d, const RecordView& record, const RunIn& before, int ncol, const int* columns, double* out) {
-  RecordView r = record;
-  if (d.p.channel_shift_d != 0) {
-    const Shifted shifted(record, d.p.channel_shift_d);
-    r.x = shifted.x.data();
-    r.v = shifted.v.data();
-    r.a = shifted.a.data();
-    Damper plain = d;
-    plain.p.channel_shift_d = 0;
-    RunRecord(plain, r, before, ncol, columns, out);
-    return;
+void RunJobs(const std::vector<Job>& jobs, int ncol, const int* columns, int threads, int lanes) {
+  lanes = Widest(lanes);
+  std::vector<std::pair<std::string, const Job*>> order;
+  for (const Job& job : jobs) order.emplace_back(lanes > 1 && Packs(*job.d) ? Key(job) : "", &job);
+  // Long ones first: what a pack waits for is alike, and threads end together.
+  std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
+    return a.first != b.first ? a.first < b.first : a.second->record->n > b.second->record->n;
+  });
+  std::vector<std::vector<const Job*>> packs;
+  for (std::size_t k = 0; k < order.size(); k++) {
+    const bool joins = k > 0 && !order[k].first.empty() && order[k].first == order[k - 1].first;
+    if (!joins || packs.back().size() == static_cast<std::size_t>(lanes)) packs.emplace_back();
+    packs.back().push_back(order[k].second);
   }
-  OwnedState state(d);
-  State& s = state.s;
-  const SensorParams reading = SensorParams::Of(d.p);
-  Sensor sensor;
-  const bool jumps = CurrentJumps(d);
-  // Steps from the sample i - 1 to i; t0: of the chain's clock, the sample at which it is 0.
-  const auto step = [&](int i, int t0) {
-    const double first = r.u[i - 1], now = d.hold ? first : r.u[i];
-    if (s.line) s.line->Push(((d.hold ? i - 1 : i) - t0) * r.dt, d.Clamp(now), Reach(d.p));
-    Motion m{r.x[i - 1], r.v[i - 1], r.x[i], r.v[i], r.dt};
-    double a = r.a[i - 1];
-    if (jumps && s.line) {  // the sensor sees a jump where it arrives
-      for (double to; (to = NextJump(*s.line, d.p, s.c.time) - s.c.time) < m.dt - kSame;) {
-        const double w = to / m.dt, shift = (m.x1 - m.x0) / m.dt - 0.5 * (m.v0 + m.v1);
-        const double v0 = m.v0 + shift, v = v0 + w * (m.v1 - m.v0), x = m.x0 + 0.5 * (v0 + v) * to;
-        a += w * (r.a[i] - a);
-        Advance(d, &s, {m.x0, v0, x, v, to}, first, now);
-        sensor.Step(reading, Observe(d, s, x, v, a, now, kBefore).force, to);
-        sensor.Step(reading, Observe(d, s, x, v, a, now).force, 0);
-        m = {x, v, m.x1, m.v1 + shift, m.dt - to};
-      }
-    }
-    Advance(d, &s, m, first, now);
-    if (jumps) sensor.Step(reading, Observe(d, s, r.x[i], r.v[i], r.a[i], now, kBefore).force, m.dt);
-    if (s.line && d.hold) s.line->Push((i - t0) * r.dt, d.Clamp(r.u[i]), Reach(d.p));
-    Settle(d, &s, r.x[i], r.v[i], r.u[i]);
-  };
-  const auto observe = [&](int i) { return Observe(d, s, r.x[i], r.v[i], r.a[i], r.u[i]); };
-  const bool led = before.to > before.from;
-  Start(d, &s, r.x[before.from], r.v[before.from], r.u[before.from]);
-  if (led) {
-    // A slow state (x - y) would take longer than the run-in to come from its end to the middle of the motion.
-    if (d.law == Law::kModifiedBoucWen) {
-      double sum = 0;
-      for (int i = before.from; i <= before.to; i++) sum += r.x[i];
-      s.c.r = r.x[before.from] - sum / (before.to - before.from + 1);
-    }
-    sensor.Start(reading, observe(before.from).force);
-    for (int i = before.from + 1; i <= before.to; i++) {
-      step(i, before.from);
-      sensor.Step(reading, observe(i).force, jumps ? 0 : r.dt);
-    }
-    Rebase(d, r.x[0] - r.x[before.to], &s);
-    if (d.law == Law::kModifiedBoucWen) s.c.r += d.p.start_r;
-    sensor.unsettled = 1;
-  }
-  for (int i = 0; i < r.n; i++) {
-    if (i > 0) step(i, 0);
-    const Observation o = observe(i);
-    if (i == 0 && !led) sensor.Start(reading, o.force);
-    else sensor.Step(reading, o.force, jumps ? 0 : r.dt);
-    for (int c = 0; c < ncol; c++) out[static_cast<std::size_t>(c) * r.n + i] = Column(o, sensor, reading, columns[c]);
-  }
+  ParallelFor(static_cast<int>(packs.size()), threads, [&](int k) {
+    RunPack(packs[k].data(), static_cast<int>(packs[k].size()), lanes, ncol, columns);
+  });
 }
 
 }  // namespace mrdamp

@@ -4,38 +4,13 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstddef>
 #include <thread>
 #include <vector>
 
-#include "core/chain.h"
+#include "core/run.h"
 
 namespace mrdamp {
-
-// The state of one damper with the optional parts that its law and effects need.
-struct OwnedState {
-  State s;
-  NarxHistory past;
-  DelayLine line;
-
-  explicit OwnedState(const Damper& d) {
-    if (d.law == Law::kNarx) s.past = &past;
-    if (HasDelay(d.p)) s.line = &line;
-  }
-  OwnedState(const OwnedState& o) : s(o.s), past(o.past), line(o.line) { Rebind(); }
-  OwnedState& operator=(const OwnedState& o) {
-    s = o.s;
-    if (o.s.past) past = o.past;
-    if (o.s.line) line = o.line;
-    Rebind();
-    return *this;
-  }
-
- private:
-  void Rebind() {
-    if (s.past) s.past = &past;
-    if (s.line) s.line = &line;
-  }
-};
 
 // Inputs of a record: n samples each; v and a are computed by Differentiate if they were not measured.
 struct RecordView {
@@ -57,8 +32,17 @@ struct RunIn {
 };
 RunIn FindRunIn(const RecordView& r);
 
-// Runs one damper; out[c] (n doubles) for each requested column of mrdamp.h.
-void RunRecord(const Damper& d, const RecordView& r, const RunIn& before, int ncol, const int* columns, double* out);
+// One damper through one record, with the samples that lead into it; out[c] (n doubles) for each requested column of mrdamp.h.
+struct Job {
+  const Damper* d;
+  const RecordView* record;
+  RunIn before;
+  double* out;
+};
+
+// Runs all on up to `threads` threads, in packs of up to `lanes` (0: what the processor has). Results do not depend on
+// either.
+void RunJobs(const std::vector<Job>& jobs, int ncol, const int* columns, int threads, int lanes);
 
 // task(0 .. n - 1) on up to `threads` threads; the tasks must be independent.
 template <class Task>

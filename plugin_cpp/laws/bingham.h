@@ -10,9 +10,9 @@ struct Bingham {
   // A very steep tanh in place of the sign function: at rest a step requires a force that depends on the velocity.
   static constexpr double kSharpest = 1e-9;  // m/s
 
-  static LawForce Force(const Params& p, const Coefficients& k, double v) {
-    const double width = p.v_ref > kSharpest ? p.v_ref : kSharpest;
-    const double turn = std::tanh(v / width);
+  static LawForce Force(const Params& p, const Coefficients& k, Real v) {
+    const Real width = max(p.v_ref, kSharpest);
+    const Real turn = tanh(v / width);
     return {k.c0 * v + k.yield * turn, 0, k.c0 + k.yield * (1 - turn * turn) / width};
   }
 };

@@ -9,16 +9,14 @@ namespace mrdamp {
 
 struct BoucWen {
   // z over a step from velocity va to vb (linear, of mean dx / dt): split where the path turns.
-  static double Step(const Params& p, const Coefficients& k, double z, double va, double vb, double dt) {
-    if (va * vb < 0) {
-      const double turn = dt * va / (va - vb);
-      z = Hysteresis(z, 0.5 * va * turn, p.A, k.beta, k.gamma, p.n);
-      return Hysteresis(z, 0.5 * vb * (dt - turn), p.A, k.beta, k.gamma, p.n);
-    }
-    return Hysteresis(z, 0.5 * (va + vb) * dt, p.A, k.beta, k.gamma, p.n);
+  static Real Step(const Params& p, const Coefficients& k, Real z, Real va, Real vb, double dt) {
+    const Mask turns = va * vb < 0;
+    const Real turn = Select(turns, dt * va / (va - vb), dt);
+    z = Hysteresis(z, 0.5 * Select(turns, va, va + vb) * turn, p.A, k.beta, k.gamma, p.n);
+    return Any(turns) ? Hysteresis(z, Select(turns, 0.5 * vb * (dt - turn), 0), p.A, k.beta, k.gamma, p.n) : z;
   }
 
-  static LawForce Force(const Params& p, const Coefficients& k, double z, double x, double v) {
+  static LawForce Force(const Params& p, const Coefficients& k, Real z, Real x, Real v) {
     return {k.c0 * v + k.yield * z, k.k0 * (x - p.x0), k.c0};
   }
 };

@@ -3,7 +3,6 @@
 #define MRDAMP_LAWS_COEFFICIENTS_H_
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/params.h"
 
@@ -11,52 +10,54 @@ namespace mrdamp {
 
 // Present state of the fluid: the field variable b, and the factors by which heat lowers viscosity and yield force.
 struct Fluid {
-  double b = 0;
-  double viscosity = 1;
-  double yield = 1;
+  Real b = 0;
+  Real viscosity = 1;
+  Real yield = 1;
 };
 
 // Force of a law: the fluid's part, on which the fluid effects act, and the parallel spring's.
 struct LawForce {
-  double fluid = 0;
-  double spring = 0;
-  double slope = 0;  // N s/m, d(fluid)/dv at fixed inner state
+  Real fluid = 0;
+  Real spring = 0;
+  Real slope = 0;  // N s/m, d(fluid)/dv at fixed inner state
 };
 
 struct Coefficients {
-  double c0, c1;                // N s/m
-  double yield;                 // fy, alpha or f0
-  double k0, k1;                // N/m
-  double gamma, beta;           // with their decrease at a large field
+  Real c0, c1;                // N s/m
+  Real yield;                 // fy, alpha or f0
+  Real k0, k1;                // N/m
+  Real gamma, beta;           // with their decrease at a large field
 };
 
 // p(b) = a + slope b + c b^2 + e (1 - exp(-r b)), never below zero: outside the range of its fit a line may cross
 // zero, and a negative viscosity would supply energy.
-inline double Follow(double a, double slope, double c, double e, double r, double b) {
-  double p = a + b * (slope + c * b);
-  if (e != 0) p += e * (1 - std::exp(-r * std::max(b, 0.0)));  // a saturating part is constant below zero
-  return std::max(p, 0.0);
+inline Real Follow(Real a, Real slope, Real c, Real e, Real r, Real b) {
+  Real p = a + b * (slope + c * b);
+  if (Head(e) != 0) p += e * (1 - exp(-r * max(b, 0.0)));  // a saturating part is constant below zero
+  return max(p, 0.0);
 }
 
 // Power-law thinning of the post-yield viscosity: (1 + |v / v_s|^a)^((m - 1) / a) (Carreau 1972 at a = 2; Yasuda,
 // Armstrong, Cohen 1981, doi:10.1007/BF01513059; Cross 1965 at a = 1 - m), without a high-shear plateau.
-inline double Thinning(const Params& p, double v) {
-  if (p.shear_thinning_m == 1) return 1;
-  const double s = std::fabs(v) / p.shear_thinning_v_s, a = p.shear_thinning_shape;
-  return std::pow(1 + (a == 2 ? s * s : std::pow(s, a)), (p.shear_thinning_m - 1) / a);
+inline Real Thinning(const Params& p, Real v) {
+  if (Head(p.shear_thinning_m) == 1) return 1;
+  const Real s = fabs(v) / p.shear_thinning_v_s, a = p.shear_thinning_shape;
+  return pow(1 + (Head(a) == 2 ? s * s : pow(s, a)), (p.shear_thinning_m - 1) / a);
 }
 
 // Least velocity (m/s) over which they change with the velocity; infinite if they do not.
-inline double VelocityWidth(const Params& p) {
-  const double thin = p.shear_thinning_m == 1 ? kInf : p.shear_thinning_v_s;
-  return p.asymmetry_yield != 0 || p.asymmetry_viscous != 0 ? std::min(thin, p.asymmetry_width) : thin;
+inline Real VelocityWidth(const Params& p) {
+  const Real thin = Head(p.shear_thinning_m) == 1 ? kInf : p.shear_thinning_v_s;
+  return Head(p.asymmetry_yield) != 0 || Head(p.asymmetry_viscous) != 0 ? min(thin, p.asymmetry_width) : thin;
 }
 
+inline Real Either(Real given, Real own) { return Select(isnan(given), own, given); }
+
 // turned: the velocity by which the direction counts, where it is not v.
-inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v, double turned = kUnset) {
+inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, Real v, Real turned = kUnset) {
   Coefficients k{};
-  const double b = f.b;
-  const double thin = Thinning(p, v), thin_series = 1 + p.shear_thinning_series * (thin - 1);
+  const Real b = f.b;
+  const Real thin = Thinning(p, v), thin_series = 1 + p.shear_thinning_series * (thin - 1);
   k.c0 = Follow(p.c0a, p.c0b, p.c0c, p.c0e, p.c0r, b) * f.viscosity * thin;
   switch (law) {
     case Law::kBingham:
@@ -75,14 +76,14 @@ inline Coefficients Evaluate(const Params& p, Law law, const Fluid& f, double v,
       k.k1 = p.k1;
       k.gamma = p.gamma;
       k.beta = p.beta;
-      if (p.hysteresis_rate != 0) {
-        const double fall = p.hysteresis_floor + (1 - p.hysteresis_floor) * std::exp(-p.hysteresis_rate * std::max(b, 0.0));
+      if (Head(p.hysteresis_rate) != 0) {
+        const Real fall = p.hysteresis_floor + (1 - p.hysteresis_floor) * exp(-p.hysteresis_rate * max(b, 0.0));
         k.gamma *= fall;
         k.beta *= fall;
       }
   }
-  if (p.asymmetry_yield != 0 || p.asymmetry_viscous != 0) {
-    const double side = std::tanh((std::isnan(turned) ? v : turned) / p.asymmetry_width);
+  if (Head(p.asymmetry_yield) != 0 || Head(p.asymmetry_viscous) != 0) {
+    const Real side = tanh(Either(turned, v) / p.asymmetry_width);
     k.yield *= 1 + p.asymmetry_yield * side;
     k.c0 *= 1 + p.asymmetry_viscous * side;
   }

@@ -7,7 +7,6 @@
 #ifndef MRDAMP_LAWS_HYPERBOLIC_TANGENT_H_
 #define MRDAMP_LAWS_HYPERBOLIC_TANGENT_H_
 
-#include "core/tanh.h"
 #include "core/weight.h"
 #include "laws/coefficients.h"
 
@@ -16,50 +15,51 @@ namespace mrdamp {
 struct HyperbolicTangent {
   // Root of a p + f tanh(p / w) = b with a > 0, f >= 0; w -> 0 is the sign function. tanh is concave at the root, so
   // that Newton's steps from below converge without overshoot; one from an estimate above leads below it.
-  static double Root(double a, double f, double w, double b, double guess = 0) {
-    const double sign = b < 0 ? -1 : 1;
-    b = std::fabs(b);
-    if (!(w > 0)) return sign * std::max(b - f, 0.0) / a;
-    const double low = std::max(b / (a + f / w), (b - f) / a);
-    double p = std::max(low, sign * guess);
-    for (int i = 0; i < 50; i++) {
-      const double t = Tanh(p / w);
-      const double step = (b - a * p - f * t) / (a + f * (1 - t * t) / w);
-      p = std::max(low, p + step);
-      if (!(step * step > 1e-13 * w * (p + w))) break;  // the remaining error is below step^2 / w
+  static Real Root(Real a, Real f, Real w, Real b, Real guess = 0) {
+    const Real sign = Select(b < 0, -1, 1);
+    b = fabs(b);
+    if (!(Head(w) > 0)) return sign * max(b - f, 0.0) / a;
+    const Real low = max(b / (a + f / w), (b - f) / a);
+    Real p = max(low, sign * guess);
+    Mask open = true;
+    for (int i = 0; i < 50 && Any(open); i++) {
+      const Real t = tanh(p / w);
+      const Real step = (b - a * p - f * t) / (a + f * (1 - t * t) / w);
+      p = Select(open, max(low, p + step), p);
+      open = open && step * step > 1e-13 * w * (p + w);  // the remaining error is below step^2 / w
     }
     return sign * p;
   }
 
   // The instantaneous g' if the device has no inertia.
-  static double MasslessRate(const Params& p, const Coefficients& k, double g, double x, double v) {
-    const double a = k.c0 + k.c1;
-    const double b = k.k1 * x + k.c1 * v - (k.k0 + k.k1) * g;
-    return Root(std::max(a, 1e-12), k.yield, p.v_ref, b);
+  static Real MasslessRate(const Params& p, const Coefficients& k, Real g, Real x, Real v) {
+    const Real a = k.c0 + k.c1;
+    const Real b = k.k1 * x + k.c1 * v - (k.k0 + k.k1) * g;
+    return Root(max(a, 1e-12), k.yield, p.v_ref, b);
   }
 
   // g' after dt by backward Euler, g as it is.
-  static double Rate(const Params& p, const Coefficients& k, double g, double rate, double x, double v, double dt) {
-    const double mass = p.m0 / dt, dashpot = std::max(k.c0 + k.c1, 1e-12);
+  static Real Rate(const Params& p, const Coefficients& k, Real g, Real rate, Real x, Real v, double dt) {
+    const Real mass = p.m0 / dt, dashpot = max(k.c0 + k.c1, 1e-12);
     return Root(mass + dashpot, k.yield, p.v_ref, mass * rate + k.k1 * x + k.c1 * v - (k.k0 + k.k1) * g, rate);
   }
 
   // guess: of the new rate, start of the solve.
-  static void Step(const Params& p, const Coefficients& k, double* g, double* rate, double x, double va, double vb,
-                   double dt, double guess) {
-    const double mass = p.m0 / dt, spring = k.k0 + k.k1, dashpot = std::max(k.c0 + k.c1, 1e-12);
-    const double weight = EndWeight(dt * spring / dashpot);
-    const double from = *g + (1 - weight) * dt * *rate;
-    const double x1 = x + 0.5 * (va + vb) * dt;
+  static void Step(const Params& p, const Coefficients& k, Real* g, Real* rate, Real x, Real va, Real vb,
+                   double dt, Real guess) {
+    const Real mass = p.m0 / dt, spring = k.k0 + k.k1, dashpot = max(k.c0 + k.c1, 1e-12);
+    const Real weight = EndWeight(dt * spring / dashpot);
+    const Real from = *g + (1 - weight) * dt * *rate;
+    const Real x1 = x + 0.5 * (va + vb) * dt;
     *rate = Root(mass + dashpot + spring * weight * dt, k.yield, p.v_ref, mass * *rate + k.k1 * x1 + k.c1 * vb - spring * from, guess);
     *g = from + weight * dt * *rate;
   }
 
-  static LawForce Force(const Params& p, const Coefficients& k, double g, double rate, double x, double v) {
-    double slope = k.c1;
-    if (!(p.m0 > 0)) {
+  static LawForce Force(const Params& p, const Coefficients& k, Real g, Real rate, Real x, Real v) {
+    Real slope = k.c1;
+    if (!(Head(p.m0) > 0)) {
       rate = MasslessRate(p, k, g, x, v);
-      slope = k.c0 * k.c1 / std::max(k.c0 + k.c1, 1e-12);
+      slope = k.c0 * k.c1 / max(k.c0 + k.c1, 1e-12);
     }
     return {k.k1 * (x - g) + k.c1 * (v - rate), 0, slope};
   }

@@ -7,116 +7,117 @@
 #ifndef MRDAMP_LAWS_HYSTERESIS_H_
 #define MRDAMP_LAWS_HYSTERESIS_H_
 
-#include <algorithm>
-#include <cmath>
-
-#include "core/tanh.h"
+#include "core/real.h"
 
 namespace mrdamp {
 
 constexpr double kExact = 1e-6;  // changes z by as much, relative to its largest value
 
-inline bool Exponent(double n, double exact) { return std::fabs(n - exact) < kExact; }
+inline bool Exponent(Real n, double exact) { return std::fabs(Head(n) - exact) < kExact; }
+
+// x^(1/n)
+inline Real Root(Real x, Real n) { return Exponent(n, 2) ? sqrt(x) : Exponent(n, 1) ? x : pow(x, 1 / n); }
 
 // u after the path s of u' = A - B u^2, and the remaining path when u reaches zero from below (0: it does not).
-inline double Square(double u, double A, double B, double s, double* left) {
+inline Real Square(Real u, Real A, Real B, Real s, Real* left) {
   *left = 0;
-  const double rate = std::sqrt(std::fabs(A * B));
-  if (rate * s < 1e-12) {
-    const double next = u + (A - B * u * u) * s;
-    if (u < 0 && next > 0) *left = next / A;
-    return u < 0 && next > 0 ? 0 : next;
+  const Real rate = sqrt(fabs(A * B)), c = sqrt(fabs(A / B));  // c: |u| at rest (B > 0)
+  const Mask brief = rate * s < 1e-12, bounded = !brief && B > 0, growing = !brief && !(B > 0);
+  Real next = u + (A - B * u * u) * s;
+  if (Any(bounded)) {
+    const Real t = tanh(rate * s);
+    next = Select(bounded, c * (u + c * t) / (c + u * t), next);
   }
-  const double c = std::sqrt(std::fabs(A / B));  // |u| at rest (B > 0)
-  if (B > 0) {
-    const double t = Tanh(rate * s);
-    const double next = c * (u + c * t) / (c + u * t);
-    if (u >= 0 || next <= 0) return next;
-    *left = s - std::atanh(-u / c) / rate;
-    return 0;
+  Mask over = !growing && u < 0 && next > 0;
+  if (Any(over)) *left = Select(over, Select(brief, next / A, s - atanh(-u / c) / rate), 0);
+  if (Any(growing)) {
+    // tan(atan(w) + rate s) by the addition theorem, up to near the limit that bounds the law.
+    const Real w = u / c, turn = Select(rate * s < 1.5, tan(rate * s), 0), rest = 1 - w * turn;
+    const Mask sum = turn > 0 && rest > 0 && w + turn < 14 * rest && !(u < 0 && w + turn > 0);
+    Real grown = c * (w + turn) / rest;
+    if (Any(growing && !sum)) {
+      const Real angle = atan(w) + rate * s;
+      const Mask ends = growing && !sum && u < 0 && angle > 0;
+      *left = Select(ends, angle / rate, *left);
+      over = over || ends;
+      grown = Select(sum, grown, c * tan(min(angle, 1.5)));
+    }
+    next = Select(growing, grown, next);
   }
-  // tan(atan(w) + rate s) by the addition theorem, up to near the limit that bounds the law.
-  const double w = u / c, turn = rate * s < 1.5 ? std::tan(rate * s) : 0, over = 1 - w * turn;
-  if (turn > 0 && over > 0 && w + turn < 14 * over && !(u < 0 && w + turn > 0)) return c * (w + turn) / over;
-  const double angle = std::atan(w) + rate * s;
-  if (u < 0 && angle > 0) {
-    *left = angle / rate;
-    return 0;
-  }
-  return angle > 1.5 ? c * std::tan(1.5) : c * std::tan(angle);
+  return Select(over, 0, next);
 }
 
 // Same for u' = A - B |u| (n = 1): sign is that of u on this part.
-inline double Linear(double u, double A, double B, double s, double* left) {
+inline Real Linear(Real u, Real A, Real B, Real s, Real* left) {
   *left = 0;
-  const double k = u < 0 ? -B : B;  // u' = A - k u
-  const double next = std::fabs(k * s) < 1e-12 ? u + (A - k * u) * s : u + (A - k * u) * (-std::expm1(-k * s)) / k;
-  if (u < 0 && next > 0) {
-    const double reach = std::fabs(k) < 1e-300 ? -u / A : std::log1p(-u * k / A) / k;
-    *left = s > reach ? s - reach : 0;
-    return 0;
-  }
-  return next;
+  const Real k = Select(u < 0, -B, B);  // u' = A - k u
+  const Mask brief = fabs(k * s) < 1e-12;
+  const Real next = u + (A - k * u) * Select(brief, s, -expm1(-k * s) / k);
+  const Mask over = u < 0 && next > 0;
+  if (!Any(over)) return next;
+  const Real reach = Select(fabs(k) < 1e-300, -u / A, log1p(-u * k / A) / k);
+  *left = Select(over && s > reach, s - reach, 0);
+  return Select(over, 0, next);
 }
 
 // Any n: exponential Rosenbrock steps of a twelfth of the path over which u builds up, and longer ones near a stable rest:
 // the error of a step goes with u'^2 and the cube of its length. The rest at u < 0 with beta > gamma is unstable.
-inline double General(double u, double A, double beta, double gamma, double n, double s) {
-  const double sum = beta + gamma;
-  const double reach = sum > 0 ? std::pow(A / sum, 1 / n) / A : s;
-  const double step = reach > 0 ? 0.08 * reach : s;  // A may give no such path
-  for (int i = 0; i < 200 && s > 0; i++) {
-    const double k = beta + (u < 0 ? -gamma : gamma);
-    const double a = std::fabs(u);
-    const double power = std::pow(a, n - 1);
-    const double f = A - k * power * a;
-    const double slope = -k * n * power * (u < 0 ? -1 : 1);
-    const double rate = std::fmin(std::fabs(f / A), 1);
-    const double most = rate * s < 1e-6 * reach ? s : step / std::cbrt(rate * rate);
-    const double ds = std::fmin(s, slope > 0 ? step : most);
-    const double x = slope * ds;
-    u += ds * f * (std::fabs(x) < 1e-8 ? 1 + 0.5 * x : std::expm1(x) / x);
+inline Real General(Real u, Real A, Real beta, Real gamma, Real n, Real s) {
+  const Real sum = beta + gamma;
+  const Real reach = Select(sum > 0, Root(A / sum, n) / A, s);
+  const Real step = Select(reach > 0, 0.08 * reach, s);  // A may give no such path
+  Mask open = s > 0;
+  for (int i = 0; i < 200 && Any(open); i++) {
+    const Real k = beta + Select(u < 0, -gamma, gamma);
+    const Real a = fabs(u);
+    const Real power = pow(a, n - 1);
+    const Real f = A - k * power * a;
+    const Real slope = -k * n * power * Select(u < 0, -1, 1);
+    const Real rate = fmin(fabs(f / A), 1);
+    const Real most = Select(rate * s < 1e-6 * reach, s, step / cbrt(rate * rate));
+    const Real ds = fmin(s, Select(slope > 0, step, most));
+    const Real x = slope * ds;
+    u = Select(open, u + ds * f * Select(fabs(x) < 1e-8, 1 + 0.5 * x, expm1(x) / x), u);
     s -= ds;
+    open = open && s > 0;
   }
   return u;
 }
 
 // z after a monotone path dx (m, signed).
-inline double Hysteresis(double z, double dx, double A, double beta, double gamma, double n) {
-  if (dx == 0) return z;
-  const double sign = dx > 0 ? 1 : -1;
-  double s = std::fabs(dx), u = z * sign, left = 0;
-  if (u < 0 && beta > gamma) {
+inline Real Hysteresis(Real z, Real dx, Real A, Real beta, Real gamma, Real n) {
+  const Mask still = dx == 0;
+  if (All(still)) return z;
+  const Real sign = Select(dx > 0, 1, -1), s = fabs(dx);
+  Real u = z * sign, left = 0;
+  const Mask back = u < 0, unstable = back && beta > gamma;
+  if (Any(unstable)) {
     // A decreasing field may leave z beyond the equilibrium on the far side, where the law would diverge.
-    const double far = std::pow(A / (beta - gamma), 1 / n) * (1 - 1e-9);
-    if (u < -far) u = -far;
+    const Real far = Root(A / (beta - gamma), n) * (1 - 1e-9);
+    u = Select(unstable && u < -far, -far, u);
   }
+  // A path that passes zero goes on from there with the other slope.
+  const auto follow = [&](auto part) {
+    u = part(u, A, beta + Select(back, -gamma, gamma), s, &left);
+    Real none;
+    if (Any(left > 0)) u = Select(left > 0, part(0, A, beta + gamma, left, &none), u);
+  };
   if (Exponent(n, 2)) {
-    if (u < 0) {
-      u = Square(u, A, beta - gamma, s, &left);
-      if (left > 0) u = Square(0, A, beta + gamma, left, &left);
-    } else {
-      u = Square(u, A, beta + gamma, s, &left);
-    }
+    follow(Square);
   } else if (Exponent(n, 1)) {
-    if (u < 0) {
-      u = Linear(u, A, beta - gamma, s, &left);
-      if (left > 0) u = Linear(0, A, beta + gamma, left, &left);
-    } else {
-      u = Linear(u, A, beta + gamma, s, &left);
-    }
+    follow(Linear);
   } else {
     u = General(u, A, beta, gamma, n, s);
   }
-  return u * sign;
+  return Select(still, z, u * sign);
 }
 
 // dz/dx in the direction `sign`.
-inline double HysteresisSlope(double z, double sign, double A, double beta, double gamma, double n) {
-  const double k = beta + (z * sign < 0 ? -gamma : gamma);
-  if (n == 2) return A - z * z * k;
-  const double a = std::fabs(z);
-  return A - k * (n == 1 ? a : std::pow(a, n));
+inline Real HysteresisSlope(Real z, Real sign, Real A, Real beta, Real gamma, Real n) {
+  const Real k = beta + Select(z * sign < 0, -gamma, gamma);
+  if (Exponent(n, 2)) return A - z * z * k;
+  const Real a = fabs(z);
+  return A - k * (Exponent(n, 1) ? a : pow(a, n));
 }
 
 }  // namespace mrdamp

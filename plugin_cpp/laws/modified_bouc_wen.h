@@ -14,40 +14,35 @@ namespace mrdamp {
 
 struct ModifiedBoucWen {
   // r' at the piston velocity v
-  static double Rate(const Coefficients& k, double z, double r, double v) {
+  static Real Rate(const Coefficients& k, Real z, Real r, Real v) {
     return (k.c1 * v - k.yield * z - k.k0 * r) / (k.c0 + k.c1);
   }
 
   // largest rate (1/s) of r, to be resolved by a step
-  static double Stiffness(const Params& p, const Coefficients& k) { return (k.yield * p.A + k.k0) / (k.c0 + k.c1); }
+  static Real Stiffness(const Params& p, const Coefficients& k) { return (k.yield * p.A + k.k0) / (k.c0 + k.c1); }
 
-  static void Step(const Params& p, const Coefficients& k, double* z, double* r, double va, double vb, double dt) {
-    const double c = k.c0 + k.c1;
-    if (!(c > 0)) return;
-    const double rate = Rate(k, *z, *r, va);
-    const double trend = k.c1 * (vb - va) / (dt * c);
+  static void Step(const Params& p, const Coefficients& k, Real* z, Real* r, Real va, Real vb, double dt) {
+    const Real c = k.c0 + k.c1;
+    const Mask solid = !(c > 0);
+    const Real rate = Rate(k, *z, *r, va);
+    const Real trend = k.c1 * (vb - va) / (dt * c);
     // The direction of the path determines the slope of z: taken at the middle of the step, so that a turn is not
     // missed.
-    const double sign = rate + 0.5 * dt * trend >= 0 ? 1 : -1;
-    const double slope = HysteresisSlope(*z, sign, p.A, k.beta, k.gamma, p.n);
-    const double q = (k.yield * (slope > 0 ? slope : 0) + k.k0) * dt / c;
-    double phi1, phi2;
-    if (q < 1e-4) {
-      phi1 = 1 - 0.5 * q;
-      phi2 = 0.5 - q / 6;
-    } else {
-      phi1 = -std::expm1(-q) / q;
-      phi2 = (1 - phi1) / q;
-    }
-    const double dr = dt * (phi1 * rate + phi2 * dt * trend);
+    const Real sign = Select(rate + 0.5 * dt * trend >= 0, 1, -1);
+    const Real slope = HysteresisSlope(*z, sign, p.A, k.beta, k.gamma, p.n);
+    const Real q = (k.yield * max(slope, 0.0) + k.k0) * dt / c;
+    const Mask small = q < 1e-4;
+    const Real exact = All(small) ? 1 : -expm1(-q) / q;
+    const Real phi1 = Select(small, 1 - 0.5 * q, exact), phi2 = Select(small, 0.5 - q / 6, (1 - exact) / q);
+    const Real dr = Select(solid, 0, dt * (phi1 * rate + phi2 * dt * trend));
     *z = Hysteresis(*z, dr, p.A, k.beta, k.gamma, p.n);
     *r += dr;
   }
 
-  static LawForce Force(const Params& p, const Coefficients& k, double z, double r, double x, double v) {
-    const double c = k.c0 + k.c1;
-    if (!(c > 0)) return {0, k.k1 * (x - p.x0), 0};
-    return {k.c1 * (v - Rate(k, z, r, v)), k.k1 * (x - p.x0), k.c1 * k.c0 / c};
+  static LawForce Force(const Params& p, const Coefficients& k, Real z, Real r, Real x, Real v) {
+    const Real c = k.c0 + k.c1, spring = k.k1 * (x - p.x0);
+    const Mask solid = !(c > 0);
+    return {Select(solid, 0, k.c1 * (v - Rate(k, z, r, v))), spring, Select(solid, 0, k.c1 * k.c0 / c)};
   }
 };
 

@@ -112,6 +112,7 @@ def run_many(
     run_in: bool = False,
     substep: float | None = None,
     threads: int = 1,
+    lanes: int = 0,
     narx: Narx | None = None,
     columns: Sequence[str] = ("force",),
 ) -> Array:
@@ -120,14 +121,14 @@ def run_many(
     params (sets, attributes) as by `vector`; x (m), u (command), v (m/s), a (m/s2): (n,) at the sample time dt (s).
     v and a are differentiated where they are not given. `hold`: the command is held between samples, as
     MuJoCo does; otherwise straight lines. `run_in`: a record that begins in motion is led into by motion of its own
-    (`mrdamp.h`), in place of a start at rest; not for networks. Returns (sets, columns, n); the same for any number
-    of threads.
+    (`mrdamp.h`), in place of a start at rest; not for networks. `lanes`: sets that a core steps at once, 1, 4 or 8; 0:
+    what its vector units take. Returns (sets, columns, n); the same for any number of threads and lanes.
     """
     matrix = np.ascontiguousarray(np.atleast_2d(params), dtype=float)
     arrays = [_channel(name, value, len(x)) for name, value in (("x", x), ("v", v), ("a", a), ("u", u))]
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
     out = np.empty((len(matrix), len(columns), len(x)))
-    options = Options(int(hold), threads, substep or 0.0, int(run_in and narx is None))
+    options = Options(int(hold), threads, substep or 0.0, int(run_in and narx is None), lanes)
     checked(
         library().mrdamp_run,
         *_sets(law, narx, matrix),

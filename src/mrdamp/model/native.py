@@ -15,7 +15,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 9
+_ABI = 10
 ERROR_SIZE = 400
 
 
@@ -25,6 +25,7 @@ class Options(ctypes.Structure):
         ("threads", ctypes.c_int),
         ("substep", ctypes.c_double),
         ("run_in", ctypes.c_int),
+        ("lanes", ctypes.c_int),
     )
 
 
