@@ -138,7 +138,7 @@ namespace elementary {
 
 constexpr double kMagic = 0x1.8p52, kLn2High = 0x1.62e42fee00000p-1, kLn2Low = 0x1.a39ef35793c76p-33;
 
-// x = k ln 2 + r: r, and 2^k as a number; at the ends of the range where 2^k is not.
+// x = k ln 2 + r: r, and 2^k as a number. Beyond its range x stands at the end: exp is between 3e-308 and 8e307.
 template <class V>
 V Reduce(V x, V* power) {
   x = x < -708.0 ? V{} - 708.0 : x;
@@ -162,18 +162,17 @@ template <class V>
 V Exp(V x) {
   V power;
   const V r = Reduce(x, &power);
-  const V y = power + power * (r + r * r * Tail(r));
-  return x != x ? x : (x > 709.0 ? V{} + kInf : (x < -708.0 ? V{} : y));
+  return power + power * (r + r * r * Tail(r));
 }
 
 template <class V>
 V Expm1(V x) {
   V power;
   const V r = Reduce(x, &power);
-  const V y = power * (r + r * r * Tail(r)) + (power - 1.0);
-  return x != x ? x : (x > 709.0 ? V{} + kInf : y);
+  return power * (r + r * r * Tail(r)) + (power - 1.0);
 }
 
+// of a large one, by its exponential
 template <class V>
 V Tanh(V x) {
   const auto sign = Bits(x) & INT64_MIN;
@@ -183,9 +182,17 @@ V Tanh(V x) {
   return Number(Bits(e / (e + 2.0)) | sign, x);
 }
 
-// x > 0, normal (the algorithm and coefficients of fdlibm)
+// of |x| < 0.06, its series
 template <class V>
-V LogOf(V x) {
+V TanhNear(V x) {
+  const V s = x * x;
+  return x * (1.0 - s * (1.0 / 3 - s * (2.0 / 15 - s * (17.0 / 315 - s * (62.0 / 2835 - s * (1382.0 / 155925))))));
+}
+
+// x > 0 (the algorithm and coefficients of fdlibm); below 2.3e-308 as there.
+template <class V>
+V Log(V x) {
+  x = x < 2.3e-308 ? V{} + 2.3e-308 : x;
   constexpr std::int64_t root = 0x3fe6a09e667f3bcd;
   const auto e = (Bits(x) - root) >> 52;
   const V n = Number(e + Bits(V{} + kMagic), x) - kMagic;
@@ -194,13 +201,6 @@ V LogOf(V x) {
   const V t2 = z * (6.666666666666735130e-01 +
                     w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860510658591e-01)));
   return n * kLn2High - ((h - (s * (h + (t1 + t2)) + n * kLn2Low)) - f);
-}
-
-template <class V>
-V Log(V x) {
-  const V y = LogOf(x < 2.3e-308 ? V{} + 2.3e-308 : x);
-  const V low = x < 0.0 ? V{} + kUnset : (x < 2.3e-308 ? V{} - kInf : y);
-  return x != x ? x : (x == kInf ? x : low);
 }
 
 // |x| < pi / 2, by that of x / 2
@@ -246,12 +246,18 @@ V Atan(V x) {
 #endif
 MRDAMP_FUNCTION(exp, Exp)
 MRDAMP_FUNCTION(expm1, Expm1)
-MRDAMP_FUNCTION(tanh, Tanh)
+MRDAMP_FUNCTION(TanhFar, Tanh)
+MRDAMP_FUNCTION(TanhNear, TanhNear)
 MRDAMP_FUNCTION(log, Log)
 MRDAMP_FUNCTION(tan, Tan)
 MRDAMP_FUNCTION(atan, Atan)
 #undef MRDAMP_FUNCTION
 
+inline Real tanh(Real x) {
+  const Mask near = fabs(x) < 0.06;
+  const Real y = TanhNear(x);
+  return All(near) ? y : Select(near, y, TanhFar(x));
+}
 inline Real log1p(Real x) {
   const Real u = 1 + x;
   return Select(u == 1, x, log(u) + (x - (u - 1)) / u);
@@ -259,7 +265,6 @@ inline Real log1p(Real x) {
 inline Real atanh(Real x) { return 0.5 * log1p(2 * x / (1 - x)); }
 // x >= 0
 inline Real pow(Real x, Real y) { return Select(x > 0, exp(y * log(x)), Select(y == 0, 1, 0)); }
-inline Real cbrt(Real x) { return pow(x, 1.0 / 3); }
 
 // to = from `here`, for structs of numbers.
 template <class T>

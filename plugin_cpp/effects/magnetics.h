@@ -80,8 +80,9 @@ struct Magnet {
 
 // Loops close towards saturation of the core, where the path has no influence.
 inline Real FieldOf(const Params& p, Real i, Real h) {
-  const Real q = Head(p.remanence_knee) > 0 ? i / p.remanence_knee : 0;
-  return Saturate(p, Head(p.remanence_b) > 0 ? i - p.remanence_b * h * exp(-q * q) : i);
+  if (!(Head(p.remanence_b) > 0)) return Saturate(p, i);
+  const Real q = i / p.remanence_knee, faded = Head(p.remanence_knee) > 0 ? h * exp(-q * q) : h;
+  return Saturate(p, i - p.remanence_b * faded);
 }
 
 }  // namespace mrdamp

@@ -74,7 +74,7 @@ inline Real General(Real u, Real A, Real beta, Real gamma, Real n, Real s) {
     const Real f = A - k * power * a;
     const Real slope = -k * n * power * Select(u < 0, -1, 1);
     const Real rate = fmin(fabs(f / A), 1);
-    const Real most = Select(rate * s < 1e-6 * reach, s, step / cbrt(rate * rate));
+    const Real most = Select(rate * s < 1e-6 * reach, s, step * pow(rate, -2.0 / 3));
     const Real ds = fmin(s, Select(slope > 0, step, most));
     const Real x = slope * ds;
     u = Select(open, u + ds * f * Select(fabs(x) < 1e-8, 1 + 0.5 * x, expm1(x) / x), u);
