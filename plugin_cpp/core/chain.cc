@@ -73,7 +73,7 @@ void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
   double from = 0, to;  // s of the step
   for (int k = 0; k < pieces; from = to) {
     const double grid = m.dt * (k + 1) / pieces;
-    Real first = u0 + (u1 - u0) * from / m.dt, last;
+    Real first = u0 + (u1 - u0) * (from / m.dt), last;
     to = grid;
     if (delayed && jumps) {  // a piece ends where the command jumps
       first = last = Arrived(*s->line, p, begin + from, d.hold);
@@ -83,7 +83,7 @@ void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
       first = Arrived(*s->line, p, begin + from, d.hold);
       last = Arrived(*s->line, p, begin + to, d.hold);
     } else {
-      last = u0 + (u1 - u0) * to / m.dt;
+      last = u0 + (u1 - u0) * (to / m.dt);
     }
     k += to == grid;
     ChainState& c = s->c;
@@ -98,12 +98,12 @@ void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
     const Real field1 = FieldNow(d, c);
     // A straight field of the same mean and end: a fast lag bends it, without one it jumps at the piece's start.
     const Real start = 2 * FieldOf(p, mean, middle.branch) - field1;
-    const Real va = m.v0 + shift + (m.v1 - m.v0) * from / m.dt, vb = m.v0 + shift + (m.v1 - m.v0) * to / m.dt;
+    const Real va = m.v0 + shift + (m.v1 - m.v0) * (from / m.dt), vb = m.v0 + shift + (m.v1 - m.v0) * (to / m.dt);
     const Piece piece{x, va, vb, dt};
     if (jumps && !HasLag(p) && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
     if (jumps && !HasLag(p) && Any(field0 != start)) Release(d, s, x, start, field0 != start);
     StepPiece(d, s, piece, start, field1);
-    Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
+    if (HasRinging(p)) Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
     x += piece.path();
   }
   if (!mount) {

@@ -8,11 +8,24 @@ namespace mrdamp {
 
 struct Params {
 #define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) Real name = def;
+#ifdef MRDAMP_PLAIN  // packs without these effects: as constants they cost nothing
+#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) static constexpr double name = def;
+#endif
 #include "core/attributes.def"
-#undef MRDAMP_ATTRIBUTE
 
   Real* data() { return reinterpret_cast<Real*>(this); }
   const Real* data() const { return reinterpret_cast<const Real*>(this); }
+
+  // f(number, attribute) of those that are no constants
+  template <class F>
+  void Each(F&& f) {
+    int number = 0;
+#define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) f(number++, name);
+#ifdef MRDAMP_PLAIN
+#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) number++;
+#endif
+#include "core/attributes.def"
+  }
 };
 
 inline constexpr int kParamCount = sizeof(Params) / sizeof(Real);

@@ -8,15 +8,14 @@
 
 #include "laws/hysteresis.h"
 
-#ifdef MRDAMP_PACKS
-#define MRDAMP_PACK(lanes, law) extern "C" MrdampRun mrdamp_pack_##lanes##_##law;
-#define MRDAMP_PACK_LAWS(lanes)     \
-  MRDAMP_PACK(lanes, kBingham)      \
-  MRDAMP_PACK(lanes, kBoucWen)      \
-  MRDAMP_PACK(lanes, kHyperbolicTangent) \
-  MRDAMP_PACK(lanes, kModifiedBoucWen)
-MRDAMP_PACK_LAWS(4)
-MRDAMP_PACK_LAWS(8)
+#ifdef MRDAMP_PACKS  // laws in the order of Law; see lanes/pack.cc
+#define MRDAMP_LAWS(do, kind) do(kind##_kBingham) do(kind##_kBoucWen) do(kind##_kHyperbolicTangent) do(kind##_kModifiedBoucWen)
+#define MRDAMP_DECLARE(pack) extern "C" MrdampRun pack;
+#define MRDAMP_LIST(pack) pack,
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_4)
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_8)
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_4)
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_8)
 #endif
 
 namespace mrdamp {
@@ -86,11 +85,17 @@ std::string Key(const Job& job) {
 bool Packs(const Damper& d) { return d.law != Law::kNarx && !HasDelay(d.p); }
 
 #ifdef MRDAMP_PACKS
-#define MRDAMP_ROW(lanes)                                                                                    \
-  {mrdamp_pack_##lanes##_kBingham, mrdamp_pack_##lanes##_kBoucWen, mrdamp_pack_##lanes##_kHyperbolicTangent, \
-   mrdamp_pack_##lanes##_kModifiedBoucWen}
-MrdampRun* const kPacks[2][kLawCount - 1] = {MRDAMP_ROW(4), MRDAMP_ROW(8)};
-#undef MRDAMP_ROW
+MrdampRun* const kPacks[2][2][kLawCount - 1] = {{{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_4)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_4)}},
+                                                {{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_8)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_8)}}};
+
+// True without the effects that plain packs lack.
+bool Plain(const Params& p) {
+#define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning)
+#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) && p.name == def
+  return true
+#include "core/attributes.def"
+      ;
+}
 #endif
 
 // Dampers in a pack on this processor.
@@ -123,7 +128,7 @@ void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* 
   }
   const double dt = jobs[0]->record->dt;
 #ifdef MRDAMP_PACKS
-  if (count > 1) return kPacks[lanes == 8][static_cast<int>(d.law)](lane, count, dt, d.hold, ncol, columns);
+  if (count > 1) return kPacks[lanes == 8][Plain(d.p)][static_cast<int>(d.law)](lane, count, dt, d.hold, ncol, columns);
 #endif
   (void)lanes;
   Run(plain[0], lane, 1, dt, ncol, columns);

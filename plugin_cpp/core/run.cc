@@ -40,47 +40,41 @@ void Rebase(const Damper& d, Real dx, State* s) {
 // f(lane) of each lane.
 template <class F>
 Real Gather(F&& f) {
-#ifdef MRDAMP_LANES
   alignas(Real) double values[kLanes];
   for (int l = 0; l < kLanes; l++) values[l] = f(l);
-  return Real(*reinterpret_cast<const Vector*>(values));
-#else
-  return f(0);
-#endif
-}
-
-double Of(Real x, int lane) {
-#ifdef MRDAMP_LANES
-  return x[lane];
-#else
-  return lane == 0 ? x : kUnset;
-#endif
+  Real x;
+  std::memcpy(&x, values, sizeof x);
+  return x;
 }
 
 struct Inputs {
   Real x, v, a, u;
+
+  Inputs(const MrdampLane* lane, const int* at)
+      : x(Gather([&](int l) { return lane[l].x[at[l]]; })), v(Gather([&](int l) { return lane[l].v[at[l]]; })),
+        a(Gather([&](int l) { return lane[l].a[at[l]]; })), u(Gather([&](int l) { return lane[l].u[at[l]]; })) {}
 };
 
 }  // namespace
 
 void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int ncol, const int* columns) {
-  const auto lane = [&](int l) -> const MrdampLane& { return lanes[l < count ? l : 0]; };
-  const auto lead = [&](int l) { return lane(l).to - lane(l).from; };
-  int begin = 0, end = 0;
-  for (int l = 0; l < count; l++) {
-    if (lead(l) > begin) begin = lead(l);
-    if (lane(l).n > end) end = lane(l).n;
+  MrdampLane lane[kLanes];
+  int lead[kLanes], begin = 0, end = 0;
+  for (int l = 0; l < kLanes; l++) {
+    lane[l] = lanes[l < count ? l : 0];
+    lead[l] = lane[l].to - lane[l].from;
+    if (lead[l] > begin) begin = lead[l];
+    if (lane[l].n > end) end = lane[l].n;
   }
   // Samples of the run-ins end at 0, where the records begin. Before and after its own ones a lane stands still.
+  int at[kLanes];
   const auto before = [&](int i) {
-    const auto at = [&](int l) { return i > -lead(l) ? lane(l).to + i : lane(l).from; };
-    return Inputs{Gather([&](int l) { return lane(l).x[at(l)]; }), Gather([&](int l) { return lane(l).v[at(l)]; }),
-                  Gather([&](int l) { return lane(l).a[at(l)]; }), Gather([&](int l) { return lane(l).u[at(l)]; })};
+    for (int l = 0; l < kLanes; l++) at[l] = i > -lead[l] ? lane[l].to + i : lane[l].from;
+    return Inputs(lane, at);
   };
   const auto sample = [&](int i) {
-    const auto at = [&](int l) { return i < lane(l).n ? i : lane(l).n - 1; };
-    return Inputs{Gather([&](int l) { return lane(l).x[at(l)]; }), Gather([&](int l) { return lane(l).v[at(l)]; }),
-                  Gather([&](int l) { return lane(l).a[at(l)]; }), Gather([&](int l) { return lane(l).u[at(l)]; })};
+    for (int l = 0; l < kLanes; l++) at[l] = i < lane[l].n ? i : lane[l].n - 1;
+    return Inputs(lane, at);
   };
   OwnedState state(d);
   State& s = state.s;
@@ -121,7 +115,7 @@ void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int nco
       step(from, to, i - 1 + begin);
       sensor.Step(reading, observe(to).force, jumps ? 0 : dt);
     }
-    const Mask starts = Gather([&](int l) { return i == -lead(l); }) > 0;
+    const Mask starts = Gather([&](int l) { return i == -lead[l]; }) > 0;
     if (Any(starts)) {
       const Sensor shown = sensor;
       const State others = s;
@@ -130,8 +124,8 @@ void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int nco
       if (d.law == Law::kModifiedBoucWen) {
         s.c.r = to.x - Gather([&](int l) {
           double sum = 0;
-          for (int k = lane(l).from; k <= lane(l).to; k++) sum += lane(l).x[k];
-          return sum / (lead(l) + 1);
+          for (int k = lane[l].from; k <= lane[l].to; k++) sum += lane[l].x[k];
+          return sum / (lead[l] + 1);
         });
       }
       sensor.Start(reading, observe(to).force);
@@ -154,8 +148,10 @@ void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int nco
     if (i > 0 || begin > 0) sensor.Step(reading, o.force, jumps ? 0 : dt);
     for (int c = 0; c < ncol; c++) {
       const Real value = Column(o, sensor, reading, columns[c]);
+      alignas(Real) double values[kLanes];
+      std::memcpy(values, &value, sizeof value);
       for (int l = 0; l < count; l++) {
-        if (i < lane(l).n) lane(l).out[static_cast<long>(c) * lane(l).n + i] = Of(value, l);
+        if (i < lane[l].n) lane[l].out[static_cast<std::size_t>(c) * lane[l].n + i] = values[l];
       }
     }
     from = to;

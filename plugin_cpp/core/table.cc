@@ -7,7 +7,6 @@ namespace mrdamp {
 const Attribute kAttributes[kParamCount] = {
 #define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning) {#name, #group, unit, def, lo, hi, meaning},
 #include "core/attributes.def"
-#undef MRDAMP_ATTRIBUTE
 };
 
 const char* const kLawNames[kLawCount] = {"bingham", "bouc_wen", "hyperbolic_tangent", "modified_bouc_wen", "narx"};

@@ -54,13 +54,13 @@ struct Coil {
       const Real most = p.driver_lag_rate * dt, way = first.y - from;
       const Mask held = p.driver_lag_rate > 0 && fabs(way) > most, lags = !held && tau > 0;
       first.y = Select(held, from + copysign(most, way), first.y);
-      mean = Select(held, 0.5 * (from + first.y), mean - tau * way / dt);
+      mean = Select(held, 0.5 * (from + first.y), mean - tau * (way / dt));
       if (Head(tau2) > 0 && Any(lags)) curved = Select(lags, Curved(from - u0 + tau * (u1 - u0) / dt, tau, tau2, dt), 0);
     }
     second = Lag(second, from, first.y, tau2, dt) + curved;
     const Real share = Head(tau2) > 0 ? p.driver_lag_share : 1;
     current = Select(share < 1, first.y + share * (second - first.y), second);
-    return mean - share * tau2 * (second - behind) / dt;
+    return Head(tau2) > 0 ? mean - share * tau2 * (second - behind) / dt : mean;
   }
 
  private:

@@ -27,6 +27,8 @@ struct Felt {
   Oscillator first, second;
 };
 
+inline bool HasRinging(const Params& p) { return Head(p.moving_mass_hz) > 0 || Head(p.moving_mass_hz2) > 0; }
+
 // Update by the rod's acceleration a (m/s2) over dt.
 inline void Ring(const Params& p, Felt* felt, Real a, double dt) {
   if (Head(p.moving_mass_hz) > 0) felt->first.Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);

@@ -11,9 +11,10 @@ struct BoucWen {
   // z over a step from velocity va to vb (linear, of mean dx / dt): split where the path turns.
   static Real Step(const Params& p, const Coefficients& k, Real z, Real va, Real vb, double dt) {
     const Mask turns = va * vb < 0;
+    if (!Any(turns)) return Hysteresis(z, 0.5 * (va + vb) * dt, p.A, k.beta, k.gamma, p.n);
     const Real turn = Select(turns, dt * va / (va - vb), dt);
     z = Hysteresis(z, 0.5 * Select(turns, va, va + vb) * turn, p.A, k.beta, k.gamma, p.n);
-    return Any(turns) ? Hysteresis(z, Select(turns, 0.5 * vb * (dt - turn), 0), p.A, k.beta, k.gamma, p.n) : z;
+    return Hysteresis(z, Select(turns, 0.5 * vb * (dt - turn), 0), p.A, k.beta, k.gamma, p.n);
   }
 
   static LawForce Force(const Params& p, const Coefficients& k, Real z, Real x, Real v) {

@@ -15,13 +15,14 @@ constexpr double kExact = 1e-6;  // changes z by as much, relative to its larges
 
 inline bool Exponent(Real n, double exact) { return std::fabs(Head(n) - exact) < kExact; }
 
-// x^(1/n)
+// x^n and x^(1/n) of x >= 0
+inline Real Power(Real x, Real n) { return Exponent(n, 2) ? x * x : Exponent(n, 1) ? x : pow(x, n); }
 inline Real Root(Real x, Real n) { return Exponent(n, 2) ? sqrt(x) : Exponent(n, 1) ? x : pow(x, 1 / n); }
 
 // u after the path s of u' = A - B u^2, and the remaining path when u reaches zero from below (0: it does not).
 inline Real Square(Real u, Real A, Real B, Real s, Real* left) {
   *left = 0;
-  const Real rate = sqrt(fabs(A * B)), c = sqrt(fabs(A / B));  // c: |u| at rest (B > 0)
+  const Real rate = sqrt(fabs(A * B)), c = A / rate;  // c: |u| at rest (B > 0)
   const Mask brief = rate * s < 1e-12, bounded = !brief && B > 0, growing = !brief && !(B > 0);
   Real next = u + (A - B * u * u) * s;
   if (Any(bounded)) {
@@ -90,12 +91,9 @@ inline Real Hysteresis(Real z, Real dx, Real A, Real beta, Real gamma, Real n) {
   if (All(still)) return z;
   const Real sign = Select(dx > 0, 1, -1), s = fabs(dx);
   Real u = z * sign, left = 0;
-  const Mask back = u < 0, unstable = back && beta > gamma;
-  if (Any(unstable)) {
-    // A decreasing field may leave z beyond the equilibrium on the far side, where the law would diverge.
-    const Real far = Root(A / (beta - gamma), n) * (1 - 1e-9);
-    u = Select(unstable && u < -far, -far, u);
-  }
+  const Mask back = u < 0, far = back && Power(fabs(u), n) * (beta - gamma) > A;
+  // A decreasing field may leave z beyond the equilibrium on the far side, where the law would diverge.
+  if (Any(far)) u = Select(far, -(1 - 1e-9) * Root(A / (beta - gamma), n), u);
   // A path that passes zero goes on from there with the other slope.
   const auto follow = [&](auto part) {
     u = part(u, A, beta + Select(back, -gamma, gamma), s, &left);
@@ -114,10 +112,7 @@ inline Real Hysteresis(Real z, Real dx, Real A, Real beta, Real gamma, Real n) {
 
 // dz/dx in the direction `sign`.
 inline Real HysteresisSlope(Real z, Real sign, Real A, Real beta, Real gamma, Real n) {
-  const Real k = beta + Select(z * sign < 0, -gamma, gamma);
-  if (Exponent(n, 2)) return A - z * z * k;
-  const Real a = fabs(z);
-  return A - k * (Exponent(n, 1) ? a : pow(a, n));
+  return A - Power(fabs(z), n) * (beta + Select(z * sign < 0, -gamma, gamma));
 }
 
 }  // namespace mrdamp
