@@ -200,7 +200,7 @@ V Log(V x) {
   const V t1 = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01));
   const V t2 = z * (6.666666666666735130e-01 +
                     w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860510658591e-01)));
-  return n * kLn2High - ((h - (s * (h + (t1 + t2)) + n * kLn2Low)) - f);
+  return x != x ? x : n * kLn2High - ((h - (s * (h + (t1 + t2)) + n * kLn2Low)) - f);
 }
 
 // |x| < pi / 2, by that of x / 2
@@ -264,7 +264,7 @@ inline Real log1p(Real x) {
 }
 inline Real atanh(Real x) { return 0.5 * log1p(2 * x / (1 - x)); }
 // x >= 0
-inline Real pow(Real x, Real y) { return Select(x > 0, exp(y * log(x)), Select(y == 0, 1, 0)); }
+inline Real pow(Real x, Real y) { return Select(x <= 0, Select(y == 0, 1, 0), exp(y * log(x))); }
 
 // to = from `here`, for structs of numbers.
 template <class T>

@@ -91,8 +91,8 @@ inline Real Hysteresis(Real z, Real dx, Real A, Real beta, Real gamma, Real n) {
   if (All(still)) return z;
   const Real sign = Select(dx > 0, 1, -1), s = fabs(dx);
   Real u = z * sign, left = 0;
-  const Mask back = u < 0, far = back && Power(fabs(u), n) * (beta - gamma) > A;
-  // A decreasing field may leave z beyond the equilibrium on the far side, where the law would diverge.
+  const Mask back = u < 0, far = back && Power(fabs(u), n) * (beta - gamma) > (1 - 1e-9) * A;
+  // A decreasing field may leave z at or beyond the equilibrium on the far side, where the law would diverge.
   if (Any(far)) u = Select(far, -(1 - 1e-9) * Root(A / (beta - gamma), n), u);
   // A path that passes zero goes on from there with the other slope.
   const auto follow = [&](auto part) {

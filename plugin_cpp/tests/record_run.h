@@ -48,7 +48,7 @@ inline std::vector<double> Run(const char* law, const std::vector<Setting>& sett
                                bool hold = false, const mrdamp_narx* net = nullptr) {
   const std::vector<double> params = Parameters(settings);
   std::vector<double> out(r.x.size());
-  const mrdamp_options options{hold, 1, 0, 0};
+  const mrdamp_options options{hold, 1, 0, 0, 0};
   char err[300] = "";
   const int failed = mrdamp_run(mrdamp_law_find(law), net, 1, params.data(), r.dt, static_cast<int>(r.x.size()), r.x.data(),
                                 r.v.empty() ? nullptr : r.v.data(), r.a.empty() ? nullptr : r.a.data(), r.u.data(), &options,

@@ -32,7 +32,7 @@ Record Motion(int n = 400, double dt = 1e-3) {
 }
 
 TEST(NumbersOfTheInterface) {
-  CHECK(mrdamp_abi() == 9);
+  CHECK(mrdamp_abi() == 10);
   CHECK(mrdamp_law_count() == 5);
   for (int law = 0; law < 5; law++) CHECK(mrdamp_law_find(mrdamp_law_name(law)) == law);
   CHECK(mrdamp_law_find("") == -1 && mrdamp_law_find("dahl") == -1);
@@ -197,7 +197,7 @@ TEST(ThreadsDoNotChangeABit) {
   }
   const auto run = [&](int threads) {
     std::vector<double> out(static_cast<std::size_t>(sets) * 4 * n);
-    const mrdamp_options options{0, threads, 0, 0};
+    const mrdamp_options options{0, threads, 0, 0, 0};
     CHECK(mrdamp_run(mrdamp_law_find("modified_bouc_wen"), nullptr, sets, params.data(), r.dt, n, r.x.data(), r.v.data(), nullptr,
                      r.u.data(), &options, 4, columns, out.data(), nullptr, 0) == 0);
     return out;
@@ -208,7 +208,7 @@ TEST(ThreadsDoNotChangeABit) {
   std::vector<double> alone(4 * n);
   CHECK(mrdamp_run(mrdamp_law_find("modified_bouc_wen"), nullptr, 1, params.data() + 7 * mrdamp_attribute_count(), r.dt, n,
                    r.x.data(), r.v.data(), nullptr, r.u.data(), nullptr, 4, columns, alone.data(), nullptr, 0) == 0);
-  const mrdamp_options held{1, 4, 0, 0};
+  const mrdamp_options held{1, 4, 0, 0, 0};
   std::vector<double> all(static_cast<std::size_t>(sets) * 4 * n);
   CHECK(mrdamp_run(mrdamp_law_find("modified_bouc_wen"), nullptr, sets, params.data(), r.dt, n, r.x.data(), r.v.data(), nullptr,
                    r.u.data(), &held, 4, columns, all.data(), nullptr, 0) == 0);
@@ -234,7 +234,7 @@ TEST(FramesOnThreadsDoNotChangeABit) {
   for (int k = 0; k < n; k++) ground[k] = 2 * std::sin(0.03 * k);
   const auto run = [&](int threads) {
     std::vector<double> out(size);
-    const mrdamp_options options{0, threads, 0, 0};
+    const mrdamp_options options{0, threads, 0, 0, 0};
     CHECK(mrdamp_run_frame(mrdamp_law_find("modified_bouc_wen"), nullptr, sets, params.data(), frames.data(), 1e-3, n, ground.data(),
                            u.data(), &options, out.data(), nullptr, 0) == 0);
     return out;

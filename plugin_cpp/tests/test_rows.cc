@@ -94,7 +94,7 @@ void LikeTheFrame(const Frame& frame, const std::vector<check::Setting>& more, i
   std::vector<double> u(samples), wanted(static_cast<std::size_t>(13) * samples);
   for (int k = 0; k < samples; k++) u[k] = Command(k / 5);
   const mrdamp_frame f = frame.Of(from, to);
-  const mrdamp_options options{1, 1, 0, 0};
+  const mrdamp_options options{1, 1, 0, 0, 0};
   char err[300] = "";
   check::That(mrdamp_run_frame(mrdamp_law_find("bouc_wen"), nullptr, 1, params.data(), &f, dt, samples, rows.ground.data(),
                                u.data(), &options, wanted.data(), err, sizeof err) == 0, __FILE__, __LINE__, err);
