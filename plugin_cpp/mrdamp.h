@@ -87,6 +87,17 @@ MRDAMP_API int mrdamp_run(int law, const mrdamp_narx* net, int nset, const doubl
                           const mrdamp_options* options, int ncol, const int* columns, double* out,
                           char* err, int err_size);
 
+/* The same for several records at once, each with its own sets: they share the threads and the lanes. */
+typedef struct {
+  int nset, n;
+  double dt, substep;                 /* s; substep <= 0: the attribute */
+  int hold, run_in;                   /* as in mrdamp_options */
+  const double *params, *x, *v, *a, *u;
+  double* out;                        /* nset x ncol x n */
+} mrdamp_record;
+MRDAMP_API int mrdamp_run_records(int law, const mrdamp_narx* net, int nrecord, const mrdamp_record* records, int threads,
+                                  int lanes, int ncol, const int* columns, char* err, int err_size);
+
 /* The samples of the run-in of a record, from < to; from == to where it begins at rest. v as above. */
 MRDAMP_API int mrdamp_run_in(double dt, int n, const double* x, const double* v, const double* u, int* from, int* to, char* err,
                              int err_size);

@@ -98,27 +98,45 @@ bool CheckRecord(double dt, int n, const double* x, const double* v, const doubl
 
 }  // namespace
 
-int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt, int n, const double* x,
-               const double* v, const double* a, const double* u, const mrdamp_options* options, int ncol,
-               const int* columns, double* out, char* err, int err_size) {
-  if (!CheckRecord(dt, n, x, v, a, u, err, err_size)) return 1;
-  if (nset < 0 || ncol < 0) return Fail(err, err_size, "a number of sets or columns is negative");
+int mrdamp_run_records(int law, const mrdamp_narx* net, int nrecord, const mrdamp_record* records, int threads, int lanes,
+                       int ncol, const int* columns, char* err, int err_size) {
+  if (nrecord < 0 || ncol < 0) return Fail(err, err_size, "a number of records or columns is negative");
   for (int c = 0; c < ncol; c++) {
     if (columns[c] < 0 || columns[c] >= MRDAMP_COLUMNS) return Fail(err, err_size, "unknown column " + std::to_string(columns[c]));
   }
-  std::vector<Damper> dampers(nset);
-  for (int k = 0; k < nset; k++) {
-    if (!Make(law, params + static_cast<std::size_t>(k) * kParamCount, net, options, &dampers[k], err, err_size)) return 1;
-  }
-  std::vector<double> velocity, acceleration;
-  if (!v) v = (velocity = Differentiate(x, n, dt)).data();
-  if (!a) a = (acceleration = Differentiate(v, n, dt)).data();
-  const RecordView record{dt, n, x, v, a, u};
-  const RunIn before = options && options->run_in ? FindRunIn(record) : RunIn{};
+  std::vector<std::vector<double>> differentiated;
+  std::vector<std::vector<Damper>> dampers(nrecord);
+  std::vector<RecordView> views;
+  views.reserve(nrecord);
   std::vector<Job> jobs;
-  for (int k = 0; k < nset; k++) jobs.push_back({&dampers[k], &record, before, out + static_cast<std::size_t>(k) * ncol * n});
-  RunJobs(jobs, ncol, columns, options ? options->threads : 1, options ? options->lanes : 0);
+  for (int r = 0; r < nrecord; r++) {
+    const mrdamp_record& m = records[r];
+    if (!CheckRecord(m.dt, m.n, m.x, m.v, m.a, m.u, err, err_size)) return 1;
+    if (m.nset < 0) return Fail(err, err_size, "a number of sets is negative");
+    const auto given = [&](const double* known, const double* of) {
+      return known ? known : differentiated.emplace_back(Differentiate(of, m.n, m.dt)).data();
+    };
+    const double* v = given(m.v, m.x);
+    views.push_back({m.dt, m.n, m.x, v, given(m.a, v), m.u});
+    const RunIn before = m.run_in ? FindRunIn(views.back()) : RunIn{};
+    const mrdamp_options options{m.hold, 1, m.substep, m.run_in, lanes};
+    dampers[r].resize(m.nset);
+    for (int k = 0; k < m.nset; k++) {
+      const std::size_t at = k;
+      if (!Make(law, m.params + at * kParamCount, net, &options, &dampers[r][k], err, err_size)) return 1;
+      jobs.push_back({&dampers[r][k], &views.back(), before, m.out + at * ncol * m.n});
+    }
+  }
+  RunJobs(jobs, ncol, columns, threads, lanes);
   return 0;
+}
+
+int mrdamp_run(int law, const mrdamp_narx* net, int nset, const double* params, double dt, int n, const double* x,
+               const double* v, const double* a, const double* u, const mrdamp_options* options, int ncol,
+               const int* columns, double* out, char* err, int err_size) {
+  const mrdamp_options o = options ? *options : mrdamp_options{1, 1, 0, 0, 0};
+  const mrdamp_record record{nset, n, dt, o.substep, o.hold, o.run_in, params, x, v, a, u, out};
+  return mrdamp_run_records(law, net, 1, &record, o.threads, o.lanes, ncol, columns, err, err_size);
 }
 
 int mrdamp_run_in(double dt, int n, const double* x, const double* v, const double* u, int* from, int* to, char* err,

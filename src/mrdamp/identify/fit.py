@@ -160,8 +160,7 @@ class Problem:
 
     def residuals(self, points: Array) -> Array:
         """(points, samples) for points (points, size)."""
-        vectors = self._vectors(points)
-        return np.concatenate([self._of_record(k, v) for k, v in enumerate(vectors)], axis=1)
+        return np.concatenate(self._of_records(list(self._vectors(points))), axis=1)
 
     def _vectors(self, points: Array) -> Array:
         """Attributes (records, points, attributes)."""
@@ -175,23 +174,19 @@ class Problem:
             out[k] = [core.vector(law, a | {"start_r": s[k]}) for a, s in zip(attributes, starts, strict=True)]
         return out
 
-    def _of_record(self, k: int, vectors: Array) -> Array:
-        """Residual (points, samples) of a record."""
-        record, x, velocity, force = self.records[k]
-        self.evaluations += len(vectors)
-        out = core.run_many(
+    def _of_records(self, vectors: Sequence[Array]) -> list[Array]:
+        """Residuals (points, samples) of each record for its own attributes (points, attributes)."""
+        self.evaluations += sum(map(len, vectors))
+        runs = core.run_records(
             self.space.law,
-            vectors,
-            record.sample_time,
-            x,
-            record.command,
-            v=velocity,
+            [
+                core.Sets(v, r.sample_time, x, r.command, velocity, None, self.hold, led, self.substep)
+                for v, (r, x, velocity, _), led in zip(vectors, self.records, self.led, strict=True)
+            ],
             threads=self.threads,
-            substep=self.substep,
-            hold=self.hold,
-            run_in=self.led[k],
         )
-        return np.asarray(self.weights[k] * (out[:, 0, :] - force)[:, skipped(record) :])
+        each = zip(self.weights, runs, self.records, strict=True)
+        return [weight * (run[:, 0] - force)[:, skipped(r) :] for weight, run, (r, *_, force) in each]
 
     def choose_starts(self, point: Array) -> Array:
         """Starts those records at rest that begin in motion and are nearer to a law at the point (size,) so.
@@ -216,10 +211,13 @@ class Problem:
         shifts = np.where(point + step <= 1, step, -step)
         vectors = self._vectors(point + np.diag(shifts))
         out = np.zeros((len(point), len(residual)))
-        for k, part in enumerate(self.slices):
-            # A start moves its own record alone.
-            rows = [*range(n), *(n + i for i, free in enumerate(self.free) if free == k)]
-            out[rows, part] = (self._of_record(k, vectors[k][rows]) - residual[part]) / shifts[rows, None]
+        # A start moves its own record alone.
+        rows = [
+            [*range(n), *(n + i for i, free in enumerate(self.free) if free == k)] for k in range(len(self.records))
+        ]
+        moved = self._of_records([v[own] for v, own in zip(vectors, rows, strict=True)])
+        for own, part, one in zip(rows, self.slices, moved, strict=True):
+            out[own, part] = (one - residual[part]) / shifts[own, None]
         return out.T
 
 

@@ -23,7 +23,7 @@ from mrdamp.model.attributes import (
     laws,
     vector,
 )
-from mrdamp.model.native import ERROR_SIZE, Array, Frame, Options, checked, library, pointer
+from mrdamp.model.native import ERROR_SIZE, Array, Frame, Motions, Options, checked, library, pointer
 
 __all__ = [
     "COLUMNS",
@@ -31,6 +31,7 @@ __all__ = [
     "Attribute",
     "FrameInput",
     "Narx",
+    "Sets",
     "attribute_index",
     "attributes",
     "check",
@@ -46,6 +47,7 @@ __all__ = [
     "run_frame_many",
     "run_in",
     "run_many",
+    "run_records",
     "vector",
 ]
 
@@ -99,6 +101,68 @@ def _sets(law: str, narx: Narx | None, params: Array) -> tuple[Any, ...]:
     return law_number(law), narx.handle if narx else None, len(params), pointer(params)
 
 
+@dataclass(frozen=True)
+class Sets:
+    """Parameter sets and the record that each of them runs through.
+
+    params (sets, attributes) as by `vector`; x (m), u (command), v (m/s), a (m/s2): (n,) at the sample time dt (s).
+    v and a are differentiated where they are not given. `hold`: the command is held between samples, as
+    MuJoCo does; otherwise straight lines. `run_in`: a record that begins in motion is led into by motion of its own
+    (`mrdamp.h`), in place of a start at rest; not for networks. substep: s, in place of the attribute.
+    """
+
+    params: Array
+    dt: float
+    x: Array
+    u: Array
+    v: Array | None = None
+    a: Array | None = None
+    hold: bool = False
+    run_in: bool = False
+    substep: float | None = None
+
+
+def run_records(
+    law: str,
+    records: Sequence[Sets],
+    *,
+    threads: int = 1,
+    lanes: int = 0,
+    narx: Narx | None = None,
+    columns: Sequence[str] = ("force",),
+) -> list[Array]:
+    """Parameter sets through records, all at once. Returns (sets, columns, n) for each record.
+
+    `lanes`: sets that a core steps at once, 1, 4 or 8; 0: what its vector units take. The same for any number of
+    threads and lanes. Raises InputError.
+    """
+    numbers = np.array([_column(name) for name in columns], dtype=np.intc)
+    out, kept, motions = [], [], (Motions * len(records))()
+    for motion, one in zip(motions, records, strict=True):
+        n = len(one.x)
+        params = np.ascontiguousarray(np.atleast_2d(one.params), dtype=float)
+        out.append(np.empty((len(params), len(columns), n)))
+        channels = {name: _channel(name, getattr(one, name), n) for name in ("x", "v", "a", "u")}
+        kept.append((params, channels))
+        motion.nset, motion.n, motion.dt, motion.substep = len(params), n, one.dt, one.substep or 0.0
+        motion.hold, motion.run_in = int(one.hold), int(one.run_in and narx is None)
+        for name, array in {**channels, "params": params, "out": out[-1]}.items():
+            if array is not None:
+                setattr(motion, name, pointer(array))
+    checked(
+        library().mrdamp_run_records,
+        law_number(law),
+        narx.handle if narx else None,
+        len(records),
+        motions,
+        threads,
+        lanes,
+        len(columns),
+        numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
+    )
+    return out
+
+
 def run_many(
     law: str,
     params: Array,
@@ -116,31 +180,9 @@ def run_many(
     narx: Narx | None = None,
     columns: Sequence[str] = ("force",),
 ) -> Array:
-    """Many parameter sets through one record.
-
-    params (sets, attributes) as by `vector`; x (m), u (command), v (m/s), a (m/s2): (n,) at the sample time dt (s).
-    v and a are differentiated where they are not given. `hold`: the command is held between samples, as
-    MuJoCo does; otherwise straight lines. `run_in`: a record that begins in motion is led into by motion of its own
-    (`mrdamp.h`), in place of a start at rest; not for networks. `lanes`: sets that a core steps at once, 1, 4 or 8; 0:
-    what its vector units take. Returns (sets, columns, n); the same for any number of threads and lanes.
-    """
-    matrix = np.ascontiguousarray(np.atleast_2d(params), dtype=float)
-    arrays = [_channel(name, value, len(x)) for name, value in (("x", x), ("v", v), ("a", a), ("u", u))]
-    numbers = np.array([_column(name) for name in columns], dtype=np.intc)
-    out = np.empty((len(matrix), len(columns), len(x)))
-    options = Options(int(hold), threads, substep or 0.0, int(run_in and narx is None), lanes)
-    checked(
-        library().mrdamp_run,
-        *_sets(law, narx, matrix),
-        dt,
-        len(x),
-        *(None if array is None else pointer(array) for array in arrays),
-        ctypes.byref(options),
-        len(columns),
-        numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-        pointer(out),
-    )
-    return out
+    """Parameter sets through one record: arguments as in `Sets` and `run_records`. Returns (sets, columns, n)."""
+    sets = Sets(params, dt, x, u, v, a, hold, run_in, substep)
+    return run_records(law, [sets], threads=threads, lanes=lanes, narx=narx, columns=columns)[0]
 
 
 def run_in(dt: float, x: Array, u: Array, v: Array | None = None) -> slice | None:
@@ -274,7 +316,7 @@ def run_frame_many(
         fill_frame(row, frame, keep)
     sizes = [(2 * row.storeys + 7) * n for row in rows]
     out = np.empty(sum(sizes))
-    options = Options(int(hold), threads, substep or 0.0, 0)
+    options = Options(int(hold), threads, substep or 0.0, 0, 0)
     checked(
         library().mrdamp_run_frame,
         *_sets(law, narx, matrix),

@@ -19,6 +19,17 @@ _ABI = 10
 ERROR_SIZE = 400
 
 
+class Motions(ctypes.Structure):
+    """`mrdamp_record` of `mrdamp.h`."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("nset", "n")),
+        *((name, ctypes.c_double) for name in ("dt", "substep")),
+        *((name, ctypes.c_int) for name in ("hold", "run_in")),
+        *((name, ctypes.POINTER(ctypes.c_double)) for name in ("params", "x", "v", "a", "u", "out")),
+    )
+
+
 class Options(ctypes.Structure):
     _fields_ = (
         ("hold", ctypes.c_int),
@@ -116,10 +127,8 @@ def library() -> ctypes.CDLL:
     lib.mrdamp_defaults.argtypes = (double_p,)
     lib.mrdamp_defaults.restype = None
     lib.mrdamp_check.argtypes = (c_int, double_p, c_char_p, c_int)
-    lib.mrdamp_run.argtypes = (
-        (c_int, c_void_p, c_int, double_p, c_double, c_int)
-        + (double_p,) * 4
-        + (ctypes.POINTER(Options), c_int, ctypes.POINTER(c_int), double_p, c_char_p, c_int)
+    lib.mrdamp_run_records.argtypes = (
+        (c_int, c_void_p, c_int, ctypes.POINTER(Motions), c_int, c_int, c_int, ctypes.POINTER(c_int), c_char_p, c_int)
     )
     whole = ctypes.POINTER(c_int)
     lib.mrdamp_run_in.argtypes = (c_double, c_int, *(double_p,) * 3, whole, whole, c_char_p, c_int)

@@ -60,14 +60,13 @@ class CommandMemory:
     _without_ringing: dict[Hashable, Array | None] = field(default_factory=dict)
     _of_waves: dict[Hashable, Array] = field(default_factory=dict)
 
-    def channels(
+    def commands(
         self, run: Run, settings: Sequence[Settings], logged: Array, fine: Array, key: Hashable
-    ) -> Array:
-        """Simulated channels (sets, channels, m) under a command, as logged (n,) and at the time steps of the
-        run (m,).
+    ) -> list[tuple[list[int], Array, Array | float]]:
+        """Which settings run under which command (m,), and what is added to their channels (channels, m).
 
-        The channels contain the same filter's ringing. It is added as the simulator without memory gives it.
-        clock: key of the record and the run's steps.
+        The command as logged (n,) and at the time steps of the run (m,). The channels contain the same filter's
+        ringing: it is added as the simulator without memory gives it. key: of the record and the run's steps.
         """
         as_logged = ALONG in self.base
         rows = [
@@ -79,14 +78,9 @@ class CommandMemory:
             self._without_ringing[key] = without_waves(logged, fine)
         without_ringing = self._without_ringing[key] if rows else None
         if without_ringing is None:
-            return run(settings, fine)
+            return [([*range(len(settings))], fine, 0.0)]
         if key not in self._of_waves:
             off: list[Settings] = [{MEMORY: 0.0}]
             self._of_waves[key] = (run(off, fine) - run(off, without_ringing))[0]
-        led = run([settings[k] for k in rows], without_ringing) + self._of_waves[key]
         others = [k for k in range(len(settings)) if k not in set(rows)]
-        out = np.empty((len(settings), *led.shape[1:]))
-        out[rows] = led
-        if others:
-            out[others] = run([settings[k] for k in others], fine)
-        return out
+        return [(rows, without_ringing, self._of_waves[key]), *([(others, fine, 0.0)] if others else [])]

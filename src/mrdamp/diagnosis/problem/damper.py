@@ -54,6 +54,15 @@ _STEADY = 0.05
 _WIDER = 8.0
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """Settings under a record's inputs; pieces: substeps between its time steps."""
+
+    settings: Sequence[Settings]
+    inputs: Fine
+    pieces: float = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class DamperRig:
     """Simulator and records of a damper case (see `mrdamp.diagnosis.problem.rig.Rig`).
@@ -143,7 +152,7 @@ class DamperRig:
     def _lead(self, record: int, excerpt: Record) -> Lead:
         """Simulation of a record by the nominal simulator up to its excerpt."""
         whole = self._fine(record, STEP)
-        force = self._run([{}], whole, ("force",))[0, 0]
+        force = self._runs([_Asked([{}], whole)], ("force",))[0][0, 0]
         dt = self.records[record].sample_time
         first = round(float(excerpt.time[0] - self.records[record].time[0]) / dt)
         return Lead(force[: first + 1], dt)
@@ -194,26 +203,40 @@ class DamperRig:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
 
     def simulate(self, settings: Sequence[Settings], record: int, *, coarse: bool = False) -> Array:
+        return self.simulate_together(settings, [record], coarse=coarse)[0]
+
+    def simulate_together(
+        self, settings: Sequence[Settings], records: Sequence[int], *, coarse: bool = False
+    ) -> list[Array]:
         mount = any(s.get("mount_compliance_k", 0) > 0 or s.get("backlash_gap", 0) > 0 for s in settings)
         solved = mount or any(s.get("trapped_gas_series", 0) > 0 for s in settings)
-        longest = self.rough or (
-            solved and not self.filtered
-        )  # a filter needs samples between those of its log
+        # A filter needs samples between those of its log.
+        longest = self.rough or (solved and not self.filtered)
         step = (_ROUGH if longest else self.step) if coarse else _FINE
         # The chain halves the step with a mount.
         pieces = 0.5 if coarse and mount and (self.rough or self.filtered) else 1.0
-        fine = self._fine(record, step)
+        asked: list[_Asked] = []
+        places: list[tuple[int, list[int], Array | float]] = []
+        for place, record in enumerate(records):
+            fine = self._fine(record, step)
 
-        def run(some: Sequence[Settings], command: Array) -> Array:
-            return self._run(some, replace(fine, u=command), pieces=pieces)
+            def run(some: Sequence[Settings], command: Array, fine: Fine = fine) -> Array:
+                return self._runs([_Asked(some, replace(fine, u=command), pieces)])[0]
 
-        command = np.asarray(self.records[record].command)
-        out = self._command_memory.channels(run, settings, command, fine.u, (record, fine.factor, pieces))
+            sent, key = np.asarray(self.records[record].command), (record, fine.factor, pieces)
+            for rows, command, added in self._command_memory.commands(run, settings, sent, fine.u, key):
+                asked.append(_Asked([settings[k] for k in rows], replace(fine, u=command), pieces))
+                places.append((place, rows, added))
+        shape = len(settings), len(self.channels)
+        out = [np.empty((*shape, self.records[record].n)) for record in records]
+        for (place, rows, added), part in zip(places, self._runs(asked), strict=True):
+            out[place][rows] = part + added
         if self.leads and "force_N" in self.channels:
             own = self.channels.index("force_N")
             for row, one in enumerate(settings):
                 if one.get("sensor_leakage_tau", 0) > 0:
-                    out[row, own] -= self.leads[record].leaked(one, self.records[record])
+                    for record, made in zip(records, out, strict=True):
+                        made[row, own] -= self.leads[record].leaked(one, self.records[record])
         return out
 
     def driven(self, record: int) -> Record:
@@ -247,7 +270,7 @@ class DamperRig:
         x = x if moved is None else x + moved
         inputs = upsampled(x, command, r.sample_time, factor, filtered=self.filtered, hold=self.hold)
         columns = ("force", "reference")
-        out = self._run([settings], inputs, columns)[0]
+        out = self._runs([_Asked([settings], inputs)], columns)[0][0]
         return dict(zip(columns, out, strict=True))
 
     def _factor(self, sample_time: float, step: float) -> int:
@@ -271,33 +294,26 @@ class DamperRig:
     def _inputs(self) -> dict[tuple[int, int], Fine]:
         return {}
 
-    def _run(
-        self, settings: Sequence[Settings], inputs: Fine, columns: Sequence[str] = (), pieces: float = 1.0
-    ) -> Array:
-        law = self.nominal_model.law
-        names = columns or [_COLUMNS[c] for c in self.channels]
-        out = np.empty((len(settings), len(names), len(inputs.x)))
-        for outside, rows in grouped(settings):
-            x, v, a = moved(outside, (inputs.x, inputs.v, inputs.a), inputs.sample_time)
-            run = core.run_many(
-                law,
-                np.array([core.vector(law, inside_of(self._base | settings[k])) for k in rows]),
-                inputs.sample_time,
-                x,
-                commanded(outside, inputs.u, inputs.sample_time),
-                v=v,
-                a=a,
-                hold=inputs.hold,
-                substep=inputs.sample_time / pieces,
-                run_in=True,
-                threads=self.threads,
-                narx=self.nominal_model.narx,
-                columns=names,
-            )
+    def _runs(self, asked: Sequence[_Asked], columns: Sequence[str] = ()) -> list[Array]:
+        """(sets, channels, n) of each."""
+        law, names = self.nominal_model.law, columns or [_COLUMNS[c] for c in self.channels]
+        out = [np.empty((len(one.settings), len(names), len(one.inputs.x))) for one in asked]
+        parts, sets = [], []
+        for one, made in zip(asked, out, strict=True):
+            dt, hold = one.inputs.sample_time, one.inputs.hold
+            for outside, rows in grouped(one.settings):
+                x, v, a = moved(outside, (one.inputs.x, one.inputs.v, one.inputs.a), dt)
+                params = np.array([core.vector(law, inside_of(self._base | one.settings[k])) for k in rows])
+                command = commanded(outside, one.inputs.u, dt)
+                sets.append(core.Sets(params, dt, x, command, v, a, hold, True, dt / one.pieces))
+                parts.append((one, made, outside, rows, x, v))
+        runs = core.run_records(law, sets, threads=self.threads, narx=self.nominal_model.narx, columns=names)
+        for (one, made, outside, rows, x, v), run in zip(parts, runs, strict=True):
             run = forced(outside, run, x, v)
             for k, name in enumerate(names):
-                out[rows, k] = read(outside, name, run[:, k], inputs.u)
-        return np.ascontiguousarray(logged(out, inputs.filtered, inputs.factor))
+                made[rows, k] = read(outside, name, run[:, k], one.inputs.u)
+        each = zip(out, asked, strict=True)
+        return [np.ascontiguousarray(logged(made, one.inputs.filtered, one.inputs.factor)) for made, one in each]
 
     def input_noise(self, settings: Settings, record: int) -> Array:
         """(channels,) N: RMS force error due to the displacement noise that remains after smoothing."""
@@ -311,7 +327,8 @@ class DamperRig:
         disturbed = upsampled(
             again, r.command, r.sample_time, inputs.factor, filtered=self.filtered, hold=self.hold
         )
-        change = self._run([settings], disturbed) - self._run([settings], inputs)
+        with_noise, without = self._runs([_Asked([settings], disturbed), _Asked([settings], inputs)])
+        change = with_noise - without
         kept = change[0][:, compared(r.n, r.sample_time)]
         return np.asarray(np.sqrt(np.mean(kept**2, axis=1)))
 
@@ -328,7 +345,7 @@ class DamperRig:
         """Simulated channels (sets, channels, n) of a proposed test."""
         factor = self._factor(self.sizes.sample_time, _ROUGH)
         inputs = upsampled(signal.motion, signal.command, self.sizes.sample_time, factor, hold=self.hold)
-        return self._run(settings, inputs)
+        return self._runs([_Asked(settings, inputs)])[0]
 
     def noise_share(self, record: int) -> float:
         """1: records are compared without averaging."""

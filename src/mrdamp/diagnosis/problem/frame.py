@@ -220,7 +220,9 @@ class FrameRig:
             return np.array([[o[c] for c in self.columns] for o in runs])
 
         key = (record, factor, self._step(record, coarse))
-        out = self._command_memory.channels(run, settings, np.asarray(r.command), fine, key)
+        out = np.empty((len(settings), len(self.columns), len(fine)))
+        for rows, command, added in self._command_memory.commands(run, settings, np.asarray(r.command), fine, key):
+            out[rows] = run([settings[k] for k in rows], command) + added
         if factor > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
-from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.diagnosis.problem.rig import Rig, Together
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 
@@ -102,8 +103,11 @@ class Problem:
         return out
 
     def _all_simulated(self, settings: Sequence[Settings]) -> list[Array]:
-        """Runs of each record in parallel, so that a single fit uses all threads."""
+        """Runs of all records at once or in parallel, so that a single fit uses all threads."""
         self.runs += len(settings) * len(self.records)
+        if isinstance(self.rig, Together):
+            with contextlib.suppress(InputError):  # which of them is found one by one
+                return self.rig.simulate_together(settings, self.records, coarse=self.coarse)
         if self.rig.threads == 1 or len(self.records) == 1:
             return [self._simulated(settings, k) for k in self.records]
         with ThreadPoolExecutor(self.rig.threads) as pool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
 from mrdamp.diagnosis.problem.signals import Envelope, Signal
@@ -12,6 +12,17 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
+
+
+@runtime_checkable
+class Together(Protocol):
+    """A rig whose simulator runs several records at once, which takes less time than one after the other."""
+
+    def simulate_together(
+        self, settings: Sequence[Settings], records: Sequence[int], *, coarse: bool = False
+    ) -> list[Array]:
+        """`Rig.simulate` of each record."""
+        ...
 
 
 class Rig(Protocol):
