@@ -177,7 +177,9 @@ void RunJobs(const std::vector<Job>& jobs, int ncol, const int* columns, int thr
   });
   std::vector<std::vector<const Job*>> packs;
   for (std::size_t k = 0; k < order.size(); k++) {
-    const bool joins = k > 0 && !order[k].first.empty() && order[k].first == order[k - 1].first;
+    // A step of a pack takes half as long again as that of one damper: what is much longer than the rest goes alone.
+    const bool alike = k > 0 && !order[k].first.empty() && order[k].first == order[k - 1].first;
+    const bool joins = alike && 3 * order[k].second->record->n > packs.back()[0]->record->n;
     if (!joins || packs.back().size() == static_cast<std::size_t>(lanes)) packs.emplace_back();
     packs.back().push_back(order[k].second);
   }
