@@ -17,26 +17,56 @@ from mrdamp.model.core import Array
 
 TARGET = ">= 15"
 STROKE, FREQUENCY = 0.01, 2.5  # m, Hz
+SETS = 64
+_HYSTERESIS = {"alpha_a": 8e4, "alpha_b": 2e5, "gamma": 3e4, "beta": 5e4, "A": 120.0, "n": 2.0, "k0": 300.0, "x0": 1e-3}
+_DASHPOT, _SERIES = {"c0a": 600.0, "c0b": 300.0}, {"c1a": 8e3, "c1b": 1e4}
+#: Laws of the packs, of a damper of 1 kN.
+LAWS: dict[str, dict[str, float]] = {
+    "bingham": {**_DASHPOT, "fya": 100.0, "fyb": 500.0, "v_ref": 0.01},
+    "bouc_wen": {**_DASHPOT, **_HYSTERESIS},
+    "modified_bouc_wen": {**_DASHPOT, **_SERIES, **_HYSTERESIS, "k1": 100.0},
+    "hyperbolic_tangent": {
+        **_DASHPOT, **_SERIES, "k0a": 500.0, "k0b": 0.0, "k1a": 8e4, "k1b": 5e4, "m0": 0.5, "f0a": 100.0, "f0b": 500.0,
+        "v_ref": 0.01,
+    },
+}  # fmt: skip
+#: Effects of the packs, by what is written behind the law.
+PACKED: dict[str, dict[str, float]] = {
+    "": {},
+    " with a driver's lag": {"driver_lag_tau": 0.02},
+    " behind a mount with backlash": {"mount_compliance_k": 5e5, "backlash_gap": 5e-4},
+    " with gas in series": {"trapped_gas_force": 300.0, "trapped_gas_s_g": 3e-3, "trapped_gas_series": 1.0},
+}
 YIELD_FORCE, EXPONENT, YIELDS = 1e3, 1.5, (1e-3, 1e-4, 1e-5)  # N, -, m
 
 
 class Entry:
-    """A record of a sine through `mrdamp_run`, one parameter set, one thread."""
+    """A record of a sine through the C entry in one thread: parameter sets that are `spread` apart, in packs of up to
+    `lanes`."""
 
     def __init__(
-        self, dt: float, samples: int, law: str = DYKE.law, attributes: Mapping[str, float] | None = None
+        self,
+        dt: float,
+        samples: int,
+        law: str = DYKE.law,
+        attributes: Mapping[str, float] | None = None,
+        spread: Array | None = None,
+        lanes: int = 0,
     ) -> None:
         t = np.arange(samples) * dt
         w = 2.0 * math.pi * FREQUENCY
         self.dt, self.x, self.v = dt, STROKE * np.sin(w * t), STROKE * w * np.cos(w * t)
         self.u: Array = 1.125 + 1.125 * np.sin(3.0 * t)
-        self.law, self.params = law, core.vector(law, attributes or DYKE.attributes())
+        one = attributes or DYKE.attributes()
+        factors = np.ones((1, len(one))) if spread is None else spread
+        sets = [dict(zip(one, row * np.array([*one.values()]), strict=True)) for row in factors]
+        self.law, self.params, self.lanes = law, np.array([core.vector(law, s) for s in sets]), lanes
 
     def __call__(self) -> float:
         """Cost of a sample, us."""
         begin = clock()
-        force = core.run_many(self.law, self.params, self.dt, self.x, self.u, v=self.v)
-        cost = (clock() - begin) / len(self.x)
+        force = core.run_many(self.law, self.params, self.dt, self.x, self.u, v=self.v, lanes=self.lanes)
+        cost = (clock() - begin) / force.size
         if not np.isfinite(force).all():
             raise RuntimeError("the C entry gives forces that are not finite")
         return cost
@@ -106,6 +136,28 @@ def rigid(effort: Effort) -> Section:
     )
 
 
+def lanes(effort: Effort) -> Section:
+    """Cost of many parameter sets one after the other over that in packs."""
+    rows = []
+    for what, effects in PACKED.items():
+        for law, parameters in LAWS.items():
+            one = {**parameters, **effects}
+            # Exponents and switches stay as they are.
+            varied = [name not in ("n", "trapped_gas_series") for name in one]
+            spread = 1 + 0.2 * np.random.default_rng(1).random((SETS, len(one))) * varied
+            tasks = {str(k): Entry(1e-3, effort.steps // 4, law, one, spread, k) for k in (1, 4, 8)}
+            costs = interleave(tasks, max(effort.rounds // 8, 2))
+            for k in (4, 8):
+                name = f"{law.replace('_', ' ')}{what}, {k} lanes"
+                rows.append(of_ratio(name, ratio(costs["1"], costs[str(k)]), "one by one", "packed"))
+    return Section(
+        "Packs of dampers on vector units",
+        f"Cost of a sample of {SETS} parameter sets, one core, one after the other over 4 (AVX2) and 8 (AVX-512) at "
+        "once; the forces are the same to the bit. Where the processor lacks the units, as many as it has.",
+        tuple(rows),
+    )
+
+
 def measure(effort: Effort) -> list[Section]:
     """The tables."""
     rows = []
@@ -132,5 +184,6 @@ def measure(effort: Effort) -> list[Section]:
             f"{BLOCK} steps per call at a constant velocity.",
             tuple(rows),
         ),
+        lanes(effort),
         rigid(effort),
     ]
