@@ -77,9 +77,9 @@ def test_ranges_in_words(tool: ModuleType, low: float, high: float, text: str) -
 def test_python_sees_the_rows_of_the_source_file() -> None:
     source = (ROOT / "plugin_cpp" / "core" / "attributes.def").read_text(encoding="utf-8")
     rows = re.findall(
-        r'^MRDAMP_ATTRIBUTE\((\w+), (\w+), "([^"]*)", (\S+), (\S+), (\S+), "([^"]*)"\)', source, re.M
+        r'^MRDAMP_(?:ATTRIBUTE|EFFECT)\((\w+), (\w+), "([^"]*)", (\S+), (\S+), (\S+), "([^"]*)"\)', source, re.M
     )
-    assert len(rows) == source.count("\nMRDAMP_ATTRIBUTE(")
+    assert len(rows) == source.count("\nMRDAMP_ATTRIBUTE(") + source.count("\nMRDAMP_EFFECT(")
     values = {"kInf": math.inf, "-kInf": -math.inf}
     expected = []
     for name, group, unit, default, low, high, meaning in rows:

@@ -70,6 +70,18 @@ def test_plugin_library_holds_no_path_of_the_build_machine() -> None:
         assert f"{folder}/".encode() not in content
 
 
+def test_code_for_vector_units_is_reached_by_packs_alone() -> None:
+    """A function that a linker may share (`W`) would run AVX code on a processor without it."""
+    packs = sorted(REPOSITORY.glob("build/plugin/CMakeFiles/mrdamp_*_[48]_*.dir/plugin_cpp/lanes/pack.cc.o"))
+    if not packs or shutil.which("nm") is None:
+        pytest.skip("needs the build folder and nm")
+    for pack in packs:
+        listed = subprocess.run(["nm", "-C", "--defined-only", pack], capture_output=True, text=True, check=True)
+        symbols = [line.split(" ", 2)[1:] for line in listed.stdout.splitlines()]
+        shared = [name for kind, name in symbols if kind in "WVu"]
+        assert [s for s in shared if "in_mrdamp_" not in s and not s.startswith("DW.ref.")] == [], pack
+
+
 def test_import_loads_one_engine_and_one_plugin(tmp_path: Path) -> None:
     if not Path("/proc/self/maps").exists():
         pytest.skip("no /proc/self/maps on this system")

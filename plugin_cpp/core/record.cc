@@ -109,8 +109,7 @@ int Widest(int asked) {
   return most >= 8 ? 8 : most >= 4 ? 4 : 1;
 }
 
-void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* columns) {
-  const Damper& d = *jobs[0]->d;
+void RunPack(const Job* const* jobs, int count, [[maybe_unused]] int lanes, int ncol, const int* columns) {
   MrdampLane lane[8];
   std::optional<Shifted> shifted[8];
   Damper plain[8];
@@ -128,9 +127,9 @@ void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* 
   }
   const double dt = jobs[0]->record->dt;
 #ifdef MRDAMP_PACKS
+  const Damper& d = plain[0];
   if (count > 1) return kPacks[lanes == 8][Plain(d.p)][static_cast<int>(d.law)](lane, count, dt, d.hold, ncol, columns);
 #endif
-  (void)lanes;
   Run(plain[0], lane, 1, dt, ncol, columns);
 }
 

@@ -21,6 +21,8 @@ from mrdamp.records import Record
 LAWS = ("bouc_wen", "hyperbolic_tangent", "modified_bouc_wen")
 #: Local fits of each law; least number of baseline records: one half is fitted, the other one predicted.
 _STARTS, _LEAST = 3, 4
+#: Of the largest command of the baseline: as far do measured commands wobble that are meant to be the same.
+_BEYOND = 0.05
 
 
 @dataclass(frozen=True)
@@ -64,14 +66,15 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     All laws are fitted with the richest dependence on the command that each half of the records shows, along with the
     given simulator's own effects. The best of them is fitted again to each half of the records and evaluated on the
     other half. It is used if its error there is below BASELINE_LAW_BETTER times the given simulator's, which was
-    identified on records of this state; what changed since has no say. None also for a network, for effects that
+    identified on records of this state; what changed since has no say. None also where the case has commands beyond
+    those of the baseline, at which coefficients would be extrapolated, for a network, for effects that
     `mrdamp identify` does not fit, for fewer than four records, and without the channel force_N.
     """
     model = given.nominal_model
     extras = fitted_along(model)
     if len(baseline) < _LEAST or extras is None or model.law not in (*LAWS, "bingham"):
         return None
-    if not all("force_N" in r.channels for r in baseline):
+    if not all("force_N" in r.channels for r in baseline) or not _spans(baseline, given.records):
         return None
     parts = (baseline[::2], baseline[1::2])
     levels = min(Scales.of(part).levels for part in parts)
@@ -105,6 +108,13 @@ def baseline_law(given: DamperRig, baseline: Sequence[Record]) -> BaselineLaw | 
     if not after < BASELINE_LAW_BETTER * before:
         return None
     return BaselineLaw(model, best, dependence, before, after, before)
+
+
+def _spans(baseline: Sequence[Record], records: Sequence[Record]) -> bool:
+    """True if no command of the records is beyond those of the baseline by more than _BEYOND of their range."""
+    known, asked = (np.abs(np.concatenate([r.command for r in some])) for some in (baseline, records))
+    margin = _BEYOND * float(np.max(known))
+    return bool(np.min(asked) >= np.min(known) - margin and np.max(asked) <= np.max(known) + margin)
 
 
 def fitted_along(model: Model) -> tuple[str, ...] | None:

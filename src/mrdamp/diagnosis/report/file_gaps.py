@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,8 @@ def with_file_gaps(
 
 def with_given(found: Diagnosis, again: BaselineLaw, problem: Problem) -> Diagnosis:
     """The answer of a search with the law identified again, with the given simulator in the first place: its gap,
-    its bar and its residuals in the pictures.
+    its bar and its residuals in the pictures. Where it predicts the records better than what was found, it is handed
+    over.
 
     problem: of the last fit, with the whole records.
     """
@@ -71,10 +73,15 @@ def with_given(found: Diagnosis, again: BaselineLaw, problem: Problem) -> Diagno
     given = Problem(own, problem.records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
     residual = given.of_settings([{}])[0]
     bars = (step("nominal", given.gaps(residual)), replace(found.waterfall[0], name="law of the baseline"))
-    alone = {**again.to_dict(), "gap": found.gap.nominal}
+    alone: dict[str, Any] | None = {**again.to_dict(), "gap": found.gap.nominal}
+    nominal = predicted_gap(again.given, problem)
+    if nominal < found.gap.corrected:
+        note = f"what was found leaves {100 * found.gap.corrected:.1f} %: the given simulator is handed over"
+        gap = replace(found.gap, corrected=nominal, left_out=nominal)
+        found, alone = replace(found, corrected=again.given, gap=gap, notes=(*found.notes, note)), None
     return replace(
         found,
-        gap=replace(found.gap, nominal=predicted_gap(again.given, problem), baseline=again.given_gap),
+        gap=replace(found.gap, nominal=nominal, baseline=again.given_gap),
         waterfall=(*bars, *found.waterfall[1:]),
         baseline_law=alone,
         pictures={**found.pictures, "nominal": residual / given.weights},
