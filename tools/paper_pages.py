@@ -128,6 +128,11 @@ class Results:
         most = max(t["delta_1"] for t in c["tests"])
         return f"{c['sensitivity']:.2f} pC/N, {100 * c['delta_1']:.2f} %, every test below {100 * most:.1f} %"
 
+    def slopes(self) -> str:
+        """Range of the tests' sensitivities."""
+        found = [t["sensitivity"] for t in self.kept["calibrate"]["tests"]]
+        return f"{max(found):.1f} to {min(found):.1f}"
+
     def phases(self) -> str:
         """Range of the charge's phase, degree."""
         phases = [t["phase"] for t in self.kept["calibrate"]["tests"]]
@@ -162,6 +167,10 @@ class Results:
         found = self.kept[run][half]
         row = next(r for r in (found[way] if way else found)["records"] if r["record"] == record)
         return f"{row['rmse_N']:.1f} N, {100 * row['nrmse']:.2f} %"
+
+    def pooled(self, run: str, half: str, way: str) -> str:
+        """Of a half, percent."""
+        return f"{100 * self.kept[run][half][way]['nrmse']:.1f}"
 
     def errors(self, run: str, half: str, way: str) -> str:
         """The same on all records of a half."""

@@ -27,7 +27,7 @@ PAPER_SENSITIVITY, PAPER_DELTA_1 = -158.248, 0.0235
 PAPER_DELTA_2 = {0.0: 0.0389, 0.25: 0.0270, 0.5: 0.0230, 0.75: 0.0246, 1.0: 0.0239}
 #: delta_1 from which a charge is none of the force's: its correlation with it is below .87.
 _NO_SENSOR = 0.5
-#: Share of the force (RMS) beside a sine and its harmonics from which on it is none: a chirp's is .7 and more.
+#: Share of the force (RMS) beside a sine and its harmonics from which on it is no sine: a sweep over 20 % has .37.
 _NO_SINE = 0.3
 #: Of a faster test, the cut-off over its frequency: the harmonics that make delta_1 pass.
 _ABOVE = 4.0

@@ -21,7 +21,7 @@ _SHARE, _OVER_NEXT = 0.01, 4.0
 #: fifth of its variance; the worst fit of a law to measured records here, Bingham's to the embedded set, leaves .55.
 NO_BETTER, _WORSE = 0.9, 1.1
 #: What dampers and their rigs have, as the least and the largest: range of the displacement (m), size of force (N) and
-#: command (A or V), sampling rate (Hz), charge over force (pC/N; quartz 2, ceramics up to 700 a wafer). A channel beyond
+#: command (A or V), sampling rate (Hz), charge over force (pC/N; quartz 2, ceramics to 700 a wafer). A channel beyond
 #: it is likely in mm, kN, mA, ms or nC.
 _USUAL = {
     "displacement_m": (1e-4, 3.0), "force_N": (2.0, 1e7), "reference_force_N": (2.0, 1e7), "command": (0.0, 50.0),
