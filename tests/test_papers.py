@@ -30,6 +30,7 @@ from mrdamp.identify.norms import CENTIMETRE, record_norms
 from mrdamp.narx import Candidate, lagged, train_narx
 from mrdamp.narx.select import Effort, try_candidate
 from mrdamp.narx.splits import at_constant_command, constant_command, cut_varying, of_records, varying_command
+from mrdamp.narx.train import blank
 from mrdamp.records import Record, embedded
 
 Array = NDArray[np.float64]
@@ -172,6 +173,17 @@ def test_figs_4_and_5_of_the_self_sensing_set() -> None:
     growth = np.diff(sizes)
     assert growth.min() > 0
     assert (np.diff(growth) < 0).all()
+
+
+def test_all_data_are_scaled_as_in_section_3_2() -> None:
+    """Every input and the force, over all training records, from -1 to 1."""
+    train = constant_command(embedded("self_sensing"), 0.5).train
+    net = blank(train, lagged("xvF", 0), (9,))
+    columns = [np.concatenate([getattr(s, name) for s in train]) for name in ("x", "v", "force", "force")]
+    offsets, scales = [*net.offset, net.force_offset], [*net.scale, 1 / net.force_scale]
+    for values, offset, scale in zip(columns, offsets, scales, strict=True):
+        scaled = scale * (values - offset)
+        assert (scaled.min(), scaled.max()) == pytest.approx((-1.0, 1.0))
 
 
 def test_the_random_current_is_the_papers() -> None:
