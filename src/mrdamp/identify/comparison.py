@@ -225,4 +225,3 @@ def _without_start(record: Record, force: Array) -> tuple[Record, Array]:
     """Both without the first 20 ms, where the unknown start state fades."""
     skip = min(record.n // 4, int(0.02 / record.sample_time))
     return record.part(record.time[skip], record.time[-1]), np.asarray(force)[skip:]
-
