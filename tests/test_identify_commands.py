@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -200,6 +201,11 @@ def test_force_from_charge(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
     Record("alone", None, dt, alone).save(tmp_path / "alone.csv")
     assert run("calibrate", tests, "--records", tmp_path / "alone.csv", "-o", tmp_path / "out") == 0
     assert read_record(tmp_path / "out" / "records" / "alone.csv").n == made.n
+    capsys.readouterr()
+    rows[:, 1] *= 1e-3
+    np.savetxt(tmp_path / "kN.csv", rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    assert run("calibrate", tmp_path / "kN.csv") == 0
+    assert re.match(r"check: \S+kN.csv: reference_force_N is up to 0.8 N", capsys.readouterr().out)
     with pytest.raises(InputError, match="would replace the input"):
         run("calibrate", tests, "--records", tmp_path / "out" / "records", "-o", tmp_path / "out")
     with pytest.raises(InputError, match="no record has both force_N and reference_force_N"):

@@ -171,6 +171,33 @@ def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyP
     assert [t.candidate.lags for t in as_good(found.lags, "free_run")] == [1, 2]
 
 
+def test_the_choice_finds_a_network_that_is_known() -> None:
+    """Three tanh units of v two steps back and F three back, which is lag space 2; disturbed by .005."""
+
+    def teacher(n: int, seed: int) -> data.Series:
+        rng = np.random.default_rng(seed)
+        x, v, force = rng.uniform(-1, 1, n), rng.uniform(-1, 1, n), np.zeros(n)
+        for k in range(3, n):
+            a, b = 2 * v[k - 2], 1.5 * force[k - 3]
+            force[k] = 0.6 * np.tanh(a + b) + 0.4 * np.tanh(2 * a - 2) - 0.4 * np.tanh(2 * b - a + 1)
+            force[k] += 0.005 * rng.standard_normal()
+        return data.Series(f"{seed}", 2e-3, x, v, 0 * x, force)
+
+    found = select(
+        (teacher(900, 1),), (teacher(600, 2),), lags=(1, 2, 3), units=(1, 2, 3, 5), start=Candidate("", 2, (5,)),
+        by="one_step", effort=Effort(initialisations=3, horizons=()), seeds=2,
+    )  # fmt: skip
+    assert found.candidate.channels in ("vF", "xvF")
+    inputs = {t.candidate.channels: t.validation_one for t in found.inputs}
+    assert min(inputs["xv"], inputs["xF"]) > 20 * inputs["vF"]
+    assert found.lags[0].validation_one > 20 * found.lags[1].validation_one
+    assert 2 in {t.candidate.lags for t in as_good(found.lags, "one_step")}
+    errors = {t.candidate.hidden[0]: t.validation_one for t in found.units}
+    assert errors[2] > 5 * errors[3]
+    spread = float(np.std(teacher(600, 2).force))
+    assert 0.0045 < errors[3] * spread < 0.0065
+
+
 @pytest.fixture(scope="module")
 def large() -> FitNarx:
     """More units than records with 30 N of noise determine."""

@@ -20,6 +20,7 @@ from matplotlib.transforms import Affine2D, Bbox
 from mrdamp import pictures
 from mrdamp.errors import InputError
 from mrdamp.pictures import LoopData, style
+from mrdamp.pictures.damper import overview
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.structures import ShearFrame
 
@@ -182,6 +183,14 @@ def test_a_command_that_changes_is_drawn() -> None:
     assert len(fig.axes) == 3
     assert fig.axes[2].get_ylabel() == "V"
     assert set(np.unique(lines(fig.axes[2])[0][:, 1])) == {0.0, 2.0}
+    assert len(overview([switched]).axes) == 3
+
+
+def test_an_overview_is_of_the_six_largest_forces_in_their_order() -> None:
+    """Of seven, the third is the smallest."""
+    sizes = (5, 6, 1, 4, 3, 2, 7)
+    fig = overview([loop(str(n), measured=n * TIME, simulated=n * TIME) for n in sizes])
+    assert [ax.get_title("left") for ax in fig.axes[::2]] == [str(n) for n in sizes if n > 1]
 
 
 def test_error_bars_put_the_held_out_first() -> None:

@@ -65,7 +65,25 @@ def test_units_are_doubted(channel: str, factor: float, told: str) -> None:
     k = next(k for k, r in enumerate(records) if r.name == "2.4A_4mm")
     records[k] = records[k].with_channels({channel: factor * records[k].channel(channel)})
     (line,) = warnings_of(records)
-    assert re.match(f"{told}: channels are in m, N, s, and A or V", line)
+    assert re.match(f"{told}: channels are in m, N, s, pC, and A or V", line)
+
+
+@pytest.mark.parametrize(
+    ("force", "charge", "told"),
+    [
+        (1.0, 1e-3, "t: charge_pC is 0.158 pC for each N of reference_force_N; usual are 1 to 10000"),
+        (1e-3, 1.0, "t: reference_force_N is up to 1 N; usual are 2 to 1e[+]07"),
+        (1e-3, 1e-3, "t: reference_force_N is up to 1 N"),
+        (1.0, 1.0, ""),
+    ],
+)
+def test_units_of_a_calibration_are_doubted(force: float, charge: float, told: str) -> None:
+    """1 kN and 158 pC/N, in kN or nC."""
+    swing = 1000.0 * np.sin(0.01 * np.arange(1000))
+    channels = {"reference_force_N": force * swing, "charge_pC": 158.0 * charge * swing}
+    found = warnings_of([Record("t", None, 0.01, channels)])
+    assert bool(found) == bool(told)
+    assert re.match(told, "".join(found))
 
 
 def test_milliseconds_taken_for_seconds_are_doubted() -> None:

@@ -22,11 +22,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import make_foam
 import numpy as np
 from identification_tables import save, shrink
 
 from mrdamp.cli import main as mrdamp
-from mrdamp.identify.calibration import embedded_tests
+from mrdamp.identify.calibration import COLUMNS, embedded_tests, sensing_by_command
 from mrdamp.pictures import sensing
 from mrdamp.records import embedded
 
@@ -38,6 +39,8 @@ _CUT = "--protocol varying --record sine_5.0Hz_2.5mm_random_current"
 RUNS: Mapping[str, str] = {
     "table1": f"table1 foam --condition {CONDITION} --follows paper {_SIGNALS} --picture {{work}}/foam-models.png",
     "table1_five": f"table1 foam --follows paper {_SIGNALS}",
+    "table1_middle": f"table1 {{work}}/table1_middle --follows paper {_SIGNALS}",
+    "table1_slow": f"table1 {{work}}/table1_slow --follows paper {_SIGNALS}",
     "table1_utfsm": "table1 {data}/utfsm --starts 2",
     "table1_utfpr": "table1 {data}/utfpr --starts 2",
     "table1_nees": "table1 {data}/nees --starts 2",
@@ -50,11 +53,13 @@ RUNS: Mapping[str, str] = {
     "choice": f"identify self_sensing --law narx {_HALF} --select --seeds 5 --by one_step"
     " --picture {work}/sensing-choice.png",
     "choice_free": f"identify self_sensing --law narx {_HALF} --select --seeds 5",
-    "constant": f"identify self_sensing --law narx {_HALF}",
+    "constant": f"identify self_sensing --law narx {_HALF} --picture {{work}}/sensing-constant.png",
     "constant_utfsm": "identify {data}/utfsm --law narx --protocol constant --command 0.5",
-    "varying": f"identify --law narx {_CUT}",
-    "varying_law": f"identify --law modified_bouc_wen {_CUT}",
+    "varying": f"identify --law narx {_CUT} --picture {{work}}/sensing-varying.png",
+    "varying_law": f"identify --law modified_bouc_wen {_CUT} --picture {{work}}/sensing-varying_law.png",
 }
+#: Of a run on a set that tools/make_foam.py makes in a folder of its name: Hz of the training tests.
+FEWER: Mapping[str, tuple[float, ...]] = {"table1_middle": (1.0, 3.0), "table1_slow": (0.5,)}
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, WORK = ROOT / "docs" / "papers", ROOT / "out" / "papers"
@@ -76,6 +81,10 @@ class Results:
         """The command of a run."""
         words = RUNS[run].format(data="FOLDER", work=".")
         return f"mrdamp {words}" + (" -o model.json" if words.startswith("identify") else "")
+
+    def folder(self, run: str) -> str:
+        """The command that makes a run's set."""
+        return f"python tools/make_foam.py {run} {' '.join(f'{hz:g}' for hz in FEWER[run])}"
 
     def norm(self, run: str, model: str, norm: str) -> str:
         """Of a table's row; a dash where there is none."""
@@ -119,6 +128,11 @@ class Results:
         most = max(t["delta_1"] for t in c["tests"])
         return f"{c['sensitivity']:.2f} pC/N, {100 * c['delta_1']:.2f} %, every test below {100 * most:.1f} %"
 
+    def slopes(self) -> str:
+        """Range of the tests' sensitivities."""
+        found = [t["sensitivity"] for t in self.kept["calibrate"]["tests"]]
+        return f"{max(found):.1f} to {min(found):.1f}"
+
     def phases(self) -> str:
         """Range of the charge's phase, degree."""
         phases = [t["phase"] for t in self.kept["calibrate"]["tests"]]
@@ -128,6 +142,10 @@ class Results:
         """delta_2 in percent at a current."""
         row = next(row for row in self.kept["calibrate"]["sensing"] if row["command"] == float(command))
         return f"{100 * row[name]:.2f}"
+
+    def alone(self, name: str) -> str:
+        """delta_2 in percent of one record."""
+        return f"{100 * sensing_by_command([embedded('self_sensing')[name]])[0].delta_2:.2f}"
 
     def trial(self, run: str, search: str, key: str, value: str) -> str:
         """One step ahead on validation: median over the seeds and range, percent."""
@@ -150,6 +168,10 @@ class Results:
         row = next(r for r in (found[way] if way else found)["records"] if r["record"] == record)
         return f"{row['rmse_N']:.1f} N, {100 * row['nrmse']:.2f} %"
 
+    def pooled(self, run: str, half: str, way: str) -> str:
+        """Of a half, percent."""
+        return f"{100 * self.kept[run][half][way]['nrmse']:.1f}"
+
     def errors(self, run: str, half: str, way: str) -> str:
         """The same on all records of a half."""
         rows = self.kept[run][half][way]["records"]
@@ -167,6 +189,8 @@ def run(name: str, data: Path | None) -> Any:
     """What a run's command prints as JSON."""
     WORK.mkdir(parents=True, exist_ok=True)
     words = [w.format(data=data, work=WORK) for w in shlex.split(RUNS[name])]
+    if name in FEWER:
+        make_foam.main(WORK / name, FEWER[name])
     out = ["-o", str(WORK / f"{name}.json")] if words[0] == "identify" else []
     print("mrdamp", shlex.join(words), flush=True)
     said = io.StringIO()
@@ -196,8 +220,8 @@ def pictures() -> None:
         {name: (r.displacement, r.velocity(), r.channel("force_N")) for name, r in late.items()}
     )
     save(loops, PAGES / "foam-loops.png")
-    time = test.sample_time * np.arange(len(test.force), dtype=float)
-    save(sensing.calibration_signals(time, test.force, test.charge), PAGES / "sensing-signals.png")
+    signals = sensing.calibration_signals(test.time, *(test.channel(name) for name in COLUMNS[1:]))
+    save(signals, PAGES / "sensing-signals.png")
     currents = {f"{u:g} A": own[f"sine_5.0Hz_5.0mm_{u:.2f}A"].part(2.0, 2.8) for u in (0.0, 0.25, 0.5, 0.75, 1.0)}
     both = {k: (r.time, r.channel("reference_force_N"), r.channel("force_N")) for k, r in currents.items()}
     save(sensing.force_histories({k: both[k] for k in ("0 A", "0.5 A", "1 A")}), PAGES / "sensing-histories.png")
@@ -205,7 +229,8 @@ def pictures() -> None:
         {k: (r.displacement, r.velocity(), r.channel("force_N")) for k, r in currents.items()}
     )
     save(loops, PAGES / "sensing-loops.png")
-    for name in ("foam-models", "sensing-choice"):
+    of_runs = ("foam-models", "sensing-choice", "sensing-constant-one_step", "sensing-varying-one_step")
+    for name in (*of_runs, "sensing-varying_law"):
         if (WORK / f"{name}.png").exists():
             shrink(WORK / f"{name}.png", PAGES / f"{name}.png")
 

@@ -15,7 +15,7 @@ from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
-    from mrdamp.identify.calibration import Calibration, CalibrationTest, SensingRow
+    from mrdamp.identify.calibration import Calibration, SensingRow
     from mrdamp.records import Record
 
 
@@ -59,16 +59,20 @@ def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.identify import calibration
     from mrdamp.records import read_record, read_records
+    from mrdamp.records.checks import warnings_of
 
     if a.tests:
         tests = calibration.read_tests(a.tests[0] if len(a.tests) == 1 else a.tests)
     else:
         tests = calibration.embedded_tests()
-    found = calibration.calibrate(tests, a.cutoff)
-    _sensor(found)
     source = a.records or (None if a.tests else "self_sensing")
     # A set divides a file that is alone in two.
     given = [read_record(source)] if source and Path(source).is_file() else read_records(source) if source else ()
+    warnings = [*warnings_of(tests), *warnings_of(list(given))]
+    for warning in warnings:
+        print(f"check: {warning}", flush=True)
+    found = calibration.calibrate(tests, a.cutoff)
+    _sensor(found)
     records = [
         calibration.with_force(r, found, a.put_back) if "charge_pC" in r.channels else r for r in given
     ]
@@ -86,7 +90,7 @@ def _calibrated(a: argparse.Namespace) -> dict[str, Any]:
     if a.out:
         _write(a.out, tests, found, records, rows)
         print(f"page: {a.out / 'index.html'}")
-    report = asdict(found) | {"sensing": [asdict(row) for row in rows]}
+    report = asdict(found) | {"warnings": warnings, "sensing": [asdict(row) for row in rows]}
     for test in report["tests"]:
         del test["gain"]  # a complex number; amplitude and phase are beside it
     return report
@@ -129,13 +133,13 @@ def _name(row: SensingRow) -> str:
 
 
 def _write(
-    folder: Path, tests: Sequence[CalibrationTest], found: Calibration, records: Sequence[Record],
+    folder: Path, tests: Sequence[Record], found: Calibration, records: Sequence[Record],
     rows: Sequence[SensingRow],
 ) -> None:  # fmt: skip
     """The page, with Figs. 3 to 5 of the self-sensing paper, and the records with their force from the charge."""
     import numpy as np
 
-    from mrdamp.identify.calibration import PAPER_DELTA_2
+    from mrdamp.identify.calibration import COLUMNS, PAPER_DELTA_2
     from mrdamp.pictures import sensing
     from mrdamp.pictures.identification import sensitivities
     from mrdamp.report import Page
@@ -154,9 +158,8 @@ def _write(
         "", sensitivities(data[0], np.round(data[1], -2), data[2], data[3], found.sensitivity),
         "Sensitivity and deviation of each test.", "Sensitivities over the frequency.",
     )  # fmt: skip
-    test: CalibrationTest = tests[len(tests) // 2]
-    time = test.sample_time * np.arange(len(test.force), dtype=float)
-    page.figure("", sensing.calibration_signals(time, test.force, test.charge),
+    test = tests[len(tests) // 2]
+    page.figure("", sensing.calibration_signals(test.time, *(test.channel(n) for n in COLUMNS[1:])),
                 f"Force and charge of the test {test.name}.", "Force and charge over time.")  # fmt: skip
     if rows:
         page.table("Force from the charge", ("command", "delta_2 (%)", "at 20 Hz (%)", "records", "paper (%)"), [

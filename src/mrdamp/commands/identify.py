@@ -92,8 +92,8 @@ def add_identify(commands: Any) -> None:
     p.add_argument(
         "--picture",
         type=Picture,
-        help="loops over the held-out record of the largest force, the lines of --by-command, or a network's choice"
-        " and pruning (.svg, .png or .pdf)",
+        help="loops over the held-out records, or forces over time where the command varies; the lines of --by-command;"
+        " a network's choice and pruning (.svg, .png or .pdf)",
     )
     p.add_argument("--command-unit", default="A", choices=_UNITS)
     add_signals(p)
@@ -134,7 +134,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     """What `--json` prints."""
     from mrdamp.diagnosis.form import form_of
     from mrdamp.identify import compare_dependences, error, identify, pooled
-    from mrdamp.identify.comparison import loops_of
+    from mrdamp.identify.comparison import overview_of
     from mrdamp.identify.findings import findings
     from mrdamp.identify.intervals import channel_findings
     from mrdamp.identify.provenance import write_identified
@@ -206,7 +206,7 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
     if a.picture:
-        save_picture(loops_of(fit.model, records.held_out or records.train), a.picture)
+        save_picture(overview_of(fit.model, records.held_out or records.train, a.command_unit), a.picture)
     print(f"model: {a.out}")
     return of_fit(fit, left, rows, fits) | {"checks": checks}
 

@@ -302,16 +302,17 @@ def _pictures(
     a: argparse.Namespace, name: str, fit: FitNarx, splits: DataSplit, found: Sufficiency, choice: Choice | None,
     pruned: Pruned | None, model: Model,
 ) -> None:  # fmt: skip
-    """The page, and the pictures as files: the courses, or the network's loops where there is no course."""
+    """The page, and the pictures as files: the courses, or both predictions of the test parts where there is none."""
     if not a.picture and not a.page:
         return
     from mrdamp.commands.narx_page import figures, write_page
 
-    drawn = figures(choice, pruned, model, splits)
+    drawn = figures(choice, pruned, model, splits, a.command_unit)
     if a.page:
         write_page(a.page, name, fit, splits, found, model, drawn)
         print(f"page: {a.page}")
-    shown = {key: fig for key, fig in drawn.items() if len(drawn) == 1 or key != "loops"}
+    courses = {key: fig for key, fig in drawn.items() if key in ("choice", "pruning")}
+    shown = courses or drawn
     for key, fig in shown.items() if a.picture else ():
         save_picture(fig, a.picture if len(shown) == 1 else a.picture.with_stem(f"{a.picture.stem}-{key}"))
 

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from mrdamp.model import Model
 from mrdamp.narx import Choice, FitNarx, Network, Pruned, draw_choice, draw_pruning, evaluate
 from mrdamp.narx.error_bars import Sufficiency
-from mrdamp.narx.evaluation import free_run_force
+from mrdamp.narx.evaluation import free_run_error, free_run_force, one_step_error, one_step_force
 from mrdamp.narx.splits import DataSplit
-from mrdamp.pictures.identification import model_loops
+from mrdamp.pictures.damper import LoopData, overview
 from mrdamp.report import Page
 
 CAPTIONS: Mapping[str, tuple[str, str]] = {
@@ -25,24 +25,31 @@ CAPTIONS: Mapping[str, tuple[str, str]] = {
         "Error while weights are removed; the line is 10 % above the best free-run error.",
         "Error over the number of weights left.",
     ),
-    "loops": ("Free run over the measured force.", "Force over displacement and over velocity."),
+    "one_step": ("One step ahead of measured forces, over the measured force.", "Predicted and measured force."),
+    "free_run": ("Free run, over the measured force.", "Simulated and measured force."),
 }
 
 
 def figures(
-    choice: Choice | None, pruned: Pruned | None, model: Model, splits: DataSplit
+    choice: Choice | None, pruned: Pruned | None, model: Model, splits: DataSplit, command_unit: str
 ) -> dict[str, Figure]:
-    """The courses of the choice and of the pruning where there are any, and the network's loops."""
+    """The courses of the choice and of the pruning where there are any, and both predictions of the test parts."""
     out = {}
     if choice:
         out["choice"] = draw_choice(choice)
     if pruned:
         out["pruning"] = draw_pruning(pruned)
     assert model.weights is not None
-    s = max(splits.test or splits.validation or splits.train, key=lambda s: float(np.std(s.force)))
-    time = np.arange(s.n, dtype=float) * s.sample_time
-    force = free_run_force(Network.from_text(model.weights), s)
-    out["loops"] = model_loops(time, s.x, s.v, s.force, {f"{s.name}, free run": force})
+    net, judged = Network.from_text(model.weights), splits.test or splits.validation or splits.train
+    for key, said, force, error, first in (
+        ("one_step", "one step", one_step_force, one_step_error, net.max_lag),
+        ("free_run", "free run", free_run_force, free_run_error, 0),
+    ):
+        out[key] = overview([
+            LoopData(s.name, s.sample_time * np.arange(first, s.n, dtype=float), s.x[first:], s.v[first:], s.i[first:],
+                     s.force[first:], force(net, s), command_unit, f"{said}: {error(net, s).rmse:.1f} N")
+            for s in judged
+        ])  # fmt: skip
     return out
 
 
@@ -78,5 +85,5 @@ def write_page(
         [(s.name, s.gamma, 100 * s.free_run, 100 * s.one_step) for s in fit.stages],
     )
     for key, figure in pictures.items():
-        page.figure(key.capitalize(), figure, *CAPTIONS[key])
+        page.figure(key.replace("_", " ").capitalize(), figure, *CAPTIONS[key])
     page.write(path)

@@ -7,20 +7,18 @@ Eqs. (1) to (4): force-controlled sines on the sensor alone, then the whole damp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import resources
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy import optimize, signal, stats
 
 from mrdamp.errors import InputError
-from mrdamp.files import decode, files_in, read_bytes
+from mrdamp.files import files_in
 from mrdamp.identify.norms import delta_1, delta_2
 from mrdamp.model.core import Array
-from mrdamp.records import Record
-from mrdamp.records.checks import clipped
-from mrdamp.records.csv_file import numbers
+from mrdamp.records import Record, read_record
+from mrdamp.records.checks import check_channels, clipped
 
 COLUMNS = ("time_s", "reference_force_N", "charge_pC")
 CUTOFF = 20.0  # Hz, the paper's elliptic low-pass
@@ -29,21 +27,13 @@ PAPER_SENSITIVITY, PAPER_DELTA_1 = -158.248, 0.0235
 PAPER_DELTA_2 = {0.0: 0.0389, 0.25: 0.0270, 0.5: 0.0230, 0.75: 0.0246, 1.0: 0.0239}
 #: delta_1 from which a charge is none of the force's: its correlation with it is below .87.
 _NO_SENSOR = 0.5
+#: Share of the force (RMS) beside a sine and its harmonics from which on it is no sine: a sweep over 20 % has .37.
+_NO_SINE = 0.3
 #: Of a faster test, the cut-off over its frequency: the harmonics that make delta_1 pass.
 _ABOVE = 4.0
 _HARMONICS = 3
 _ORDER, _RIPPLE, _STOP = 5, 0.01, 60.0  # dB; run forward and backward
 _MIN_CYCLES = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class CalibrationTest:
-    """A sine test of the sensor: force of the machine's cell (n,) N and charge (n,) pC at the sample time (s)."""
-
-    name: str
-    sample_time: float
-    force: Array
-    charge: Array
 
 
 @dataclass(frozen=True)
@@ -95,32 +85,26 @@ class SensingRow:
     records: int
 
 
-def read_test(path: Path | str) -> CalibrationTest:
-    """Reads a .csv or .csv.gz with time_s, reference_force_N and charge_pC. Raises InputError."""
-    path = Path(path)
-    return _parse(str(path), path.name.split(".csv")[0], read_bytes(path))
+def read_tests(source: Path | str | Sequence[Path | str]) -> list[Record]:
+    """Every test of a folder, a file or a list of files, each with the channels of COLUMNS. Raises InputError."""
+    if not isinstance(source, Path | str):
+        return [read_record(path, COLUMNS) for path in source]
+    return [read_record(path, COLUMNS) for path in files_in(Path(source))]
 
 
-def read_tests(folder: Path | str | Sequence[Path | str]) -> list[CalibrationTest]:
-    """Every test of a folder, or of a list of files, by name. Raises InputError where there is none."""
-    if not isinstance(folder, Path | str):
-        return [read_test(item) for item in folder]
-    return [read_test(path) for path in files_in(Path(folder))]
-
-
-def embedded_tests() -> list[CalibrationTest]:
+def embedded_tests() -> list[Record]:
     """The sixteen tests that come with the package, made by tools/make_calibration.py."""
-    root = resources.files("mrdamp") / "data" / "calibration"
-    items = sorted((item for item in root.iterdir() if item.name.endswith(".csv.gz")), key=lambda i: i.name)
-    return [_parse(f"calibration/{i.name}", i.name.split(".csv")[0], i.read_bytes()) for i in items]
+    tests = read_tests(Path(__file__).parents[1] / "data" / "calibration")
+    return [replace(test, path=None) for test in tests]
 
 
-def calibrate(tests: Sequence[CalibrationTest], cutoff: float | None = None) -> Calibration:
-    """Sensitivity and frequency response of the sensor from sine tests.
+def calibrate(tests: Sequence[Record], cutoff: float | None = None) -> Calibration:
+    """Sensitivity and frequency response of the sensor from sine tests, each with the channels of COLUMNS.
 
     cutoff (Hz): of the elliptic low-pass on both channels; 0: none; None: 20 Hz, or four times the frequency of a
-    test where that is more. Raises InputError for a constant or clipped channel, fewer than three periods, a cut-off
-    that the sampling rate does not allow or that is below a test's frequency, or no test at all.
+    test where that is more. Raises InputError for a constant or clipped channel, a force that is no
+    sine, fewer than three periods, a cut-off that the sampling rate does not allow or that is below a test's frequency,
+    or no test at all.
     """
     if not tests:
         raise InputError("no calibration test; at least one is needed")
@@ -131,7 +115,7 @@ def calibrate(tests: Sequence[CalibrationTest], cutoff: float | None = None) -> 
     pooled = float(np.sqrt(np.mean([delta_1(f, q / mean) ** 2 for _, f, q in measured])))
     if not pooled < _NO_SENSOR:
         raise InputError(
-            f"{tests[0].name}: the charge does not follow the force: delta_1 is {100 * pooled:.0f} %, a sensor's is"
+            f"{tests[0].label}: the charge does not follow the force: delta_1 is {100 * pooled:.0f} %, a sensor's is"
             " below 4 %; check that charge and force are of one test and on one clock"
         )
     response = _response(results)
@@ -198,35 +182,34 @@ def low_pass(x: Array, sample_time: float, cutoff: float = CUTOFF) -> Array:
     return np.asarray(signal.sosfiltfilt(sos, x, padlen=min(len(x) - 1, int(2 / (cutoff * sample_time)))))
 
 
-def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, Array, Array]:
+def _measure(test: Record, cutoff: float | None) -> tuple[SineResult, Array, Array]:
     """The result, and the filtered force and charge over whole periods, their means and trends taken off."""
-    for name, x in (("reference_force_N", test.force), ("charge_pC", test.charge)):
-        if not float(np.ptp(x)) > 0:
-            raise InputError(f"{test.name}: channel {name} is constant; no sensitivity can be found from it")
+    check_channels([test], COLUMNS[1:])
+    dt, force, charge = test.sample_time, *(test.channel(name) for name in COLUMNS[1:])
+    for name, x in zip(COLUMNS[1:], (force, charge), strict=True):
         found = clipped(x)
         if found is not None:
             raise InputError(
-                f"{test.name}: channel {name} is clipped at {found[0]:g} ({100 * found[1]:.1f} %)"
+                f"{test.label}: channel {name} is clipped at {found[0]:g} ({100 * found[1]:.1f} %)"
             )
-    dt, force, charge = test.sample_time, test.force, test.charge
     frequency = frequency_of(force, dt)
     if cutoff is None:
         cutoff = min(max(CUTOFF, _ABOVE * frequency), 0.4 / dt)
     if cutoff:
         if cutoff <= frequency:
             allowed = f"allowed: a cut-off above it, not {cutoff:g} Hz"
-            raise InputError(f"{test.name}: a test at {frequency:.4g} Hz; {allowed}")
+            raise InputError(f"{test.label}: a test at {frequency:.4g} Hz; {allowed}")
         force, charge = low_pass(force, dt, cutoff), low_pass(charge, dt, cutoff)
         frequency = frequency_of(force, dt)
     cycles = len(force) * dt * frequency
     if cycles < _MIN_CYCLES + 1:
-        raise InputError(f"{test.name}: {cycles:.1f} periods; at least {_MIN_CYCLES + 1:g} are needed")
+        raise InputError(f"{test.label}: {cycles:.1f} periods; at least {_MIN_CYCLES + 1:g} are needed")
     # The first period is the run-up; whole periods, or the mean would depend on where the test ends.
     first = round(1 / (frequency * dt))
     count = round(int((len(force) - first) * dt * frequency) / (frequency * dt))
     part = slice(first, first + count)
     t = dt * np.arange(len(force))[part]
-    gains, swings = [], []
+    gains, swings, rest = [], [], []
     for x in (force[part], charge[part]):
         # With harmonics, which a trend would else take a part of.
         angle = 2 * np.pi * frequency * np.outer(t, np.arange(1, 1 + _HARMONICS))
@@ -234,10 +217,16 @@ def _measure(test: CalibrationTest, cutoff: float | None) -> tuple[SineResult, A
         c = np.linalg.lstsq(columns, x, rcond=None)[0]
         gains.append(complex(c[2], -c[2 + _HARMONICS]))
         swings.append(x - columns[:, :2] @ c[:2])
+        rest.append(float(np.std(x - columns @ c) / np.std(swings[-1])))
+    if rest[0] > _NO_SINE:
+        raise InputError(
+            f"{test.label}: the force is no sine: {100 * rest[0]:.0f} % of it (RMS) is not at {frequency:.4g} Hz and"
+            " its harmonics; give tests of one frequency each"
+        )
     f, q = swings
     product = float(q @ f)
     if not abs(product) > 0:
-        raise InputError(f"{test.name}: charge and force have nothing in common; check the channels")
+        raise InputError(f"{test.label}: charge and force have nothing in common; check the channels")
     k = float(q @ q) / product
     gain = gains[1] / gains[0]
     phase = float(np.degrees(np.angle(gain * np.sign(k))))
@@ -302,19 +291,3 @@ def _response(
         (delay, delay - float(wide[1]), delay + float(wide[1])),
         (float(np.degrees(loss)), float(np.degrees(loss - wide[2])), float(np.degrees(loss + wide[2]))),
     )
-
-
-def _parse(file: str, name: str, data: bytes) -> CalibrationTest:
-    lines = [line for line in decode(file, data).split("\n") if line.strip()]
-    header = [cell.strip() for cell in lines[0].split(",")]
-    missing = [column for column in COLUMNS if column not in header]
-    if missing:
-        raise InputError(f"{file}: no column {missing[0]}; a calibration test has {', '.join(COLUMNS)}")
-    if len(lines) < 21:
-        raise InputError(f"{file}: {len(lines) - 1} samples; at least 20 are needed")
-    table = numbers(file, header, lines[1:], [header.index(column) for column in COLUMNS])
-    steps = np.diff(table[:, 0])
-    dt = float(table[-1, 0] - table[0, 0]) / (len(table) - 1)
-    if not dt > 0 or float(np.abs(steps - dt).max()) > 0.05 * dt:
-        raise InputError(f"{file}: time_s is not uniform; allowed: equal steps upward")
-    return CalibrationTest(name, dt, table[:, 1].copy(), table[:, 2].copy())

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from mrdamp.errors import InputError
 from mrdamp.identify.calibration import frequency_of
-from mrdamp.identify.fit import Fit, identify, simulate
+from mrdamp.identify.fit import Fit, error, identify, simulate
 from mrdamp.identify.laws import PAPER_FOLLOWS
 from mrdamp.identify.norms import CENTIMETRE, FoamNorms, delta_2, record_norms, rmse
 from mrdamp.model import Model
@@ -23,6 +23,7 @@ from mrdamp.narx import FitNarx, Network, lagged, train_narx
 from mrdamp.narx.data import series
 from mrdamp.narx.evaluation import one_step_force
 from mrdamp.narx.splits import of_records
+from mrdamp.pictures.damper import LoopData, overview
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet
 
@@ -59,14 +60,18 @@ class Table1:
 
     def picture(self) -> Figure:
         """Loops of all models over the record of the largest force."""
-        chosen = _strongest(self.records)
-        return _loops(chosen, {name: forces[chosen.name] for name, forces in self.forces.items()})
+        r = max(self.records, key=lambda r: float(np.std(r.channel("force_N"))))
+        shown = {name: forces[r.name] for name, forces in self.forces.items()}
+        return model_loops(r.time, r.displacement, r.velocity(), r.channel("force_N"), shown)
 
 
-def loops_of(model: Model, records: Sequence[Record]) -> Figure:
-    """Loops of a model in free run over the record of the largest force."""
-    chosen = _strongest(records)
-    return _loops(chosen, {model.law.replace("_", " "): simulate(model, chosen)})
+def overview_of(model: Model, records: Sequence[Record], command_unit: str = "A") -> Figure:
+    """A model in free run over records of damper tests, as `mrdamp.pictures.damper.overview` draws them."""
+    return overview([
+        LoopData(r.name, r.time, r.displacement, r.velocity(), r.command, r.channel("force_N"), simulate(model, r),
+                 command_unit, f"free run: {error(model, r).rmse:.1f} N")
+        for r in records
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -209,8 +214,8 @@ def row_of(name: str, forces: Mapping[str, Array], records: Sequence[Record], pa
         rest, force = (part or _without_start)(record, forces[record.name])
         norms = record_norms(rest, force, CENTIMETRE)
         deviation = float(np.std(rest.channel("force_N")))
-        error = rmse(rest.channel("force_N"), force)
-        parts.append([norms.e_t * deviation, norms.e_x * deviation, norms.e_v * deviation, error, deviation])
+        left = rmse(rest.channel("force_N"), force)
+        parts.append([norms.e_t * deviation, norms.e_x * deviation, norms.e_v * deviation, left, deviation])
     *total, size = np.sqrt(np.mean(np.square(parts), axis=0))
     e_t, e_x, e_v, nrmse = (float(x / size) for x in total)
     return Row(name, FoamNorms(e_t, e_x, e_v), nrmse, PAPER.get(name))
@@ -220,13 +225,3 @@ def _without_start(record: Record, force: Array) -> tuple[Record, Array]:
     """Both without the first 20 ms, where the unknown start state fades."""
     skip = min(record.n // 4, int(0.02 / record.sample_time))
     return record.part(record.time[skip], record.time[-1]), np.asarray(force)[skip:]
-
-
-def _strongest(records: Sequence[Record]) -> Record:
-    return max(records, key=lambda r: float(np.std(r.channel("force_N"))))
-
-
-def _loops(record: Record, forces: Mapping[str, Array]) -> Figure:
-    return model_loops(
-        record.time, record.displacement, record.velocity(), record.channel("force_N"), forces
-    )  # fmt: skip

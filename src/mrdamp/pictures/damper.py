@@ -44,6 +44,7 @@ from mrdamp.pictures.style import (
 )  # fmt: skip
 
 BINS = 400  # of a line over time: two points each, about what a screen resolves
+_MOST = 6  # rows of an overview
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,13 @@ class LoopData:
 
     def __post_init__(self) -> None:
         check_series(self, "displacement", "velocity", "command", "measured", "simulated")
+
+
+def overview(records: Sequence[LoopData]) -> Figure:
+    """Loops, or histories where a command changes, of the six records of the largest forces, in their order."""
+    strongest = sorted(records, key=lambda r: -float(np.std(r.measured)))[:_MOST]
+    shown = [r for r in records if r in strongest]
+    return (histories if any(_changes(r, slice(None)) for r in shown) else loops)(shown)
 
 
 @styled
@@ -141,7 +149,7 @@ def histories(records: Sequence[LoopData], periods: float = 6.0) -> Figure:
             span = force * (high - low) * heights[k]
             middle = sum(_extent(residual)) / 2
             ax.set_ylim(middle - span / 2, middle + span / 2)
-            ax.set_ylabel("error")
+            ax.set_ylabel(f"error, {force_name}")
             ticks(ax, 6, max(2, round(5 * heights[k])))
         else:
             ax.plot(*outline(time, record.command[part], BINS), color=COLOURS[2], linewidth=1.2)

@@ -167,7 +167,7 @@ def ticks(ax: Axes, x: int | None = None, y: int | None = None) -> None:
     """At most so many intervals on an axis."""
     for axis, count in ((ax.xaxis, x), (ax.yaxis, y)):
         if count is not None:
-            axis.set_major_locator(MaxNLocator(count, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
+            axis.set_major_locator(MaxNLocator(count, min_n_ticks=min(3, count), steps=[1, 2, 2.5, 5, 10]))
 
 
 def log_percent(ax: Axes) -> None:

@@ -21,15 +21,21 @@ _SHARE, _OVER_NEXT = 0.01, 4.0
 #: fifth of its variance; the worst fit of a law to measured records here, Bingham's to the embedded set, leaves .55.
 NO_BETTER, _WORSE = 0.9, 1.1
 #: What dampers and their rigs have, as the least and the largest: range of the displacement (m), size of force (N) and
-#: command (A or V), sampling rate (Hz). A channel beyond it is likely in mm, kN, mA or ms.
-_USUAL = {"displacement_m": (1e-4, 3.0), "force_N": (2.0, 1e7), "command": (0.0, 50.0), "rate": (20.0, 1e5)}
+#: command (A or V), sampling rate (Hz), charge over force (pC/N; quartz 2, ceramics to 700 a wafer). A channel beyond
+#: it is likely in mm, kN, mA, ms or nC.
+_USUAL = {
+    "displacement_m": (1e-4, 3.0), "force_N": (2.0, 1e7), "reference_force_N": (2.0, 1e7), "command": (0.0, 50.0),
+    "rate": (20.0, 1e5), "sensitivity": (1.0, 1e4),
+}  # fmt: skip
 _SAID = {
     "displacement_m": "displacement_m spans {:.3g} m",
     "force_N": "force_N is up to {:.3g} N",
+    "reference_force_N": "reference_force_N is up to {:.3g} N",
     "command": "command is up to {:.3g}",
+    "sensitivity": "charge_pC is {:.3g} pC for each N of reference_force_N",
     "rate": "the clock runs at {:.3g} Hz, and every 0.5 ms is computed",
 }
-_UNITS = "channels are in m, N, s, and A or V"
+_UNITS = "channels are in m, N, s, pC, and A or V"
 #: A record of a set has another unit where a channel is so many times the set's median, or that part of it.
 _SPREAD = 100.0
 
@@ -76,6 +82,9 @@ def _sizes(record: Record) -> dict[str, float]:
     found = {name: float(np.abs(x).max()) for name, x in record.channels.items() if name in _USUAL}
     if "displacement_m" in found:
         found["displacement_m"] = float(np.ptp(record.displacement))
+    if {"charge_pC", "reference_force_N"} <= set(record.channels) and np.ptp(record.channel("reference_force_N")) > 0:
+        charge, force = (float(np.ptp(record.channel(name))) for name in ("charge_pC", "reference_force_N"))
+        found["sensitivity"] = charge / force
     return found | {"rate": 1.0 / record.sample_time}
 
 
