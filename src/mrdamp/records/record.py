@@ -171,7 +171,7 @@ class Record:
         path = Path(path)
         if not path.name.endswith(SUFFIXES):
             raise InputError(f"{path}: a record is written as .csv or .csv.gz")
-        write_atomic(path, csv_file.render(self.channels, digits))
+        write_atomic(path, csv_file.rendered(self.channels, digits))
 
     def _smooth(self, name: str, cutoff_hz: float | None) -> Array:
         x = self.channel(name)
@@ -261,7 +261,17 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
     path = Path(path)
     if not path.name.lower().endswith(SUFFIXES):
         raise InputError(f"{path}: a record is a .csv or .csv.gz file")
-    return _parse(str(path), _stem(path.name), path, read_bytes(path), required)
+    channels, ignored, sample_time = csv_file.parse(str(path), decode(str(path), read_bytes(path)), required)
+    if "velocity_m_s" in channels and "displacement_m" in channels:
+        ratio = motion.rate_ratio(channels["displacement_m"], channels["velocity_m_s"], sample_time)
+        if not 1 / _RATE < ratio < _RATE:
+            raise InputError(
+                f"{path}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
+                " or leave the column out"
+            )
+    time = channels["time_s"]
+    channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
+    return Record(_stem(path.name), path, sample_time, channels, ignored)
 
 
 def read_records(
@@ -317,20 +327,6 @@ def embedded(name: str = "embedded") -> RecordSet:
     """A set of `PACKAGED`, each made by a simulation that shares no physics with the plugin (data/NAME/README.md)."""
     found = read_records(Path(__file__).parents[1] / "data" / name)
     return found.changed(lambda record: replace(record, path=None))
-
-
-def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
-    channels, ignored, sample_time = csv_file.parse(file, decode(file, data), required)
-    if "velocity_m_s" in channels and "displacement_m" in channels:
-        ratio = motion.rate_ratio(channels["displacement_m"], channels["velocity_m_s"], sample_time)
-        if not 1 / _RATE < ratio < _RATE:
-            raise InputError(
-                f"{file}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
-                " or leave the column out"
-            )
-    time = channels["time_s"]
-    channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
-    return Record(name, path, sample_time, channels, ignored)
 
 
 def _stem(name: str) -> str:
