@@ -50,7 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except OSError as error:
-        print(f"mrdamp: {error.filename or 'output'}: {error.strerror}; give another file or folder", file=sys.stderr)
+        where = error.filename2 or error.filename or "output"  # of a copy: the copy
+        print(f"mrdamp: {where}: {error.strerror}; give another file or folder", file=sys.stderr)
         return 2
 
 

@@ -8,10 +8,10 @@ import json
 import os
 import stat
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from mrdamp.errors import InputError
 
@@ -142,15 +142,18 @@ def _refused(constant: str) -> float:
     raise InputError(f"it holds {constant}; allowed: finite numbers")
 
 
-def write_atomic(path: Path, content: str | bytes | Iterable[str]) -> None:
+def write_atomic(path: Path, content: str | bytes | Iterable[str] | Callable[[IO[bytes]], object]) -> None:
     """Write a file in one go: either the whole new file is there or the old one stays.
 
-    Text may come in parts, which are made as they are written. A link is written through. A name that ends in .gz is
-    packed; the bytes depend on the text only (no time, no name inside).
+    Text may come in parts, which are made as they are written, and bytes from a function that writes them. A link is
+    written through. A name that ends in .gz is packed; the bytes depend on the text only (no time, no name inside).
 
     Raises:
         InputError: the folder is missing or cannot be written, or the path is a device or a pipe.
     """
+    if callable(content):
+        content(made := io.BytesIO())
+        content = made.getvalue()
     parts = (content,) if isinstance(content, str | bytes) else content
     real = Path(os.path.realpath(path))
     temporary = real.with_name(f".{real.name}.{os.getpid()}.tmp")
