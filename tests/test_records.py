@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mrdamp
 from mrdamp.errors import InputError
+from mrdamp.identify import Fit, RecordError
+from mrdamp.model import Model
 from mrdamp.records import Record, RecordSet, read_record, read_records
 from record_tables import HEADER, table, write
 from refusals import refuses
@@ -329,3 +332,22 @@ def test_every_open_case_reads() -> None:
         assert found.train
         assert found.validation
         assert all(record.sample_time == pytest.approx(0.002, rel=1e-9) for record in found)
+
+
+def test_a_record_and_a_fit_are_shown_in_one_line() -> None:
+    record = Record("a", None, 0.002, {"displacement_m": np.zeros(501), "command": np.zeros(501)})
+    assert repr(record) == "Record('a', 501 samples, 1 s at 500 Hz: time_s, displacement_m, command)"
+    assert repr(RecordSet("s", (record,), (record, record))) == "RecordSet('s', 1 train, 2 validation, 0 test)"
+    model = Model("bingham", dict.fromkeys(("c0a", "c0b", "fya", "fyb"), 1.0) | {"v_ref": 0.1}, name="m")
+    fit = Fit(model, (RecordError("a", 3.0, 0.25),), (RecordError("b", 1.0, 0.5),), 1, 1)
+    assert repr(fit) == (
+        "Fit(Model('m', bingham, rig damper, effects: none), error 0.250 of 1 fitted, error 0.500 of 1 held out)"
+    )
+
+
+def test_what_users_need_is_in_the_package_itself() -> None:
+    for name in mrdamp.__all__:
+        assert getattr(mrdamp, name) is not None
+    assert mrdamp.Record is Record
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = mrdamp.nothing

@@ -70,6 +70,10 @@ class Record:
             values.setflags(write=False)
         object.__setattr__(self, "channels", channels)
 
+    def __repr__(self) -> str:
+        rate, rest = 1.0 / self.sample_time, ", ".join(self.channels)
+        return f"Record({self.name!r}, {self.n} samples, {self.duration:.4g} s at {rate:.6g} Hz: {rest})"
+
     @property
     def label(self) -> str:
         """The path, or the name where there is none: how error lines call the record."""
@@ -228,6 +232,10 @@ class RecordSet:
         """The set with every record changed."""
         parts = (tuple(map(change, part)) for part in (self.train, self.validation, self.test))
         return RecordSet(self.name, *parts)
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.train)} train, {len(self.validation)} validation, {len(self.test)} test"
+        return f"RecordSet({self.name!r}, {counts})"
 
     def __iter__(self) -> Iterator[Record]:
         return iter(self.records)
