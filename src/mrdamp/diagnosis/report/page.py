@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
-from mrdamp.diagnosis.report.sentence import number, share
+from mrdamp.diagnosis.report.sentence import share
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.pictures import diagnosis as pictures
@@ -37,13 +38,15 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))
     worst = [shown[k] for k in order[:_SHOWN]]
     _next(out, found)
+    _answer(out, found, nominal)
     _stages(out, found)
     _shrink(out, found)
     _remains(out, found, worst)
     _loops(out, found, worst[0])
-    _answer(out, found, command_unit)
+    for effect in found.effects:
+        _by_regime(out, effect, command_unit)
     _where(out, found, shown, command_unit)
-    _records(out, shown)
+    _records(out, found, shown)
     _handed_over(out, found)
     _uncertainty(out, found)
     return out
@@ -53,11 +56,13 @@ def _stages(out: Page, found: Diagnosis) -> None:
     if found.verdict == "none":
         return
     stages, named = found.where.stages, {e.stage for e in found.effects}
+    of = "correction" if found.verdict == "effect" else "gap"
     out.figure(
         "Where in the chain",
-        pictures.chain(stages, found.where.intervals, named),
-        "The chain from command to sensor, with each stage's share of the gap and its 95 % interval"
-        + (f"; lit: {', '.join(s for s in stages if s in named)}." if named else "."),
+        pictures.chain(stages, found.where.intervals, named, of),
+        f"The chain from command to sensor, with each stage's share of the {of} and its 95 % interval"
+        + (f"; green: {', '.join(s for s in stages if s in named)}." if named else ".")
+        + (" What the corrected simulator still misses is in no stage." if named and found.remainder else ""),
         "Bars: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in stages.items()),
     )
 
@@ -91,27 +96,36 @@ def _next(out: Page, found: Diagnosis) -> None:
         out.text("What to do next", steps)
 
 
-def _answer(out: Page, found: Diagnosis, command_unit: str) -> None:
+def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
+    heading = "The cause"
     if found.effects:
         rows = [
             (
                 e.effect if e.place is None else f"{e.effect} at {e.place}",
                 e.stage,
-                e.probability,
+                f"{e.probability:.2f}",
                 f"{100 * e.share:.0f} %",
-                "; ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items()),
             )
             for e in found.effects
         ]
         out.table(
-            "The cause",
-            ("effect", "stage", "probability", "share of the excess", "parameters (SI)"),
+            heading,
+            ("effect", "stage", "probability", "share of the excess"),
             rows,
-            "In brackets: 95 % intervals.",
+            "Excess: the gap's square over that of the noise.",
         )
+        heading = ""
+    if changed := changes(nominal, found):
+        out.table(
+            heading,
+            ("parameter", "unit", "nominal", "corrected", "95 % from", "to"),
+            [(c.name, c.unit, c.old, c.new, *(c.interval or (None, None))) for c in changed],
+            "What `corrected.json` has in place of the nominal simulator's numbers. A dash: not there.",
+        )
+        heading = ""
     out.figure(
-        "" if found.effects else "The cause",
-        pictures.probabilities(found.probabilities),
+        heading,
+        pictures.probabilities(found.probabilities, [_cause(e) for e in found.effects]),
         "Probability of each cause. `none`: no gap beyond the noise; `parameters`: only numbers are wrong; "
         "`unknown`: a cause outside the catalogue.",
         "Bars: " + ", ".join(f"{k} {v:.2f}" for k, v in _likeliest(found)),
@@ -124,8 +138,10 @@ def _answer(out: Page, found: Diagnosis, command_unit: str) -> None:
                 for tie in found.indistinguishable
             ],
         )
-    for effect in found.effects:
-        _by_regime(out, effect, command_unit)
+
+
+def _cause(e: Named) -> str:
+    return e.effect if e.place is None else f"{e.effect}@{e.place}"
 
 
 def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
@@ -133,6 +149,8 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
     if not effect.by_regime:
         return
     heading, name = f"Is {effect.effect} the same in every regime?", next(iter(effect.by_regime[0].parameters))
+    unit = unit_of(f"{effect.effect}_{name}" + ("" if effect.place is None else f"@{effect.place}"))
+    label_of = f"{name} ({unit})" if unit else name
     rows, points = [], []
     for r in effect.by_regime:
         label, value, (low, high) = r.label(command_unit), r.parameters[name], r.intervals[name]
@@ -144,14 +162,14 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
         out.figure(
             heading,
             pictures.by_regime(
-                f"{effect.effect} {name}", points, (effect.parameters[name], effect.intervals.get(name))
+                f"{effect.effect} {label_of}", points, (effect.parameters[name], effect.intervals.get(name))
             ),
             f"`{name}` from the records of each regime alone, and from all records. A real cause has one value.",
             "Points: " + ", ".join(f"{label} {value:.3g}" for label, value, _ in points),
         )
     out.table(
         "" if points else heading,
-        ("regime", "records", "gap without, %", "gap with, %", f"{name} (95 %)"),
+        ("regime", "records", "gap without, %", "gap with, %", f"{label_of}, 95 %"),
         rows,
         f"Gaps without {effect.effect}, and with its parameters from all records.",
     )
@@ -187,9 +205,6 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
             ("place", "share of the gap"),
             [(n, share(v, ends.get(n))) for n, v in found.where.places.items()],
         )
-    if found.where.records:
-        out.table("", ("record", "share of the gap"),
-                  [(name, f"{100 * v:.0f} %") for name, v in found.where.records.items()])  # fmt: skip
 
 
 def _shrink(out: Page, found: Diagnosis) -> None:
@@ -242,26 +257,34 @@ def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
         "Measured force with the nominal and the corrected simulator's, over displacement and velocity.",
         "Hysteresis loops: measured, nominal and corrected.",
     )
-    if found.signatures:
+    said = [s for s in found.signatures if any((s.measured, s.nominal, s.corrected))]
+    if said:
         out.table(
             "",
             ("from turn to turn", "measured", "nominal", "corrected"),
-            [(f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected)))
-             for s in found.signatures],
+            [(f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected))) for s in said],
             "Medians over the records; no law is in them.",
         )  # fmt: skip
 
 
-def _records(out: Page, shown: Sequence[pictures.ResidualData]) -> None:
-    rows = [(r.name, 100 * _nrms(r.nominal, r.measured), 100 * _nrms(r.corrected, r.measured)) for r in shown]
-    out.table("Gap by record", ("record", "nominal, %", "corrected, %"), rows,
+def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
+    shares = found.where.records
+    rows = [
+        (
+            r.name,
+            *(100 * _nrms(simulated, r.measured) for simulated in (r.nominal, r.corrected)),
+            100 * shares[r.name] if r.name in shares else None,
+        )
+        for r in shown
+    ]
+    out.table("Gap by record", ("record", "nominal, %", "corrected, %", "share of the nominal gap, %"), rows,
               "All records, to which the simulator was fitted. The bars above are for held-out records.")  # fmt: skip
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
     if found.stepped:
         rows = [
-            (row["record"], *(100 * row[k] for k in ("offline_gap", "mujoco_gap", "difference")))
+            (row["record"], *(f"{100 * row[k]:.2f}" for k in ("offline_gap", "mujoco_gap", "difference")))
             for row in found.stepped
         ]
         out.table(
@@ -276,15 +299,17 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
     if found.candidates:
         out.table(
             "What else was tried",
-            ("effects", "probability", "held-out gap"),
-            [(" + ".join(c.causes) or "parameters", c.probability, c.heldout_gap) for c in found.candidates],
+            ("effects", "probability", "held-out gap, %"),
+            [
+                (" + ".join(c.causes) or "parameters", f"{c.probability:.2f}", 100 * c.heldout_gap)
+                for c in found.candidates
+            ],
         )
     if found.unseen:
-        columns = tuple(found.unseen[0])
         out.table(
             "What these records cannot show",
-            columns,
-            [tuple(_text(row.get(k)) for k in columns) for row in found.unseen],
+            ("effect", "parameter", "may be as far as", "unit"),
+            [(row["effect"], row["setting"], row["could_hide"], unit_of(row["setting"])) for row in found.unseen],
         )
     if found.corrections:
         out.text(
@@ -306,10 +331,6 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
             )
     if found.notes:
         out.text("Notes", found.notes)
-
-
-def _text(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _likeliest(found: Diagnosis) -> list[tuple[str, float]]:
