@@ -73,6 +73,12 @@ class ResidualData:
             check_series(self, "displacement")
 
 
+def _simulators(records: Sequence[ResidualData]) -> dict[str, str]:
+    """Name -> colour of the simulators to draw: the corrected one is left out where it is the nominal one."""
+    same = all(np.array_equal(r.nominal, r.corrected) for r in records)
+    return {"nominal": BEFORE} if same else {"nominal": BEFORE, "corrected": AFTER}
+
+
 @styled
 def waterfall(
     steps: Sequence[tuple[str, float, tuple[float, float]]], floor: float, ceiling: float | None = None
@@ -239,17 +245,17 @@ def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
         raise InputError("gap map: no records")
     velocity, command = (np.concatenate([getattr(r, k) for r in records]) for k in ("velocity", "command"))
     size = [np.sqrt(np.mean(r.measured**2)) or 1.0 for r in records]
-    before, after = (
-        np.concatenate([(getattr(r, k) - r.measured) / s for r, s in zip(records, size, strict=True)])
-        for k in ("nominal", "corrected")
-    )
+    errors = {
+        k: np.concatenate([(getattr(r, k) - r.measured) / s for r, s in zip(records, size, strict=True)])
+        for k in _simulators(records)
+    }
     v_edges, u_edges = _edges(velocity, symmetric=True), _edges(command, symmetric=False)
-    maps = [100 * _binned(velocity, command, e, v_edges, u_edges) for e in (before, after)]
+    maps = [100 * _binned(velocity, command, e, v_edges, u_edges) for e in errors.values()]
     fig = figure(2.5)
-    axes = axes_grid(fig, 1, 2, sharey=True)[0]
+    axes = axes_grid(fig, 1, len(maps), sharey=True)[0]
     top = float(np.nanmax(maps[0])) if np.isfinite(maps[0]).any() else 1.0
     mesh = None
-    for ax, values, title in zip(axes, maps, ("nominal", "corrected"), strict=True):
+    for ax, values, title in zip(axes, maps, errors, strict=True):
         ax.set_title(title)
         mesh = ax.pcolormesh(
             v_edges, u_edges, values.T, cmap=_HEAT, vmin=0, vmax=top, edgecolor=GRID, linewidth=0.3
@@ -273,24 +279,27 @@ def residuals(records: Sequence[ResidualData], periods: float = 5.0) -> Figure:
     """
     if not records:
         raise InputError("residuals: no records")
-    fig = figure(0.6 + 2.1 * len(records))
-    axes = fig.subplots(2 * len(records), 1)
+    drawn = _simulators(records)
+    count = len(drawn)
+    fig = figure(0.6 + 1.05 * count * len(records))
+    axes = fig.subplots(count * len(records), 1, squeeze=False)[:, 0]
     for k, r in enumerate(records):
         part = busiest(r.time, r.velocity, periods)
-        pair = axes[2 * k : 2 * k + 2]
-        errors = [(r.measured - simulated)[part] for simulated in (r.nominal, r.corrected)]
+        pair = axes[count * k : count * (k + 1)]
+        errors = [(r.measured - getattr(r, name))[part] for name in drawn]
         top = 1.08 * max(float(np.abs(e).max()) for e in errors) or 1.0
-        for ax, error, colour in zip(pair, errors, (BEFORE, AFTER), strict=True):
+        for ax, error, colour in zip(pair, errors, drawn.values(), strict=True):
             ax.axhline(0.0, color=MUTED, linewidth=0.7)
             _line(ax, r.time[part], error, colour, 1.2)
             ax.set_xlim(r.time[part][0], r.time[part][-1])
             ax.set_ylim(-top, top)
             ax.set_ylabel(f"error, {r.unit}")
             ticks(ax, 6, 4)
-        pair[0].tick_params(axis="x", labelbottom=False)
+        for ax in pair[:-1]:
+            ax.tick_params(axis="x", labelbottom=False)
         pair[0].set_title(elide(" · ".join(x for x in (r.name, r.note) if x), 330))
     axes[-1].set_xlabel("time, s")
-    legend(fig, [Patch(color=BEFORE), Patch(color=AFTER)], ["nominal", "corrected"])
+    legend(fig, [Patch(color=colour) for colour in drawn.values()], list(drawn))
     return fig
 
 
@@ -308,11 +317,11 @@ def loops(record: ResidualData, periods: float = 2.0) -> Figure:
     speed, speed_name = velocity_unit(record.velocity[part])
     fig = figure(6.2)
     axes = fig.subplots(2, 1)
-    drawn: tuple[tuple[str, Array, str, float, LineStyleType], ...] = (
+    drawn: list[tuple[str, Array, str, float, LineStyleType]] = [
         ("measured", record.measured, REFERENCE, 3.0, "-"),
-        ("nominal", record.nominal, BEFORE, 1.3, (0, (4, 1.5))),
-        ("corrected", record.corrected, AFTER, 1.3, "-"),
-    )
+        *((name, getattr(record, name), colour, 1.3, "-" if name == "corrected" else (0, (4, 1.5)))
+          for name, colour in _simulators([record]).items()),
+    ]  # fmt: skip
     sides = (
         (length * record.displacement, f"displacement, {length_name}"),
         (speed * record.velocity, f"velocity, {speed_name}"),

@@ -134,7 +134,7 @@ def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
         out.text(
             "",
             [
-                f"Not distinguishable with these records: {', '.join(f'`{name}`' for name in tie)}."
+                f"Hard to tell apart with these records: {', '.join(f'`{name}`' for name in tie)}."
                 for tie in found.indistinguishable
             ],
         )
@@ -189,8 +189,8 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
     out.figure(
         "" if found.where.measured else "Details of where the gap lies",
         pictures.gap_map(shown, command_unit),
-        "RMS residual over piston velocity and command, nominal and corrected, on one scale.",
-        "Two maps of the residual over velocity and command; the corrected one is the paler.",
+        "RMS residual over piston velocity and command, on one scale.",
+        "Maps of the residual over velocity and command.",
     )
     if found.where.regimes:
         rows = [
@@ -242,7 +242,7 @@ def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]
     out.figure(
         "",
         pictures.residuals(worst),
-        "Measured less simulated, on the records with the largest gap: nominal above, corrected below, on one scale.",
+        "Measured less simulated, on the records with the largest gap; a record's rows have one scale.",
         "Residuals over time of the nominal and the corrected simulator.",
     )
 
@@ -254,8 +254,8 @@ def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
     out.figure(
         "What the loops show",
         pictures.loops(worst),
-        "Measured force with the nominal and the corrected simulator's, over displacement and velocity.",
-        "Hysteresis loops: measured, nominal and corrected.",
+        "Measured and simulated force over displacement and velocity.",
+        "Hysteresis loops: measured and simulated.",
     )
     said = [s for s in found.signatures if any((s.measured, s.nominal, s.corrected))]
     if said:
