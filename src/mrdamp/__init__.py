@@ -10,6 +10,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import mrdamp.interrupts  # noqa: F401  (before what takes time to import)
 from mrdamp.errors import EngineError, InputError, MrdampError
 from mrdamp.library import library_path, load_plugin
 from mrdamp.registration import register

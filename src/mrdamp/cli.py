@@ -30,13 +30,15 @@ from mrdamp.commands import train as training
 from mrdamp.commands.models import named_model
 from mrdamp.commands.output import OutFile, OutFolder, progress_bar
 from mrdamp.errors import EngineError, InputError
+from mrdamp.interrupts import unguard
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; bad input gives one line and exit code 2, an interrupt 130, a reader that has gone 141."""
-    arguments = build_parser().parse_args(argv)
-    run: Run = arguments.run
+    unguard()
     try:
+        arguments = build_parser().parse_args(argv)
+        run: Run = arguments.run
         code = run(arguments)
         sys.stdout.flush()
         return code

@@ -74,6 +74,10 @@ def _next(out: Page, found: Diagnosis) -> None:
         steps.append(
             "Use `corrected.json`, or `mjcf/scene.xml` in MuJoCo, in place of the nominal simulator."
         )
+    elif _unchanged(found):
+        steps.append("Keep the simulator as it is.")
+    elif found.verdict == "none":
+        steps.append("Nothing has changed. `corrected.json` has the law that was identified again on the baseline.")
     elif found.verdict == "unknown":
         steps.append("Do not add an effect to the simulator on the strength of these records alone.")
     if found.remainder is not None and found.remainder.of == "law":
@@ -97,7 +101,7 @@ def _next(out: Page, found: Diagnosis) -> None:
 
 
 def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
-    heading = "The cause"
+    heading = "The cause" if found.effects else "Is there a cause?"
     if found.effects:
         rows = [
             (
@@ -140,6 +144,11 @@ def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
         )
 
 
+def _unchanged(found: Diagnosis) -> bool:
+    """Whether the corrected simulator is the nominal one, as nothing is wrong with it."""
+    return found.verdict == "none" and found.baseline_law is None
+
+
 def _cause(e: Named) -> str:
     return e.effect if e.place is None else f"{e.effect}@{e.place}"
 
@@ -176,18 +185,19 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
 
 
 def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:
-    if found.where.measured:
+    parts = () if found.verdict == "none" else found.where.measured
+    if parts:
         out.table(
             "Details of where the gap lies",
             ("between measured channels", "stages", "share of the nominal gap", "channel that would separate them"),
             [
                 (m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by)
-                for m in found.where.measured
+                for m in parts
             ],
             "Measured signals put in at the chain's interfaces; a share below 0 undoes another part's error.",
         )
     out.figure(
-        "" if found.where.measured else "Details of where the gap lies",
+        "" if parts else "Details of where the gap lies",
         pictures.gap_map(shown, command_unit),
         "RMS residual over piston velocity and command, on one scale.",
         "Maps of the residual over velocity and command.",
@@ -198,7 +208,7 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
             for r in found.where.regimes
         ]
         out.table("", ("regime", "share of the gap", "share of the samples"), rows)
-    if found.where.places:
+    if any(found.where.places.values()):
         ends = found.where.place_intervals
         out.table(
             "",
@@ -210,7 +220,7 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
 def _shrink(out: Page, found: Diagnosis) -> None:
     gap = found.gap
     steps = [(s.name, s.gap, s.interval) for s in found.waterfall]
-    if steps:
+    if steps and not _unchanged(found):
         out.figure(
             "How far it shrinks",
             pictures.waterfall(steps, gap.noise_floor, gap.ceiling),
@@ -229,7 +239,10 @@ _REMAINDER = {
 def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]) -> None:
     """Error of the corrected simulator, drawn for the records with the largest nominal gap."""
     rest = found.remainder
-    if rest is None:
+    if _unchanged(found):
+        said = f"The simulator stays as it is: {100 * found.gap.nominal:.2g} % of the RMS"
+        said += ", as on the baseline." if found.gap.baseline is not None else ", the noise."
+    elif rest is None:
         said = f"The corrected simulator meets the noise: {100 * found.gap.corrected:.2g} % of the RMS."
     else:
         said = (
@@ -268,17 +281,14 @@ def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
 
 
 def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
+    kinds = ("nominal",) if _unchanged(found) else ("nominal", "corrected")
     shares = found.where.records
-    rows = [
-        (
-            r.name,
-            *(100 * _nrms(simulated, r.measured) for simulated in (r.nominal, r.corrected)),
-            100 * shares[r.name] if r.name in shares else None,
-        )
-        for r in shown
+    rows: list[tuple[str | float, ...]] = [
+        (r.name, *(100 * _nrms(getattr(r, k), r.measured) for k in kinds), 100 * shares.get(r.name, 0.0)) for r in shown
     ]
-    out.table("Gap by record", ("record", "nominal, %", "corrected, %", "share of the nominal gap, %"), rows,
-              "All records, to which the simulator was fitted. The bars above are for held-out records.")  # fmt: skip
+    note = "" if _unchanged(found) else "All records, to which the simulator was fitted; the bars are of others."
+    columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")
+    out.table("Gap by record", columns, rows, note)
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:

@@ -216,7 +216,7 @@ def table(d: Diagnosis) -> str:
         if v > 0.005
     ]
     lines += ["  places: " + ", ".join(found)] if found else []
-    for m in d.where.measured:
+    for m in d.where.measured if d.verdict != "none" else ():
         text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
         lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
     if d.signatures:
