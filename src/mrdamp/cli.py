@@ -116,7 +116,7 @@ def build_parser() -> argparse.ArgumentParser:
         "mjcf",
         _mjcf,
         "a model as MJCF: the damper in a test rig, or in its frame",
-        "mrdamp mjcf model.json -o rig",
+        "mrdamp mjcf model.json -o damper",
     )
     mjcf.add_argument("model", help="a model file, or the name of a parameter set")
     mjcf.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")

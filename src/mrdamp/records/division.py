@@ -17,7 +17,8 @@ _SAME_COMMAND = 0.02
 
 
 def refuse_copies(records: Sequence[Record]) -> None:
-    """Raises InputError where two records hold the same samples: held out, a copy would judge the fit to itself."""
+    """Raises InputError where two records hold the same samples: held out, a copy would judge the fit to itself, and as
+    a repeat or a baseline it would have no noise."""
     seen: dict[tuple[tuple[str, bytes], ...], Record] = {}
     for record in records:
         # Stamps do not count: another start of the clock makes no other test.

@@ -38,7 +38,8 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))
     worst = [shown[k] for k in order[:_SHOWN]]
     _next(out, found)
-    _answer(out, found, nominal)
+    _answer(out, found)
+    _changes(out, found, nominal)
     _stages(out, found)
     _shrink(out, found)
     _remains(out, found, worst)
@@ -100,7 +101,7 @@ def _next(out: Page, found: Diagnosis) -> None:
         out.text("What to do next", steps)
 
 
-def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
+def _answer(out: Page, found: Diagnosis) -> None:
     heading = "The cause" if found.effects else "Is there a cause?"
     if found.effects:
         rows = [
@@ -119,14 +120,6 @@ def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
             "Excess: the gap's square over that of the noise.",
         )
         heading = ""
-    if changed := changes(nominal, found):
-        out.table(
-            heading,
-            ("parameter", "unit", "nominal", "corrected", "95 % from", "to"),
-            [(c.name, c.unit, c.old, c.new, *(c.interval or (None, None))) for c in changed],
-            "What `corrected.json` has in place of the nominal simulator's numbers. A dash: not there.",
-        )
-        heading = ""
     out.figure(
         heading,
         pictures.probabilities(found.probabilities, [_cause(e) for e in found.effects]),
@@ -142,6 +135,16 @@ def _answer(out: Page, found: Diagnosis, nominal: Model) -> None:
                 for tie in found.indistinguishable
             ],
         )
+
+
+def _changes(out: Page, found: Diagnosis, nominal: Model) -> None:
+    rows = [(c.name, c.unit, c.old, c.new, *(c.interval or (None, None))) for c in changes(nominal, found)]
+    law, other = nominal.law, found.corrected.law
+    note = "What `corrected.json` has in place of the nominal simulator's numbers. A dash: not there."
+    note += f" The law is {other} in place of {law}." if other != law else ""
+    if rows:
+        columns = ("parameter", "unit", "nominal", "corrected", "95 % from", "to")
+        out.table("Old and new values", columns, rows, note)
 
 
 def _unchanged(found: Diagnosis) -> bool:
@@ -239,9 +242,9 @@ _REMAINDER = {
 def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]) -> None:
     """Error of the corrected simulator, drawn for the records with the largest nominal gap."""
     rest = found.remainder
-    if _unchanged(found):
-        said = f"The simulator stays as it is: {100 * found.gap.nominal:.2g} % of the RMS"
-        said += ", as on the baseline." if found.gap.baseline is not None else ", the noise."
+    if found.verdict == "none":
+        said = f"{100 * found.gap.corrected:.2g} % of the RMS, "
+        said += "the noise." if found.gap.baseline is None else "no more than on the baseline."
     elif rest is None:
         said = f"The corrected simulator meets the noise: {100 * found.gap.corrected:.2g} % of the RMS."
     else:
