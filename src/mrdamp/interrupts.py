@@ -18,7 +18,8 @@ def _stop(*_: object) -> None:
 def guard() -> None:
     """Called first of all, where this process is the command itself and no worker or program that imports it."""
     words = sys.orig_argv[1:3]
-    if (words[:1] and Path(words[0]).name == _COMMAND) or words == ["-m", _COMMAND]:
+    called = words == ["-m", _COMMAND] or Path(words[0] if words else "").name == _COMMAND
+    if called and signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, and stays so
         signal.signal(signal.SIGINT, _stop)
 
 
