@@ -288,7 +288,7 @@ def test_rig_shares_no_code_with_the_plugin() -> None:
     allowed = tuple(
         f"mrdamp.{name}"
         for name in (
-            *("blindtest", "sets", "errors", "files", "library", "registration"),
+            *("blindtest", "sets", "errors", "files", "interrupts", "library", "registration"),
         )
     )
     assert [m for m in loaded if not m.startswith(allowed)] == []
