@@ -61,6 +61,8 @@ def test_the_headline_has_ties_with_their_probabilities() -> None:
     assert "do not distinguish it from saturation (probability 0.30). Nearly the same as it: sensor_lag" in said
     assert "from 20.0 % to 10.0 %, 12.0 % on records left out of the fit; noise 1.0 %." in said
     assert "agrees with the rig (probability 0.97)" in sentence(found(verdict="none", effects=()))
+    unknown = found(verdict="unknown", effects=(), probabilities={"unknown": 0.8, "driver_lag": 0.2})
+    assert sentence(unknown).endswith("A cause outside the catalogue has probability 0.80.")
 
 
 def test_no_part_of_the_chain_is_blamed_where_nothing_has_changed() -> None:

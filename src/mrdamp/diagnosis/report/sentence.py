@@ -94,7 +94,7 @@ def _sentence(d: Diagnosis) -> str:
             f" {noise}.{_rest(d)}"
         )
     if d.verdict == "unknown":
-        return _unknown(d)
+        return f"{_unknown(d)} A cause outside the catalogue has {likely}."
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
