@@ -239,7 +239,7 @@ def by_regime(
 
 
 @styled
-def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
+def gap_map(records: Sequence[ResidualData]) -> Figure:
     """RMS residual over velocity and command, before and after, on one scale: % of the measurement's RMS."""
     if not records:
         raise InputError("gap map: no records")
@@ -263,7 +263,7 @@ def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
         ax.set_xlabel("velocity, m/s")
         ax.grid(visible=False)
         ticks(ax, 4, 5)
-    axes[0].set_ylabel(f"command, {command_unit}")
+    axes[0].set_ylabel("command, A or V")
     assert mesh is not None
     bar = fig.colorbar(mesh, ax=axes, pad=0.01, aspect=18)
     bar.set_label("RMS residual, %")

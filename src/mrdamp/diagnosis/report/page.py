@@ -28,7 +28,7 @@ def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[p
             for r in records]  # fmt: skip
 
 
-def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_unit: str = "A") -> Page:
+def page(found: Diagnosis, nominal: Model, records: Sequence[Record]) -> Page:
     """The whole page. nominal: the nominal simulator; records: all of the case.
 
     Actionable results come first: the next step, the stage, the reduction of the gap, the remainder.
@@ -45,8 +45,8 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     _remains(out, found, worst)
     _loops(out, found, worst[0])
     for effect in found.effects:
-        _by_regime(out, effect, command_unit)
-    _where(out, found, shown, command_unit)
+        _by_regime(out, effect)
+    _where(out, found, shown)
     _records(out, found, shown)
     _handed_over(out, found)
     _uncertainty(out, found)
@@ -156,7 +156,7 @@ def _cause(e: Named) -> str:
     return e.effect if e.place is None else f"{e.effect}@{e.place}"
 
 
-def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
+def _by_regime(out: Page, effect: Named) -> None:
     """The first parameter of an effect by regime, and the gaps there with and without the effect."""
     if not effect.by_regime:
         return
@@ -165,7 +165,7 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
     label_of = f"{name} ({unit})" if unit else name
     rows, points = [], []
     for r in effect.by_regime:
-        label, value, (low, high) = r.label(command_unit), r.parameters[name], r.intervals[name]
+        label, value, (low, high) = r.label(), r.parameters[name], r.intervals[name]
         if r.determined:
             points.append((label, value, (low, high)))
         said = f"{value:.3g} ({low:.3g} to {high:.3g})" if r.determined else "not determined"
@@ -183,11 +183,11 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
         "" if points else heading,
         ("regime", "records", "gap without, %", "gap with, %", f"{label_of}, 95 %"),
         rows,
-        f"Gaps without {effect.effect}, and with its parameters from all records.",
+        f"Gaps of the corrected simulator without {effect.effect}, and with its parameters from all records.",
     )
 
 
-def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:
+def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
     parts = () if found.verdict == "none" else found.where.measured
     if parts:
         out.table(
@@ -201,7 +201,7 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
         )
     out.figure(
         "" if parts else "Details of where the gap lies",
-        pictures.gap_map(shown, command_unit),
+        pictures.gap_map(shown),
         "RMS residual over piston velocity and command, on one scale.",
         "Maps of the residual over velocity and command.",
     )
