@@ -158,7 +158,7 @@ def diagnosed_page(folder: Path) -> Path:
             "separation": 11.7,
         },
         corrected=corrected,
-        unseen=({"effect": "heating", "largest": 0.1},),
+        unseen=({"effect": "heating", "setting": "heating_kappa", "could_hide": 0.1},),
         notes=("2 fits stopped at a bound.",),
         probabilities=dict.fromkeys("abcdefgh", 1 / 8),
     )

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -241,3 +244,14 @@ def test_a_model_file_that_says_two_things(change: dict[str, Any], said: str) ->
     data["model"] |= change
     with pytest.raises(InputError, match=said):
         Model.from_dict(data)
+
+
+@pytest.mark.parametrize("module", ["gymnasium", "argparse"])
+def test_an_interrupt_while_modules_are_imported_is_one_line(module: str, tmp_path: Path) -> None:
+    interrupt = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(5)\n"
+    (tmp_path / f"{module}.py").write_text(interrupt)
+    done = subprocess.run(
+        [sys.executable, "-m", "mrdamp", "sets"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (130, "mrdamp: interrupted\n")

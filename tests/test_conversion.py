@@ -323,3 +323,34 @@ def test_a_clock_that_drifts_is_followed(tmp_path: Path) -> None:
     columns = [column(c) for c in ("time_s=t", "displacement_m=x", "command=0", "force_N=f")]
     record = convert(tmp_path / "a.npz", columns).record
     assert np.abs(record.displacement - 0.01 * np.sin(6 * record.time)).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("head", "join"),
+    [
+        ("# t,x,F\n", ","),
+        ("% t x F\n", " "),
+        ("  t   x F\n", "  "),
+        ("#t;x;F\n# s;mm;kN\n", ";"),
+        ("t x F\ns mm kN\n", " "),
+    ],
+)
+def test_commented_headers_and_spaces(head: str, join: str, tmp_path: Path) -> None:
+    rows = [(f"{t:.4f}", f"{5 * np.sin(WAVE * t):.6f}", f"{np.cos(WAVE * t):.6f}") for t in EVEN]
+    text = head + "\n".join(join.join(row) for row in rows) + "\n"
+    found = converted(tmp_path / "a.dat", text, ("time_s=t", "displacement_m=x:mm", "command=0:A", "force_N=F:kN"))
+    np.testing.assert_allclose(found.record.displacement, 5e-3 * np.sin(WAVE * EVEN), atol=1e-9)
+    np.testing.assert_allclose(found.record.channel("force_N"), 1e3 * np.cos(WAVE * EVEN), atol=1e-3)
+
+
+def test_a_record_of_a_frame(tmp_path: Path) -> None:
+    rows = ["t,ag,a1,x1,u", *(f"{t:.4f},{0.1 * np.sin(WAVE * t):.9f},{t:.4f},{2 * t:.4f},1.5" for t in EVEN)]
+    columns = ("time_s=t", "ground_acceleration_m_s2=ag:g", "floor1_acceleration_m_s2=a1", "command=u:V")
+    text = "\n".join(rows)
+    record = converted(tmp_path / "a.csv", text, (*columns, "floor1_displacement_m=x1:mm")).record
+    np.testing.assert_allclose(record.channel("ground_acceleration_m_s2"), 0.980665 * np.sin(WAVE * EVEN), atol=1e-7)
+    np.testing.assert_allclose(record.channel("floor1_displacement_m"), 2e-3 * EVEN, atol=1e-9)
+    few = (columns[0], columns[1], columns[3])
+    refuses(lambda: converted(tmp_path / "a.csv", text, few), "no column is named for a floor or for force_N")
+    few = (columns[0], columns[2], columns[3])
+    refuses(lambda: converted(tmp_path / "a.csv", text, few), "no column is named for ground_acceleration_m_s2")

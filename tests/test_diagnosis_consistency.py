@@ -76,10 +76,10 @@ def test_other_parameters_stay_as_in_the_fit_to_all_records() -> None:
 def test_a_regime_is_labelled_and_a_worse_one_is_known() -> None:
     one = RegimeEstimate("command", 0.5, 0.5, ("01",), {"a": 1.0}, {"a": (0.9, 1.1)}, True, 0.1, 0.2)
     assert one.worse
-    assert one.label("A") == "command 0.5 A"
+    assert one.label() == "command 0.5"
     assert not replace(one, determined=False).worse
     assert not replace(one, gap_with=0.05).worse
-    assert replace(one, over="speed", high=0.75).label("A") == "speed 0.5 to 0.75 m/s"
+    assert replace(one, over="speed", high=0.75).label() == "speed 0.5 to 0.75 m/s"
     assert replace(one, low=None, high=None).label() == "01"
 
 

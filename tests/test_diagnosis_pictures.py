@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 from matplotlib.patches import FancyBboxPatch
 
 from mrdamp.errors import InputError
-from mrdamp.pictures.diagnosis import ResidualData, added, by_regime, chain, loops, residuals, waterfall
+from mrdamp.pictures.diagnosis import (
+    ResidualData,
+    added,
+    by_regime,
+    chain,
+    gap_map,
+    loops,
+    residuals,
+    waterfall,
+)
 
 
 @pytest.mark.parametrize(
@@ -58,6 +69,13 @@ def test_residuals_before_and_after_stand_on_one_scale() -> None:
     assert before.get_ylim() == after.get_ylim()
     size = [np.abs(ax.lines[-1].get_ydata()).max() for ax in (before, after)]
     assert size[0] == pytest.approx(10 * size[1], rel=0.02)
+
+
+def test_a_simulator_that_was_not_changed_is_drawn_once() -> None:
+    same = replace(record(), corrected=record().nominal)
+    assert len(residuals([same]).axes) == 1
+    assert [len(ax.lines) for ax in loops(same).axes] == [2, 2]
+    assert [ax.get_title(loc="left") for ax in gap_map([same]).axes if ax.get_title(loc="left")] == ["nominal"]
 
 
 def test_loops_show_measured_nominal_and_corrected() -> None:

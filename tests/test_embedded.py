@@ -196,7 +196,7 @@ def test_the_generator_is_independent_of_the_plugin() -> None:
 
 PLAIN = [
     *("motions.motion", "motions.files", "errors", "files"),
-    *(f"records.{name}" for name in ("record", "csv_file", "motion", "sampling", "channels")),
+    *(f"records.{name}" for name in ("record", "csv_file", "division", "motion", "sampling", "channels")),
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from mrdamp.cli import build_parser, main
 from mrdamp.commands.output import OutFile
 from mrdamp.files import together, write_atomic
+from mrdamp.motions import embedded_motion
 from mrdamp.records import embedded
 from refusals import refuses
 
@@ -120,3 +122,33 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a": "new", "b": "new"}
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        "predict m.json r.csv -o out/p.csv",
+        "mjcf m.json -o out",
+        "convert r.csv --columns time_s=time_s displacement_m=displacement_m command=command force_N=force_N -o out",
+        "case m.json r.csv -o out/case",
+        "identify set --law bingham --starts 1 -o out/model.json --picture out/loops.png",
+        "calibrate -o out",
+        "compare frame --controllers passive-on --motions a.csv --jobs 1 -o out",
+    ],
+)
+def test_a_full_disk_leaves_no_part_of_a_result(
+    call: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A limit on the size of files stands for the disk: the small files of a result fit, its large ones do not."""
+    embedded_motion().compressed(10).save(folder / "a.csv")
+    out = folder / "out"
+    out.mkdir()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1500, before[1]))
+    try:
+        assert main(call.split()) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("mrdamp: out/")
+    assert "File too large" in said
+    assert [p for p in out.rglob("*") if p.is_file() and p.name != "kept.jsonl"] == []
+    assert main(call.split()) == 0

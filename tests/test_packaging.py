@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -201,6 +202,7 @@ def test_metadata_asks_for_the_one_engine_and_carries_the_licence() -> None:
     assert "mujoco==4.0.0" in metadata.get_all("Requires-Dist", [])
     assert metadata["Requires-Python"] == ">=3.11"
     assert metadata["License-Expression"] == "Apache-2.0"
+    assert f"name: {metadata['Author']}" in (REPOSITORY / "CITATION.cff").read_text()
     files = importlib.metadata.files("mrdamp") or []
     licence = [file for file in files if file.name == "LICENSE"]
     assert len(licence) == 1
@@ -232,3 +234,10 @@ def test_every_direct_dependency_is_pinned() -> None:
         name, _, version = re.sub(r"\[.*\]", "", requirement).partition("==")
         assert name in pins
         assert version in ("", pins[name])
+
+
+def test_every_folder_of_data_has_its_licence() -> None:
+    folders = [path for path in (resources.files("mrdamp") / "data").iterdir() if path.is_dir()]
+    assert len(folders) > 5
+    for folder in folders:
+        assert "Same licence as the package." in " ".join((folder / "README.md").read_text().split()), folder.name

@@ -16,6 +16,7 @@ from mrdamp.records import csv_file as record_csv
 from mrdamp.records import read_record
 from mrdamp.records.channels import DAMPER_INPUTS
 from record_tables import HEADER, message, table, write
+from refusals import refuses
 
 
 def test_gzip_windows_lines_byte_order_mark_and_end_blanks(tmp_path: Path) -> None:
@@ -195,6 +196,17 @@ def test_wandering_clock_is_found(tmp_path: Path) -> None:
     )
     jitter = np.random.default_rng(0).uniform(-0.1, 0.1, 5000) * 0.002
     assert "non-uniform clock" in message(stamped(tmp_path, [f"{t:.9g}" for t in time + jitter]))
+
+
+def test_a_table_is_read_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts of 7 rows: the numbers are those of the cells, and a fault has the line of the whole file."""
+    monkeypatch.setattr(record_csv, "_ROWS", 7)
+    lines = table(50)
+    channels, _, _ = record_csv.parse("a.csv", "\n".join(lines))
+    for k, name in enumerate(HEADER.split(",")):
+        assert channels[name].tolist() == [float(line.split(",")[k]) for line in lines[1:]]
+    lines[23] = lines[23].replace(",", ",x", 1)
+    refuses(lambda: record_csv.parse("a.csv", "\n".join(lines)), "line 24: displacement_m is not a number")
 
 
 def parses_or_refuses(name: str, data: bytes) -> None:

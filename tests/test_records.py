@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mrdamp
 from mrdamp.errors import InputError
+from mrdamp.identify import Fit, RecordError
+from mrdamp.model import Model
 from mrdamp.records import Record, RecordSet, read_record, read_records
 from record_tables import HEADER, table, write
 from refusals import refuses
@@ -141,7 +144,7 @@ def test_test_records_stand_apart_and_a_folder_goes_before_a_set_of_the_package(
     assert len(read_records("foam").test) == 5
     for half in ("train", "validation", "test"):
         (tmp_path / "foam" / half).mkdir(parents=True)
-        sine().save(tmp_path / "foam" / half / f"{half}.csv")
+        sine(f=len(half)).save(tmp_path / "foam" / half / f"{half}.csv")
     found = read_records("foam")
     assert [r.name for r in found.test] == ["test"]
     assert [r.name for r in found.held_out] == ["validation", "test"]
@@ -253,13 +256,13 @@ def test_flat_folder_holds_out_every_third_record(tmp_path: Path) -> None:
     assert found["5"].n == 55
     with pytest.raises(InputError, match="no record '9'"):
         found["9"]
-    same = read_records([write(tmp_path, table(50), f"{name}.csv") for name in ("b", "a")])
-    assert (names(same.train), names(same.validation)) == (["a"], ["b"])
+    two = read_records([write(tmp_path, table(50 + k), f"{name}.csv") for k, name in enumerate("ba")])
+    assert (names(two.train), names(two.validation)) == (["a"], ["b"])
 
 
 def test_no_record_is_held_out_whose_command_the_rest_does_not_reach(tmp_path: Path) -> None:
     for name, command in (("a", 0.0), ("b", 0.5), ("c", 1.0), ("d", 0.5), ("e", 0.0), ("f", 0.5)):
-        write(tmp_path, [HEADER, *(f"{0.002 * k:.3f},{k % 7},{command},1" for k in range(60))], f"{name}.csv")
+        write(tmp_path, [HEADER, *(f"{0.002 * k:.3f},{k % 7},{command},{ord(name)}" for k in range(60))], f"{name}.csv")
     found = read_records(tmp_path)
     assert len(found.validation) == 2
     assert "c" not in names(found.validation)
@@ -282,9 +285,9 @@ def test_one_record_is_cut_in_time(tmp_path: Path) -> None:
 
 
 def test_train_and_validation_folders(tmp_path: Path) -> None:
-    for half in ("train", "validation"):
+    for half, n in (("train", 50), ("validation", 60)):
         (tmp_path / half).mkdir()
-        write(tmp_path / half, table(), f"of_{half}.csv")
+        write(tmp_path / half, table(n), f"of_{half}.csv")
     found = read_records(tmp_path)
     assert (names(found.train), names(found.validation)) == (["of_train"], ["of_validation"])
     (tmp_path / "validation" / "of_validation.csv").unlink()
@@ -329,3 +332,36 @@ def test_every_open_case_reads() -> None:
         assert found.train
         assert found.validation
         assert all(record.sample_time == pytest.approx(0.002, rel=1e-9) for record in found)
+
+
+def test_a_record_and_a_fit_are_shown_in_one_line() -> None:
+    record = Record("a", None, 0.002, {"displacement_m": np.zeros(501), "command": np.zeros(501)})
+    assert repr(record) == "Record('a', 501 samples, 1 s at 500 Hz: time_s, displacement_m, command)"
+    assert repr(RecordSet("s", (record,), (record, record))) == "RecordSet('s', 1 train, 2 validation, 0 test)"
+    model = Model("bingham", dict.fromkeys(("c0a", "c0b", "fya", "fyb"), 1.0) | {"v_ref": 0.1}, name="m")
+    fit = Fit(model, (RecordError("a", 3.0, 0.25),), (RecordError("b", 1.0, 0.5),), 1, 1)
+    assert repr(fit) == (
+        "Fit(Model('m', bingham, rig damper, effects: none), error 0.250 of 1 fitted, error 0.500 of 1 held out)"
+    )
+
+
+def test_what_users_need_is_in_the_package_itself() -> None:
+    for name in mrdamp.__all__:
+        assert getattr(mrdamp, name) is not None
+    assert mrdamp.Record is Record
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = mrdamp.nothing
+
+
+def test_a_record_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    lines = table()
+    for digit, name in enumerate(("a.csv", "b.csv", "c.csv")):
+        lines[9] = f"{lines[9]}{digit}"  # a digit of one force: another record
+        write(tmp_path, lines, name)
+    assert len(read_records(tmp_path)) == 3
+    write(tmp_path, lines, "d.csv")
+    refuses(lambda: read_records(tmp_path), r"d\.csv: it holds the same samples as .*c\.csv")
+    for half, name in (("train", "e.csv"), ("validation", "f.csv")):
+        (tmp_path / half).mkdir()
+        write(tmp_path / half, lines, name)
+    refuses(lambda: read_records(tmp_path), r"f\.csv: it holds the same samples as .*e\.csv")

@@ -332,7 +332,7 @@ def test_settings_of_a_sweep_are_drawn_together(tmp_path: Path, capsys: pytest.C
     assert main([*command, "--sweep", "sigma=0.1,0.3", "-o", str(tmp_path)]) == 0
     drawn = tmp_path / "curves.png"
     assert drawn.stat().st_size > 10_000
-    assert f"all of them: {drawn}" in capsys.readouterr().out
+    assert f"picture: {drawn}" in capsys.readouterr().out
 
 
 def _scores(folder: Path) -> list[float]:

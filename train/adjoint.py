@@ -23,6 +23,7 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.settings import Options, Settings
@@ -156,13 +157,11 @@ class AdjointRun(Run):
         return self.soft.taught()
 
     def save(self) -> None:
-        fresh = self.out / "checkpoint.new.pt"
         kept = {
             "policy": self.soft.state_dict(), "adam": self._adam.state_dict(), "periods": self._periods,
             "steps": self._steps,
         }  # fmt: skip
-        torch.save(kept, fresh)
-        fresh.replace(self._checkpoint)
+        write_atomic(self._checkpoint, lambda file: torch.save(kept, file))
 
     def learn(self, progress: Progress) -> None:
         while self.timesteps < self.chosen.n_timesteps:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamp.errors import InputError
 from mrdamp.pictures import style
 from mrdamp.train.run import Result
 
@@ -51,20 +49,3 @@ def compared(named: Mapping[str, Sequence[Result]]) -> Figure:
     axes.set_ylabel("validation score")
     axes.legend()
     return fig
-
-
-def draw_compared(named: Mapping[str, Sequence[Result]], path: Path) -> None:
-    """Writes the picture. Raises InputError."""
-    _write(compared(named), path)
-
-
-def draw(results: Sequence[Result], path: Path) -> None:
-    """Writes the picture. Raises InputError."""
-    _write(curves(results), path)
-
-
-def _write(figure: Figure, path: Path) -> None:
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}") from None

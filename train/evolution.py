@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,10 +82,10 @@ class Cma:
         )
         self.sigma *= math.exp(self._c_sigma / self._damping * (length / self._length - 1))
 
-    def save(self, path: Path) -> None:
+    def save(self, file: Path | IO[bytes]) -> None:
         """Everything that the next generation depends on, as .npz."""
         state = np.array(repr(self._rng.bit_generator.state))
-        np.savez(path, state=state, **{name: getattr(self, name) for name in self._KEPT})
+        np.savez(file, state=state, **{name: getattr(self, name) for name in self._KEPT})
 
     def load(self, path: Path) -> None:
         """Back to what was saved."""

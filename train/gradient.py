@@ -18,6 +18,7 @@ from torch import nn
 from mrdamp.control.networks import Memory, Network
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
 from mrdamp.train.asymmetric import POLICIES
 from mrdamp.train.export import memory, network
 from mrdamp.train.lessons import Lessons
@@ -89,9 +90,7 @@ class GradientRun(Run):
 
     def save(self) -> None:
         assert self.model is not None
-        fresh = self.out / "checkpoint.new.zip"
-        self.model.save(fresh)
-        fresh.replace(self.out / "checkpoint.zip")
+        write_atomic(self.out / "checkpoint.zip", self.model.save)
 
     def renew(self) -> None:
         """Makes what has been learned the base of the reward, where that is due."""

@@ -30,7 +30,7 @@ def train(options: Options, out: Path | str, progress: Progress | None = None) -
         return Result(out, tuple(kept["curve"]), kept["seconds"])
     out.mkdir(parents=True, exist_ok=True)
     run = _run(options, chosen, out)
-    np.save(run.matrix_file, run.matrix)
+    write_atomic(run.matrix_file, lambda file: np.save(file, run.matrix))
     write_atomic(claim, json.dumps(own, indent=1) + "\n")
     run.learn(progress or (lambda what, share: None))
     write_atomic(finished, json.dumps({"curve": run.curve, "seconds": run.seconds()}, indent=1) + "\n")

@@ -14,6 +14,7 @@ from mrdamp.control.networks import Network
 from mrdamp.control.policy import velocities
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import episodes, forces
 from mrdamp.train.evolution import Cma, Shape, actions
 from mrdamp.train.run import Progress, Run
@@ -82,9 +83,7 @@ class EvolutionRun(Run):
         return self.shape.network(self.cma.average)
 
     def save(self) -> None:
-        fresh = self.out / "checkpoint.new.npz"
-        self.cma.save(fresh)
-        fresh.replace(self._checkpoint)
+        write_atomic(self._checkpoint, self.cma.save)
 
     def _scores(self, candidates: Array) -> Array:
         """(population,) of candidates (population, numbers), under loads that each generation draws anew."""

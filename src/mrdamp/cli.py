@@ -30,13 +30,15 @@ from mrdamp.commands import train as training
 from mrdamp.commands.models import named_model
 from mrdamp.commands.output import OutFile, OutFolder, progress_bar
 from mrdamp.errors import EngineError, InputError
+from mrdamp.interrupts import unguard
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; bad input gives one line and exit code 2, an interrupt 130, a reader that has gone 141."""
-    arguments = build_parser().parse_args(argv)
-    run: Run = arguments.run
+    unguard()
     try:
+        arguments = build_parser().parse_args(argv)
+        run: Run = arguments.run
         code = run(arguments)
         sys.stdout.flush()
         return code
@@ -50,7 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except OSError as error:
-        print(f"mrdamp: {error.filename or 'output'}: {error.strerror}; give another file or folder", file=sys.stderr)
+        where = error.filename2 or error.filename or "output"  # of a copy: the copy
+        print(f"mrdamp: {where}: {error.strerror}; give another file or folder", file=sys.stderr)
         return 2
 
 
@@ -113,7 +116,7 @@ def build_parser() -> argparse.ArgumentParser:
         "mjcf",
         _mjcf,
         "a model as MJCF: the damper in a test rig, or in its frame",
-        "mrdamp mjcf model.json -o rig",
+        "mrdamp mjcf model.json -o damper",
     )
     mjcf.add_argument("model", help="a model file, or the name of a parameter set")
     mjcf.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")

@@ -8,10 +8,10 @@ import json
 import os
 import stat
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from mrdamp.errors import InputError
 
@@ -98,7 +98,7 @@ def decode(name: str, data: bytes) -> str:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{name}: not a text file (byte {error.start} is not UTF-8)") from None
-    if not text.strip():
+    if not text or text.isspace():
         raise InputError(f"{name}: the file is empty")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
@@ -142,28 +142,31 @@ def _refused(constant: str) -> float:
     raise InputError(f"it holds {constant}; allowed: finite numbers")
 
 
-def write_atomic(path: Path, content: str | bytes) -> None:
+def write_atomic(path: Path, content: str | bytes | Iterable[str] | Callable[[IO[bytes]], object]) -> None:
     """Write a file in one go: either the whole new file is there or the old one stays.
 
-    A link is written through. A name that ends in .gz is packed; the bytes depend on the text only (no time, no name
-    inside).
+    Text may come in parts, which are made as they are written, and bytes from a function that writes them. A link is
+    written through. A name that ends in .gz is packed; the bytes depend on the text only (no time, no name inside).
 
     Raises:
         InputError: the folder is missing or cannot be written, or the path is a device or a pipe.
     """
-    data = content.encode("utf-8") if isinstance(content, str) else content
-    if path.name.lower().endswith(".gz"):
-        packed = io.BytesIO()
-        with gzip.GzipFile(filename="", mode="wb", compresslevel=9, fileobj=packed, mtime=0) as stream:
-            stream.write(data)
-        data = packed.getvalue()
+    if callable(content):
+        content(made := io.BytesIO())
+        content = made.getvalue()
+    parts = (content,) if isinstance(content, str | bytes) else content
     real = Path(os.path.realpath(path))
     temporary = real.with_name(f".{real.name}.{os.getpid()}.tmp")
     if reason := unfit(path):
         raise InputError(f"{path}: cannot be written: {reason}")
     try:
         try:
-            temporary.write_bytes(data)
+            with open(temporary, "wb") as file:
+                packed = path.name.lower().endswith(".gz")
+                opened = gzip.GzipFile("", "wb", 9, file, mtime=0) if packed else nullcontext(file)
+                with opened as stream:
+                    for part in parts:
+                        stream.write(part.encode("utf-8") if isinstance(part, str) else part)
             if _waiting is None:
                 os.replace(temporary, real)
             else:

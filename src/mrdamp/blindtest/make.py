@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for name, label in make(a.out, a.seed, a.count, a.rig, only=a.only, jobs=a.jobs, misfit=a.misfit):
             labels[name] = label
-            print(f"{name} {label['label']} gap {label['gap']:.3f}", flush=True)
+            print(f"{name}: gap {label['gap']:.3f}", flush=True)
             write_atomic(a.out / "labels.json", json.dumps(labels, indent=1) + "\n")
     except InputError as error:
         print(f"make: {error}", file=sys.stderr)

@@ -13,6 +13,7 @@ from mrdamp.commands.identify_json import reported
 from mrdamp.commands.output import OutFolder, Picture, check_written
 from mrdamp.commands.record_options import add_json
 from mrdamp.errors import InputError
+from mrdamp.files import together
 
 if TYPE_CHECKING:
     from mrdamp.identify.calibration import Calibration, SensingRow
@@ -184,6 +185,7 @@ def _write(
     inputs = [r.path for r in records if r.path]
     check_written([*made, folder / "records"], [*inputs, *(path.parent for path in inputs)])
     (folder / "records" if made else folder).mkdir(parents=True, exist_ok=True)
-    for path, r in made.items():
-        r.save(path)
-    page.write(folder / "index.html")
+    with together():
+        for path, r in made.items():
+            r.save(path)
+        page.write(folder / "index.html")

@@ -47,6 +47,7 @@ def run_case(a: argparse.Namespace) -> int:
     from mrdamp.identify.provenance import IDENTIFIED_ON
     from mrdamp.records import read_record, record_files
     from mrdamp.records.checks import warnings_of
+    from mrdamp.records.division import refuse_copies
     from mrdamp.simulation.predict import INPUTS
 
     if a.out.exists():
@@ -64,6 +65,7 @@ def run_case(a: argparse.Namespace) -> int:
     if len(set(names.values())) < len(names):
         raise InputError("case: two records have the same file name; rename one of them")
     records = {file: read_record(file, required=required) for file in names}
+    refuse_copies(list(records.values()))
     shared = [
         c for c in next(iter(records.values())).channels if all(c in r.channels for r in records.values())
     ]

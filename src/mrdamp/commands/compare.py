@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from mrdamp.commands import add_command
 from mrdamp.commands.output import OutFolder, progress_bar, save_picture
 from mrdamp.errors import InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import together, write_atomic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -133,7 +133,11 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
         about = _about(bench, result, settings, names)
         if a.out:
             progress("page", 1.0)
-            page = write_comparison(a.out, bench, result, loads, about, _command(a))
+            with together():
+                page = write_comparison(a.out, bench, result, loads, about, _command(a))
+                if result.bounds and not a.json:  # which is printed alone
+                    save_picture(shares_picture(result), a.out / "shares.png")
+                    save_picture(paths_picture(result), a.out / "paths.png")
     if a.json:
         print(to_json(result, bench.command_unit, about), end="")
         return 0
@@ -144,9 +148,6 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     if result.bounds:
         print(_aligned([share_columns(result), *share_rows(result)]))
         print(share_note(result))
-        if a.out:
-            save_picture(shares_picture(result), a.out / "shares.png")
-            save_picture(paths_picture(result), a.out / "paths.png")
     print(about)
     if not settings and not a.controllers:
         print("tuned controllers are left out: there are no settings for this model; add --tune")
@@ -276,8 +277,9 @@ def _dyke1996(a: argparse.Namespace) -> int:
             print(f"{row.controller}: mean deviation {row.mean_deviation:.2f} %")
     if a.out:
         _keep(a.out)
-        write_atomic(a.out / "table.md", preset.markdown(rows, motion))
-        preset.page(rows, motion).write(a.out / "index.html")
+        with together():
+            write_atomic(a.out / "table.md", preset.markdown(rows, motion))
+            preset.page(rows, motion).write(a.out / "index.html")
         if not a.json:
             print(f"page: {a.out / 'index.html'}")
     return 0

@@ -105,7 +105,6 @@ def run_gap(a: argparse.Namespace) -> int:
 def _run_case(a: argparse.Namespace, options: Options) -> int:
     """The gap of a measured frame."""
     from mrdamp.diagnosis.case.folder import read_case
-    from mrdamp.files import write_atomic
     from mrdamp.gap.measured import of_case, rows
 
     if a.effects or a.misfit:
@@ -113,7 +112,6 @@ def _run_case(a: argparse.Namespace, options: Options) -> int:
     case = read_case(a.case)
     with progress_bar() as progress:
         found = of_case(options, case, a.out, jobs=a.jobs, progress=progress)
-    write_atomic(a.out / "gap.json", json.dumps(asdict(found), indent=1) + "\n")
     for name, value in rows(found):
         print(f"{name:42s} {value}")
     return 0

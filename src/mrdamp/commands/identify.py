@@ -28,9 +28,13 @@ from mrdamp.commands.record_options import (
 )
 from mrdamp.commands.table1 import add_table1
 from mrdamp.errors import InputError
+from mrdamp.files import together
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from mrdamp.identify import Fit, RecordError
+    from mrdamp.identify.by_command import ByCommand
     from mrdamp.identify.comparison import RecordNorms
     from mrdamp.identify.intervals import ChannelFinding, Interval
     from mrdamp.records import RecordSet
@@ -185,7 +189,6 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         form = form_of(fit.model, records.train, threads=a.workers, progress=show_progress)
         print("\n".join(form.lines()))
         fit = form.applied(fit, records)
-    write_identified(fit.model, records, a.out)
     print(f"{a.law}: free-run error over the force's standard deviation:")
     if said := unexplained(records.held_out, fit.held_out_nrmse):
         print(f"  fitted records {fit.train_nrmse:.3f}; the held-out records do not judge it:")
@@ -205,20 +208,18 @@ def _identified(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         )
     _found(fit, left, checks)
     rows = _intervals(a, fit, records) if a.intervals else ()
-    if a.picture:
-        save_picture(overview_of(fit.model, records.held_out or records.train, a.command_unit), a.picture)
+    with together():
+        write_identified(fit.model, records, a.out)
+        if a.picture:
+            save_picture(overview_of(fit.model, records.held_out or records.train, a.command_unit), a.picture)
     print(f"model: {a.out}")
     return of_fit(fit, left, rows, fits) | {"checks": checks}
 
 
 def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
-    import numpy as np
-
     from mrdamp.identify import pooled
     from mrdamp.identify.by_command import identify_by_command
     from mrdamp.identify.provenance import write_identified
-    from mrdamp.model.core import attributes
-    from mrdamp.pictures.identification import parameter_lines
 
     found = identify_by_command(
         a.law,
@@ -231,7 +232,6 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         progress=show_progress,
     )
     fit = found.fit
-    write_identified(fit.model, records, a.out)
     print(f"{a.law}: values at each constant command, the other parameters the same for all:")
     for command, _, errors in found.at:
         print(f"  command {command:8.4g}  {len(errors):2d} records  error {pooled(errors):.3f}")
@@ -240,20 +240,30 @@ def _by_command(a: argparse.Namespace, records: RecordSet) -> dict[str, Any]:
         print(f"{line.parameter:>20s} {line.zero:14.5g} {line.slope:12.5g} {line.scatter:12.3g}")
     print(f"law of the lines: fitted records {fit.train_nrmse:.3f}, held-out records {fit.held_out_nrmse:.3f}")
     _errors(fit.held_out, "held out")
-    if a.picture:
-        units = {row.name: row.unit for row in attributes()}
-        shown = found.lines
-        fig = parameter_lines(
-            [line.parameter for line in shown],
-            [units[line.parameter] for line in shown],
-            np.array(shown[0].commands),
-            [np.array(line.values) for line in shown],
-            [(line.zero, line.slope) for line in shown],
-            a.command_unit,
-        )
-        save_picture(fig, a.picture)
+    with together():
+        write_identified(fit.model, records, a.out)
+        if a.picture:
+            save_picture(_lines(a, found), a.picture)
     print(f"model: {a.out}")
     return of_by_command(found)
+
+
+def _lines(a: argparse.Namespace, found: ByCommand) -> Figure:
+    import numpy as np
+
+    from mrdamp.model.core import attributes
+    from mrdamp.pictures.identification import parameter_lines
+
+    units = {row.name: row.unit for row in attributes()}
+    shown = found.lines
+    return parameter_lines(
+        [line.parameter for line in shown],
+        [units[line.parameter] for line in shown],
+        np.array(shown[0].commands),
+        [np.array(line.values) for line in shown],
+        [(line.zero, line.slope) for line in shown],
+        a.command_unit,
+    )
 
 
 #: Share of the squared residual from which on an offset or delay that is left is printed: less is chance or form.

@@ -85,9 +85,9 @@ def run_inverse(a: argparse.Namespace) -> int:
     unit = a.command_unit or named_unit(a.model)
     with together():
         page = write_page(result, a.out, unit)
+        if a.picture:
+            save_picture(draw(result, "between", unit), a.picture)
     print(_json(result) if a.json else _text(result, page))
-    if a.picture:
-        save_picture(draw(result, "between", unit), a.picture)
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import io
 import os
 import sys
 import tempfile
@@ -93,9 +92,7 @@ def _unwritable(out: Path) -> str:
 
 def save_picture(fig: Figure, path: Path) -> None:
     """Writes a figure and prints where. Raises InputError."""
-    drawn = io.BytesIO()
-    fig.savefig(drawn, dpi=150, format=path.suffix[1:])
-    write_atomic(path, drawn.getvalue())
+    write_atomic(path, lambda file: fig.savefig(file, dpi=150, format=path.suffix[1:]))
     print(f"picture: {path}")
 
 

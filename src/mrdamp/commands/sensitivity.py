@@ -46,7 +46,7 @@ def run_sensitivity(a: argparse.Namespace) -> int:
     from mrdamp.diagnosis.injection.page import page
     from mrdamp.diagnosis.injection.sensitivity import SIZES, Study, run_study
     from mrdamp.diagnosis.injection.summary import sentence, table, to_dict
-    from mrdamp.files import write_atomic
+    from mrdamp.files import together, write_atomic
 
     if a.jobs < 1 or a.seed < 0:
         raise InputError("--jobs must be at least 1 and --seed not negative")
@@ -55,8 +55,9 @@ def run_sensitivity(a: argparse.Namespace) -> int:
     first = sum(t.size in (0.0, largest) for t in study.trials)
     with progress_bar() as progress:
         for answers in run_study(study, a.out, a.jobs, progress):
-            write_atomic(a.out / "sensitivity.json", json.dumps(to_dict(study, answers), indent=1) + "\n")
-            page(study, answers).write(a.out / "index.html")
+            with together():
+                write_atomic(a.out / "sensitivity.json", json.dumps(to_dict(study, answers), indent=1) + "\n")
+                page(study, answers).write(a.out / "index.html")
             if len(answers) == first:
                 print(f"from the largest size alone: {sentence(study, answers)}", file=sys.stderr, flush=True)
     print(sentence(study, answers))

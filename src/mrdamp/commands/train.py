@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamp.commands import add_command
-from mrdamp.commands.output import OutFolder, progress_bar
+from mrdamp.commands.output import OutFolder, progress_bar, save_picture
 from mrdamp.errors import InputError
 
 if TYPE_CHECKING:
@@ -66,6 +66,8 @@ def add_to(commands: Any) -> None:
 
 def run_train(a: argparse.Namespace) -> int:
     """Trains, and prints the validation figures of every seed."""
+    from mrdamp.files import together
+    from mrdamp.train import curves
     from mrdamp.train.settings import Options
     from mrdamp.train.sweep import sweep
 
@@ -80,18 +82,17 @@ def run_train(a: argparse.Namespace) -> int:
     seeds = range(a.seed, a.seed + a.seeds)
     with progress_bar() as progress:
         found = sweep(options, a.out, seeds, a.sweep, a.jobs, progress)
-    for point in found:
-        _print(point, list(seeds), a.out)
-    if len(found) > 1:
-        from mrdamp.train.curves import draw_compared
-
-        draw_compared({" ".join(point.overrides): point.results for point in found}, a.out / "curves.png")
-        print(f"all of them: {a.out / 'curves.png'}")
+    with together():
+        for point in found:
+            _print(point, list(seeds))
+        if len(found) > 1:
+            compared = {" ".join(point.overrides): point.results for point in found}
+            save_picture(curves.compared(compared), a.out / "curves.png")
     return 0
 
 
-def _print(point: Setting, seeds: list[int], out: Path) -> None:
-    from mrdamp.train.curves import draw
+def _print(point: Setting, seeds: list[int]) -> None:
+    from mrdamp.train.curves import curves
 
     if point.overrides:
         print(f"{' '.join(point.overrides)}: mean score {point.score():.4f}")
@@ -102,5 +103,5 @@ def _print(point: Setting, seeds: list[int], out: Path) -> None:
         values = " ".join(f"{best[name]:18.4f}" for name in names)
         print(f"{seed:6d} {best['timesteps']:10.0f} {values} {result.seconds:8.0f}")
     folder = point.results[0].folder.parent
-    draw(point.results, folder / "curves.png")
-    print(f"policies: {folder}/seed_*/policy.json; curves: {folder / 'curves.png'}")
+    print(f"policies: {folder}/seed_*/policy.json")
+    save_picture(curves(point.results), folder / "curves.png")

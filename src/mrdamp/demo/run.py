@@ -17,7 +17,7 @@ from mrdamp.control.base import Controller
 from mrdamp.control.registry import balanced
 from mrdamp.demo.animation import Animation, Clip, animate
 from mrdamp.errors import InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import together, write_atomic
 from mrdamp.identify import Fit, RecordError, identify, laws, simulate
 from mrdamp.identify import fit as fit_module
 from mrdamp.inverse import LawInverse
@@ -81,12 +81,9 @@ def demo(
 
     fit = _fit(out, records, law, seed, lambda what, share: tell(f"identify: {what}", 0.65 * share))
     check_explained(records.train, fit.train_nrmse)
-    fit.model.write(out / "model.json")
     frame_model = replace(
         fit.model, rig="frame", structure=dyke1996(), name=f"{records.name} damper in the frame"
     )
-    write_mjcf(replace(fit.model, name=f"{records.name} damper"), out / "rig")
-    write_mjcf(frame_model, out / "frame")
     runs = _runs(fit.model, frame_model, ground.compressed(TIME_SCALE), tell)
     structure = dyke1996()
     criteria = {
@@ -97,7 +94,11 @@ def demo(
     tell("drawing the frame", 0.9)
     drawn = _drawn(frame_model, runs, best)
     tell("page", 0.95)
-    page = _page(out, records, fit, ground, runs, criteria, best, drawn)
+    with together():
+        fit.model.write(out / "model.json")
+        write_mjcf(replace(fit.model, name=f"{records.name} damper"), out / "rig")
+        write_mjcf(frame_model, out / "frame")
+        page = _page(out, records, fit, ground, runs, criteria, best, drawn)
     tell("done", 1.0)
     return DemoResult(records, fit, runs, criteria, page)
 

@@ -5,8 +5,9 @@ The rig itself is not run: the corrected simulator stands for it, with simulator
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from mrdamp.control.base import Controller
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
-from mrdamp.files import write_atomic
+from mrdamp.files import together, write_atomic
 from mrdamp.gap.scenario import Scenario
 from mrdamp.gap.study import CRITERIA, Options, Progress, relative_error, with_range
 from mrdamp.model import Model
@@ -50,7 +51,9 @@ class CaseGap:
 def of_case(
     options: Options, case: Case, out: Path, *, jobs: int = 1, progress: Progress = lambda what, share: None
 ) -> CaseGap:
-    """Diagnoses a frame's case and runs the controller in its simulators. Raises InputError."""
+    """Diagnoses a frame's case, runs the controller in its simulators, and writes gap.json, diagnosis.txt and
+    corrected.json. Raises InputError.
+    """
     if case.model.rig != "frame":
         raise InputError(f"{case.name}: the case is of a damper; allowed: a case of rig 'frame'")
     nominal = case.model
@@ -65,9 +68,6 @@ def of_case(
     progress("diagnosis", 0.2)
     found = diagnose(case, jobs=jobs)
     corrected, drawn = with_range(found.corrected, nominal), [with_range(m, nominal) for m in found.drawn]
-    out.mkdir(parents=True, exist_ok=True)
-    write_atomic(out / "diagnosis.txt", f"{found.sentence}\n")
-    corrected.write(out / "corrected.json")
     progress("the controller in the corrected simulator", 0.6)
 
     def ran(model: Model, controller: Controller) -> list[Criteria]:
@@ -87,15 +87,20 @@ def of_case(
         scenario.score(after),
         _interval([scenario.score(other) for other in others]),
     )
-    if not (options.tuned or scenario.learning):
-        return answer
-    progress("tuning again", 0.75)
-    again = scenario.tune([corrected], scenario.site(corrected))
-    return replace(
-        answer,
-        retuned=scenario.score(ran(corrected, again)),
-        retuned_interval=_interval([scenario.score(ran(m, again)) for m in drawn]),
-    )
+    if options.tuned or scenario.learning:
+        progress("tuning again", 0.75)
+        again = scenario.tune([corrected], scenario.site(corrected))
+        answer = replace(
+            answer,
+            retuned=scenario.score(ran(corrected, again)),
+            retuned_interval=_interval([scenario.score(ran(m, again)) for m in drawn]),
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    with together():
+        write_atomic(out / "diagnosis.txt", f"{found.sentence}\n")
+        corrected.write(out / "corrected.json")
+        write_atomic(out / "gap.json", json.dumps(asdict(answer), indent=1) + "\n")
+    return answer
 
 
 def rows(found: CaseGap) -> list[tuple[str, str]]:

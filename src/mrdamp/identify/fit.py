@@ -65,6 +65,10 @@ class Fit:
     #: The train records that are led into, by name: m, x - y at their start beyond that of the run-in, as fitted.
     started: Mapping[str, float] = field(default_factory=dict, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        parts = (self.train_nrmse, len(self.train), "fitted"), (self.held_out_nrmse, len(self.held_out), "held out")
+        return f"Fit({self.model!r}, {', '.join(f'error {e:.3f} of {n} {what}' for e, n, what in parts)})"
+
     @property
     def train_nrmse(self) -> float:
         """RMS error over the standard deviation of the force, all train records pooled."""

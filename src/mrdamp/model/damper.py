@@ -74,6 +74,10 @@ class Model:
     sample_rate_hz: float | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)  # what a file carries besides, kept on writing
 
+    def __repr__(self) -> str:
+        effects = ", ".join(e.name for e in self.effects) or "none"
+        return f"Model({self.name!r}, {self.law}, rig {self.rig}, effects: {effects})"
+
     @property
     def hold(self) -> bool | None:
         """Whether records of the rig hold the command from sample to sample; None: the file does not say."""

@@ -50,6 +50,9 @@ class GroundMotion:
         values.setflags(write=False)
         object.__setattr__(self, "acceleration", values)
 
+    def __repr__(self) -> str:
+        return f"GroundMotion({self.name!r}, {self.n} samples, {self.duration:.4g} s, peak {self.pga:.3g} m/s2)"
+
     @property
     def n(self) -> int:
         """Number of samples."""

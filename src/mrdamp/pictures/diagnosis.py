@@ -41,8 +41,8 @@ from mrdamp.pictures.style import (
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
-BEFORE, AFTER = COLOURS[1], COLOURS[0]
-_LIT = COLOURS[1]  # the stage of a named cause
+#: The measurement is grey, as what others are compared with always is.
+BEFORE, AFTER, NAMED = COLOURS[1], COLOURS[0], COLOURS[2]
 _BINS = 7  # of the gap map, a side
 _FEWEST = 20  # samples of a bin that is drawn
 _HEAT = LinearSegmentedColormap.from_list("gap", ["#f4f6f8", "#f3b27a", COLOURS[1], "#7d2e00"])
@@ -73,6 +73,12 @@ class ResidualData:
             check_series(self, "displacement")
 
 
+def _simulators(records: Sequence[ResidualData]) -> dict[str, str]:
+    """Name -> colour of the simulators to draw: the corrected one is left out where it is the nominal one."""
+    same = all(np.array_equal(r.nominal, r.corrected) for r in records)
+    return {"nominal": BEFORE} if same else {"nominal": BEFORE, "corrected": AFTER}
+
+
 @styled
 def waterfall(
     steps: Sequence[tuple[str, float, tuple[float, float]]], floor: float, ceiling: float | None = None
@@ -91,14 +97,14 @@ def waterfall(
     most = 2 * max(gaps[0], gaps[-1])
     cut = gaps > most
     ends = np.minimum(100 * np.array([interval for *_, interval in steps]), most)
-    ax.barh(y, np.minimum(gaps, most), height=0.6, color=[REFERENCE, *[AFTER] * (len(steps) - 1)])
+    ax.barh(y, np.minimum(gaps, most), height=0.6, color=[BEFORE, *[AFTER] * (len(steps) - 1)])
     ax.hlines(y, ends[:, 0], ends[:, 1], color=INK, linewidth=1.4)
     ax.axvline(100 * floor, color=MUTED, linestyle="--", linewidth=1.0)
     handles = [Line2D([], [], color=MUTED, linestyle="--"), Line2D([], [], color=INK)]
     labels = ["noise floor", "95 % interval"]
     if ceiling is not None:
-        ax.axvline(100 * ceiling, color=COLOURS[2], linestyle=":", linewidth=1.4)
-        handles.append(Line2D([], [], color=COLOURS[2], linestyle=":"))
+        ax.axvline(100 * ceiling, color=MUTED, linestyle=":", linewidth=1.4)
+        handles.append(Line2D([], [], color=MUTED, linestyle=":"))
         labels.append("regression")
     gaps = np.minimum(gaps, most)
     top = max(float(ends.max()), float(gaps.max())) or 1.0
@@ -124,7 +130,7 @@ def added(names: Sequence[str]) -> list[str]:
 
 
 @styled
-def probabilities(values: Mapping[str, float], most: int = 6) -> Figure:
+def probabilities(values: Mapping[str, float], named: Collection[str] = (), most: int = 6) -> Figure:
     """Probability of each cause, the likeliest first, at most so many and the rest together."""
     ranked = sorted(values.items(), key=lambda item: -item[1])
     shown, rest = ranked[:most], sum(p for _, p in ranked[most:])
@@ -135,7 +141,7 @@ def probabilities(values: Mapping[str, float], most: int = 6) -> Figure:
     ax = fig.subplots()
     y = np.arange(len(shown))
     p = np.array([value for _, value in shown])
-    ax.barh(y, p, height=0.6, color=[AFTER, *[REFERENCE] * (len(shown) - 1)])
+    ax.barh(y, p, height=0.6, color=[NAMED if name in named else REFERENCE for name, _ in shown])
     for k, value in enumerate(p):
         ax.text(value + 0.015, k, f"{value:.2f}", va="center", color=INK, fontsize=9)
     ax.set_yticks(y, [elide(name, 130) for name, _ in shown])
@@ -151,14 +157,15 @@ def chain(
     shares: Mapping[str, float],
     intervals: Mapping[str, tuple[float, float]] | None = None,
     named: Collection[str] = (),
+    of: str = "gap",
 ) -> Figure:
-    """The signal chain, named stages lit, each stage's share of the gap over it, with intervals where there are any."""
+    """The signal chain, named stages lit, each stage's share over it, with intervals where there are any."""
     names = list(shares)
     fig = figure(2.3)
     ax = fig.subplots()
     x = np.arange(len(names))
     values = 100 * np.array([shares[name] for name in names])
-    colours = [_LIT if name in named else REFERENCE for name in names]
+    colours = [NAMED if name in named else REFERENCE for name in names]
     ax.bar(x, values, width=0.62, color=colours)
     top = float(values.max())
     for k, name in enumerate(names):
@@ -180,7 +187,7 @@ def chain(
     ax.set_ylim(-0.3 * top, top)
     ax.axhline(0.0, color=MUTED, linewidth=0.7)
     ax.spines[["left", "bottom"]].set_visible(False)
-    ax.set_ylabel("share of the gap")
+    ax.set_ylabel(f"share of the {of}")
     ax.set_xticks([])
     ax.set_yticks([])
     ax.grid(visible=False)
@@ -191,7 +198,7 @@ def _stage(ax: Axes, x: float, y: float, height: float, name: str, *, lit: bool,
     """A stage as a box of the chain around (x, y); size: of the type, points."""
     box = FancyBboxPatch(
         (x - 0.45, y - height / 2), 0.9, height, boxstyle="round,pad=0,rounding_size=0.06", mutation_aspect=height,
-        facecolor=_LIT if lit else "none", edgecolor=_LIT if lit else MUTED, linewidth=1.0, clip_on=False,
+        facecolor=NAMED if lit else "none", edgecolor=NAMED if lit else MUTED, linewidth=1.0, clip_on=False,
     )  # fmt: skip
     ax.add_patch(box)
     ax.text(x, y, name, ha="center", va="center", fontsize=size, color="white" if lit else INK,
@@ -232,23 +239,23 @@ def by_regime(
 
 
 @styled
-def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
+def gap_map(records: Sequence[ResidualData]) -> Figure:
     """RMS residual over velocity and command, before and after, on one scale: % of the measurement's RMS."""
     if not records:
         raise InputError("gap map: no records")
     velocity, command = (np.concatenate([getattr(r, k) for r in records]) for k in ("velocity", "command"))
     size = [np.sqrt(np.mean(r.measured**2)) or 1.0 for r in records]
-    before, after = (
-        np.concatenate([(getattr(r, k) - r.measured) / s for r, s in zip(records, size, strict=True)])
-        for k in ("nominal", "corrected")
-    )
+    errors = {
+        k: np.concatenate([(getattr(r, k) - r.measured) / s for r, s in zip(records, size, strict=True)])
+        for k in _simulators(records)
+    }
     v_edges, u_edges = _edges(velocity, symmetric=True), _edges(command, symmetric=False)
-    maps = [100 * _binned(velocity, command, e, v_edges, u_edges) for e in (before, after)]
+    maps = [100 * _binned(velocity, command, e, v_edges, u_edges) for e in errors.values()]
     fig = figure(2.5)
-    axes = axes_grid(fig, 1, 2, sharey=True)[0]
+    axes = axes_grid(fig, 1, len(maps), sharey=True)[0]
     top = float(np.nanmax(maps[0])) if np.isfinite(maps[0]).any() else 1.0
     mesh = None
-    for ax, values, title in zip(axes, maps, ("nominal", "corrected"), strict=True):
+    for ax, values, title in zip(axes, maps, errors, strict=True):
         ax.set_title(title)
         mesh = ax.pcolormesh(
             v_edges, u_edges, values.T, cmap=_HEAT, vmin=0, vmax=top, edgecolor=GRID, linewidth=0.3
@@ -256,7 +263,7 @@ def gap_map(records: Sequence[ResidualData], command_unit: str = "A") -> Figure:
         ax.set_xlabel("velocity, m/s")
         ax.grid(visible=False)
         ticks(ax, 4, 5)
-    axes[0].set_ylabel(f"command, {command_unit}")
+    axes[0].set_ylabel("command, A or V")
     assert mesh is not None
     bar = fig.colorbar(mesh, ax=axes, pad=0.01, aspect=18)
     bar.set_label("RMS residual, %")
@@ -272,24 +279,27 @@ def residuals(records: Sequence[ResidualData], periods: float = 5.0) -> Figure:
     """
     if not records:
         raise InputError("residuals: no records")
-    fig = figure(0.6 + 2.1 * len(records))
-    axes = fig.subplots(2 * len(records), 1)
+    drawn = _simulators(records)
+    count = len(drawn)
+    fig = figure(0.6 + 1.05 * count * len(records))
+    axes = fig.subplots(count * len(records), 1, squeeze=False)[:, 0]
     for k, r in enumerate(records):
         part = busiest(r.time, r.velocity, periods)
-        pair = axes[2 * k : 2 * k + 2]
-        errors = [(r.measured - simulated)[part] for simulated in (r.nominal, r.corrected)]
+        pair = axes[count * k : count * (k + 1)]
+        errors = [(r.measured - getattr(r, name))[part] for name in drawn]
         top = 1.08 * max(float(np.abs(e).max()) for e in errors) or 1.0
-        for ax, error, colour in zip(pair, errors, (BEFORE, AFTER), strict=True):
+        for ax, error, colour in zip(pair, errors, drawn.values(), strict=True):
             ax.axhline(0.0, color=MUTED, linewidth=0.7)
             _line(ax, r.time[part], error, colour, 1.2)
             ax.set_xlim(r.time[part][0], r.time[part][-1])
             ax.set_ylim(-top, top)
-            ax.set_ylabel(r.unit)
+            ax.set_ylabel(f"error, {r.unit}")
             ticks(ax, 6, 4)
-        pair[0].tick_params(axis="x", labelbottom=False)
+        for ax in pair[:-1]:
+            ax.tick_params(axis="x", labelbottom=False)
         pair[0].set_title(elide(" · ".join(x for x in (r.name, r.note) if x), 330))
     axes[-1].set_xlabel("time, s")
-    legend(fig, [Patch(color=BEFORE), Patch(color=AFTER)], ["nominal", "corrected"])
+    legend(fig, [Patch(color=colour) for colour in drawn.values()], list(drawn))
     return fig
 
 
@@ -307,11 +317,11 @@ def loops(record: ResidualData, periods: float = 2.0) -> Figure:
     speed, speed_name = velocity_unit(record.velocity[part])
     fig = figure(6.2)
     axes = fig.subplots(2, 1)
-    drawn: tuple[tuple[str, Array, str, float, LineStyleType], ...] = (
+    drawn: list[tuple[str, Array, str, float, LineStyleType]] = [
         ("measured", record.measured, REFERENCE, 3.0, "-"),
-        ("nominal", record.nominal, BEFORE, 1.3, (0, (4, 1.5))),
-        ("corrected", record.corrected, AFTER, 1.3, "-"),
-    )
+        *((name, getattr(record, name), colour, 1.3, "-" if name == "corrected" else (0, (4, 1.5)))
+          for name, colour in _simulators([record]).items()),
+    ]  # fmt: skip
     sides = (
         (length * record.displacement, f"displacement, {length_name}"),
         (speed * record.velocity, f"velocity, {speed_name}"),

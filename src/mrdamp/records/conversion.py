@@ -91,10 +91,13 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
     """
     path = Path(path)
     found = [c.channel for c in columns]
-    for name in ("displacement_m", "command", "force_N"):
+    frame = any(name.startswith(("ground", "floor")) for name in found)
+    for name in ("ground_acceleration_m_s2", "command") if frame else ("displacement_m", "command", "force_N"):
         if name not in found:
             constant = "; a constant is command=0:A" if name == "command" else ""
             raise InputError(f"{path}: no column is named for {name}; a record needs it{constant}")
+    if frame and not any(name == "force_N" or name.startswith("floor") for name in found):
+        raise InputError(f"{path}: no column is named for a floor or for force_N; a record of a frame needs one")
     if len(set(found)) < len(found):
         raise InputError(f"{path}: a channel is named twice: {', '.join(found)}")
     if rate is not None and not 0 < rate < 1e7:
@@ -121,7 +124,7 @@ def convert(path: Path | str, columns: Sequence[Column], rate: float | None = No
         step, ends = float(f"{step:.3g}"), (float(steps.min()), float(steps.max()))
         even = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1 + 1e-12)) + 1)
         values = {name: np.interp(even, time, x) for name, x in values.items()}
-    n = len(values["force_N"])
+    n = len(next(iter(values.values())))
     record = _record(path, stem, {"time_s": time[0] + step * np.arange(n), **values}, step)
     return Converted(record if rate is None else record.resample(1.0 / rate), ends)
 
@@ -157,6 +160,8 @@ def _check(path: Path, time: Array, steps: Array) -> None:
 
 def _record(path: Path, name: str, values: Mapping[str, Array], step: float) -> Record:
     record = Record(name, None, step, values)
+    if record.force is None or "displacement_m" not in record.channels:  # a frame's
+        return record
     force, velocity = _left(record.channel("force_N"), record.displacement), record.velocity()
     size = float(np.std(force) * np.sqrt(np.mean(velocity**2)))
     if (power := float(np.mean(force * velocity))) < -_DRIVES * size:

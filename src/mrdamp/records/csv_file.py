@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.IGNORECASE)
-_ROWS = 50_000  # written at a time: as Python's numbers they take many times their size
+_LEAST = 3  # samples of a record
+_ROWS = 50_000  # read and written at a time: as Python's texts and numbers they take many times their size
 _STEP_TOLERANCE = 0.01  # of a step: the jitter of a time axis that still counts as uniform
 _GRID_TOLERANCE = 0.05  # of a step: how far a sample may lie from the uniform grid of the whole record
 
@@ -41,17 +42,30 @@ def parse(
     Raises:
         InputError: one line with the file, the line number and the channel.
     """
-    lines = text.rstrip().split("\n")
-    header = [name.strip() for name in lines[0].split(",")]
+    text = text.rstrip()
+    count, end = text.count("\n"), text.find("\n")
+    head = text[:end] if count else text
+    header = [name.strip() for name in head.split(",")]
     if all(is_number(name) or not name for name in header):
         raise InputError(f"{file}: no header: line 1 must name the channels (time_s,command,...)")
-    if len(header) == 1 and re.search(r"[;\t]", lines[0]):
+    if len(header) == 1 and re.search(r"[;\t]", head):
         raise InputError(f"{file}: columns must be separated by commas")
     present = check_header(file, header, required)
-    rows = lines[1:]
+    if count < _LEAST:
+        raise InputError(f"{file}: {count} samples: at least {_LEAST} are needed")
     columns = [header.index(name) for name in present]
-    values = numbers(file, header, rows, columns)
-    channels = {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(present)}
+    channels = {name: np.empty(count) for name in present}
+    at = 0
+    while at < count:
+        begin = end + 1
+        for _ in range(min(_ROWS, count - at)):
+            end = text.find("\n", end + 1)
+        rows = text[begin : end if end >= 0 else None].split("\n")
+        values = numbers(file, header, rows, columns, at + 2, least=1)
+        for k, name in enumerate(present):
+            channels[name][at : at + len(rows)] = values[:, k]
+        at += len(rows)
+    del text  # as large as the channels
     ignored = tuple(name for name in header if name not in present)
     if "time_s" not in channels:
         raise InputError(f"{file}: missing channel time_s; the file has {listed(header)}")
@@ -107,7 +121,12 @@ def uniform_step(file: str, time: Array, first_line: int = 2) -> float:
 
 
 def render(columns: Mapping[str, Array], digits: int = 9) -> str:
-    """CSV text of equally long columns, ``digits`` significant digits; the inverse of `parse`.
+    """CSV text of equally long columns, ``digits`` significant digits; the inverse of `parse`."""
+    return "".join(rendered(columns, digits))
+
+
+def rendered(columns: Mapping[str, Array], digits: int = 9) -> Iterator[str]:
+    """The same in parts.
 
     Time has three digits more, and as many as a step needs: it is a small part of a time, of an epoch's above all.
     Raises InputError for a column that is not finite.
@@ -115,21 +134,24 @@ def render(columns: Mapping[str, Array], digits: int = 9) -> str:
     for name, values in columns.items():
         if (bad := np.flatnonzero(~np.isfinite(values))).size:
             raise InputError(f"{name} is no finite number from sample {bad[0] + 1} on: nothing is written")
+    return _rendered(columns, digits)
+
+
+def _rendered(columns: Mapping[str, Array], digits: int) -> Iterator[str]:
     more = 3
     if len(time := np.asarray(columns.get("time_s", ()))) > 1 and time[-1] != time[0]:
         step = abs(float(time[-1] - time[0])) / (len(time) - 1)
         more = min(max(more, math.ceil(math.log10(float(np.abs(time).max()) / step)) + 4 - digits), 17 - digits)
     formats = [f"%.{digits + more if name == 'time_s' else digits}g" for name in columns]
     row = ",".join(formats)
-    parts = [",".join(columns)]
+    yield ",".join(columns) + "\n"
     for first in range(0, len(next(iter(columns.values()))), _ROWS):
         table = np.column_stack([values[first : first + _ROWS] for values in columns.values()]).tolist()
-        parts.append("\n".join(row % tuple(values) for values in table))
-    return "\n".join(parts) + "\n"
+        yield "\n".join(row % tuple(values) for values in table) + "\n"
 
 
 def numbers(
-    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2, least: int = 3
+    file: str, names: Sequence[str], rows: list[str], picked: list[int], first_line: int = 2, least: int = _LEAST
 ) -> Array:
     """(n, len(picked)) finite numbers of the rows' columns ``picked``.
 

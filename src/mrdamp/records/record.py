@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrdamp.errors import LARGEST, InputError
 from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
-from mrdamp.records import csv_file, motion, sampling
+from mrdamp.records import csv_file, division, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
 
 Array = NDArray[np.float64]
@@ -21,8 +21,6 @@ Array = NDArray[np.float64]
 _RATE = 2.0
 #: Sets that come with the package: a self-sensing damper, and the tests of the two papers.
 PACKAGED = ("embedded", "self_sensing", "foam")
-#: Share of the largest command within which two commands are the same.
-_SAME_COMMAND = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +67,10 @@ class Record:
                 raise InputError(f"{self.label}: {name} holds NaN, infinity or a number above {LARGEST:g}")
             values.setflags(write=False)
         object.__setattr__(self, "channels", channels)
+
+    def __repr__(self) -> str:
+        rate, rest = 1.0 / self.sample_time, ", ".join(self.channels)
+        return f"Record({self.name!r}, {self.n} samples, {self.duration:.4g} s at {rate:.6g} Hz: {rest})"
 
     @property
     def label(self) -> str:
@@ -171,7 +173,7 @@ class Record:
         path = Path(path)
         if not path.name.endswith(SUFFIXES):
             raise InputError(f"{path}: a record is written as .csv or .csv.gz")
-        write_atomic(path, csv_file.render(self.channels, digits))
+        write_atomic(path, csv_file.rendered(self.channels, digits))
 
     def _smooth(self, name: str, cutoff_hz: float | None) -> Array:
         x = self.channel(name)
@@ -229,6 +231,10 @@ class RecordSet:
         parts = (tuple(map(change, part)) for part in (self.train, self.validation, self.test))
         return RecordSet(self.name, *parts)
 
+    def __repr__(self) -> str:
+        counts = f"{len(self.train)} train, {len(self.validation)} validation, {len(self.test)} test"
+        return f"RecordSet({self.name!r}, {counts})"
+
     def __iter__(self) -> Iterator[Record]:
         return iter(self.records)
 
@@ -261,7 +267,17 @@ def read_record(path: Path | str, required: Sequence[str] | None = None) -> Reco
     path = Path(path)
     if not path.name.lower().endswith(SUFFIXES):
         raise InputError(f"{path}: a record is a .csv or .csv.gz file")
-    return _parse(str(path), _stem(path.name), path, read_bytes(path), required)
+    channels, ignored, sample_time = csv_file.parse(str(path), decode(str(path), read_bytes(path)), required)
+    if "velocity_m_s" in channels and "displacement_m" in channels:
+        ratio = motion.rate_ratio(channels["displacement_m"], channels["velocity_m_s"], sample_time)
+        if not 1 / _RATE < ratio < _RATE:
+            raise InputError(
+                f"{path}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
+                " or leave the column out"
+            )
+    time = channels["time_s"]
+    channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
+    return Record(_stem(path.name), path, sample_time, channels, ignored)
 
 
 def read_records(
@@ -281,7 +297,7 @@ def read_records(
         required: as in `read_record`.
 
     Raises:
-        InputError: no records, a half of the set missing, two files of one name, or a bad record.
+        InputError: no records, a half of the set missing, two files of one name, a record twice, or a bad record.
     """
     if not isinstance(source, Path | str):
         files = sorted((f for item in source for f in record_files(item)), key=lambda path: (path.name, str(path)))
@@ -298,7 +314,9 @@ def read_records(
             if not half.is_dir():
                 raise InputError(f"{half}: no such folder; a set has both train/ and validation/")
         halves += [test] if (test := folder / "test").is_dir() else []
-        return RecordSet(name, *(_read_all(str(half), files_in(half), required) for half in halves))
+        parts = [_read_all(str(half), files_in(half), required) for half in halves]
+        division.refuse_copies([record for part in parts for record in part])
+        return RecordSet(name, *parts)
     return _hold_out(name, _read_all(str(folder), files_in(folder), required))
 
 
@@ -317,20 +335,6 @@ def embedded(name: str = "embedded") -> RecordSet:
     """A set of `PACKAGED`, each made by a simulation that shares no physics with the plugin (data/NAME/README.md)."""
     found = read_records(Path(__file__).parents[1] / "data" / name)
     return found.changed(lambda record: replace(record, path=None))
-
-
-def _parse(file: str, name: str, path: Path | None, data: bytes, required: Sequence[str] | None) -> Record:
-    channels, ignored, sample_time = csv_file.parse(file, decode(file, data), required)
-    if "velocity_m_s" in channels and "displacement_m" in channels:
-        ratio = motion.rate_ratio(channels["displacement_m"], channels["velocity_m_s"], sample_time)
-        if not 1 / _RATE < ratio < _RATE:
-            raise InputError(
-                f"{file}: velocity_m_s is {ratio:.3g} times the rate of displacement_m; correct the units or the sign,"
-                " or leave the column out"
-            )
-    time = channels["time_s"]
-    channels["time_s"] = time[0] + sample_time * np.arange(len(time))  # printed stamps are rounded
-    return Record(name, path, sample_time, channels, ignored)
 
 
 def _stem(name: str) -> str:
@@ -355,46 +359,7 @@ def _hold_out(name: str, records: tuple[Record, ...]) -> RecordSet:
         at = min(max(motion.cut(x), 2), only.n - 4)
         parts = only.part(only.time[0], only.time[at]), only.part(only.time[at + 1], only.time[-1])
         return RecordSet(name, parts[:1], parts[1:])
-    first = [k for k, record in enumerate(records) if "repeat" not in record.name.lower()]
-    if len(first) < 2:
-        first = list(range(len(records)))
-    validation = _within_the_rest(records, first, set(first[2::3]) or {first[-1]})
-    for k in sorted(set(range(len(records))) - set(first)):
-        if min(first, key=lambda other: _input_difference(records[k], records[other])) in validation:
-            validation.add(k)
+    division.refuse_copies(records)
+    validation = division.held_out(records)
     train = tuple(record for k, record in enumerate(records) if k not in validation)
     return RecordSet(name, train, tuple(records[k] for k in sorted(validation)))
-
-
-def _within_the_rest(records: Sequence[Record], first: Sequence[int], chosen: set[int]) -> set[int]:
-    """The held-out records, exchanged for others where their commands go beyond those of the rest."""
-    if any("command" not in records[k].channels for k in first):
-        return chosen
-    largest = {k: float(np.abs(records[k].command).max()) for k in first}
-    least = {k: float(np.abs(records[k].command).min()) for k in first}
-    slack = _SAME_COMMAND * max(largest.values())
-
-    def beyond(held: set[int]) -> list[int]:
-        rest = [k for k in first if k not in held]
-        high, low = max(largest[k] for k in rest), min(least[k] for k in rest)
-        return [k for k in sorted(held) if largest[k] > high + slack or least[k] < low - slack]
-
-    for k in beyond(chosen):
-        for other in first:
-            exchanged = (chosen - {k}) | {other}
-            if other not in chosen and len(beyond(exchanged)) < len(beyond(chosen)):
-                chosen = exchanged
-                break
-    return chosen
-
-
-def _input_difference(a: Record, b: Record) -> float:
-    """How far the inputs of two tests are apart: 0 the same, infinite where they cannot be compared."""
-    names = [name for name in ("displacement_m", "ground_acceleration_m_s2", "command") if name in a.channels]
-    if a.n != b.n or any(name not in b.channels for name in names):
-        return float("inf")
-    size = [float(np.abs(a.channels[name]).max()) or 1.0 for name in names]
-    return sum(
-        float(np.abs(a.channels[name] - b.channels[name]).mean()) / scale
-        for name, scale in zip(names, size, strict=True)
-    )

@@ -21,7 +21,7 @@ from mrdamp.records.channels import listed, show
 from mrdamp.records.csv_file import is_number, numbers
 from mrdamp.records.sampling import Array
 
-_SEPARATORS = ",;\t"
+_SEPARATORS = ",;\t "
 #: Lines among which the header is looked for.
 _HEAD = 200
 
@@ -29,10 +29,10 @@ _HEAD = 200
 def columns_of(path: Path, wanted: Sequence[str], time: str = "") -> dict[str, Array]:
     """The wanted columns of a table, (n,) each.
 
-    Text may have lines above its header, a line of units below it, further columns, quoted cells, `;` or tabs between
-    cells with decimal commas, and header blocks that come again. Without a header the columns are 1, 2 and so on.
-    Columns of a MATLAB structure are `structure.field`, those of a matrix `matrix(1)`. time: the column that may hold
-    dates with times, ISO 8601, read as seconds from the first.
+    Text may have lines above its header, a mark of comments before it, a line of units below it, further columns,
+    quoted cells, `;`, tabs or spaces between cells with decimal commas, and header blocks that come again. Without a
+    header the columns are 1, 2 and so on. Columns of a MATLAB structure are `structure.field`, those of a matrix
+    `matrix(1)`. time: the column that may hold dates with times, ISO 8601, read as seconds from the first.
 
     Raises:
         InputError: one line: no such column, a cell that is no number, a damaged file, a library that is missing.
@@ -48,7 +48,7 @@ def columns_of(path: Path, wanted: Sequence[str], time: str = "") -> dict[str, A
 def _of_lines(path: Path, lines: list[str], wanted: Sequence[str], time: str) -> dict[str, Array]:
     for separator in _SEPARATORS:
         for k, line in enumerate(lines[:_HEAD]):
-            header = _cells(line, separator)
+            header = _cells(re.sub(r"^\s*[#%]+", "", line), separator)
             if set(wanted) <= set(header):
                 if twice := [name for name in wanted if header.count(name) > 1]:
                     raise InputError(f"{path}: two columns are named {show(twice[0])}; rename one")
@@ -61,7 +61,8 @@ def _of_lines(path: Path, lines: list[str], wanted: Sequence[str], time: str) ->
             if max(map(int, wanted)) <= len(cells) and all(is_number(cells[j].replace(",", ".")) for j in here):
                 header = [str(j + 1) for j in range(len(cells))]
                 return _values(path, lines, k - 1, header, separator, wanted, time)
-    separator = max(_SEPARATORS, key=lines[0].count)
+    separator = max(_SEPARATORS[:-1], key=lines[0].count)
+    separator = separator if separator in lines[0] else " "
     heads = max((_cells(line, separator) for line in lines[:_HEAD]), key=lambda cells: len(set(wanted) & set(cells)))
     missing = ", ".join(show(name) for name in dict.fromkeys(wanted) if name not in heads)
     if sum(is_number(cell.replace(",", ".")) for cell in heads) > 1:
@@ -78,7 +79,7 @@ def _cells(line: str, separator: str) -> list[str]:
             return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
         except (csv.Error, StopIteration):
             pass
-    return [cell.strip() for cell in line.split(separator)]
+    return line.split() if separator == " " else [cell.strip() for cell in line.split(separator)]
 
 
 def _values(
@@ -136,7 +137,9 @@ def _blocks(lines: list[str], at: int, header: list[str], separator: str) -> Ite
 def _plain(row: str, separator: str, columns: int) -> str:
     """A row with commas between its cells and points in its numbers."""
     if '"' in row:
-        row = separator.join(cell.replace(",", ".").replace(separator, " ") for cell in _cells(row, separator))
+        row = separator.join(cell.replace(",", ".").replace(separator, "_") for cell in _cells(row, separator))
+    if separator == " ":
+        return ",".join(row.replace(",", ".").split())
     if row.count(separator) == columns:
         row = row.rstrip(separator)
     return row if separator == "," else row.replace(",", ".").replace(separator, ",")

@@ -78,11 +78,7 @@ def upsampled(
     x: Array, u: Array, sample_time: float, factor: int, *, filtered: bool = False, hold: bool = False
 ) -> FineInputs:
     """The inputs (n,) at `factor` points for each sample; velocity and acceleration are those of the spline."""
-    n = len(x)
-    t, fine = np.arange(n), np.arange((n - 1) * factor + 1) / factor
-    spline = CubicSpline(t, x)
-    velocity, acceleration = spline(fine, 1) / sample_time, spline(fine, 2) / sample_time**2
-    command = between(u, factor, filtered, hold)
-    return FineInputs(
-        factor, sample_time / factor, spline(fine), velocity, acceleration, command, filtered, hold
-    )
+    spline, fine = CubicSpline(np.arange(len(x)), x), np.arange((len(x) - 1) * factor + 1) / factor
+    own, v, a = (spline(fine, k) / sample_time**k for k in range(3))
+    del spline, fine  # of a long record: as large as what is returned
+    return FineInputs(factor, sample_time / factor, own, v, a, between(u, factor, filtered, hold), filtered, hold)

@@ -14,7 +14,7 @@ from mrdamp.files import write_atomic
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
-from mrdamp.records.csv_file import render
+from mrdamp.records.csv_file import rendered
 from mrdamp.records.log_filter import (
     AS_SENT,
     FACTOR,
@@ -137,8 +137,8 @@ def write_prediction(model: Model, record: Record | Path | str, path: Path | str
     """Predicts and writes the CSV in one go; returns its columns. Raises InputError, also where one is not finite."""
     columns = predict(model, record)
     try:
-        text = render(columns)
+        parts = rendered(columns)
     except InputError as error:
         raise InputError(f"{model.name}: {error}; its parameters are beyond what can be computed") from None
-    write_atomic(Path(path), text)
+    write_atomic(Path(path), parts)
     return columns

@@ -50,11 +50,11 @@ class RegimeEstimate:
         was so in some regime in 5 of the 60 right ones and in 9 of the 13 wrong ones."""
         return self.determined and self.gap_with > self.gap_without
 
-    def label(self, command_unit: str = "") -> str:
-        """The regime as a person reads it."""
+    def label(self) -> str:
+        """The regime as a person reads it; a command has the unit of the records."""
         if self.low is None or self.high is None:
             return self.records[0]
-        unit = command_unit if self.over == "command" else "m/s"
+        unit = "" if self.over == "command" else "m/s"
         low, high = f"{self.low:.2g}", f"{self.high:.2g}"
         return f"{self.over} {low if low == high else f'{low} to {high}'} {unit}".rstrip()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -94,9 +93,6 @@ def content_key(case: Case) -> str:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Writes arrays and lists of names as one npz file, atomically; the figures of a page are drawn from it.
-    """
-    packed = io.BytesIO()
+    """Writes arrays and lists of names as one npz file, atomically; the figures of a page are drawn from it."""
     made: dict[str, Any] = {name: np.asarray(values) for name, values in arrays.items()}
-    np.savez_compressed(packed, **made)
-    write_atomic(path, packed.getvalue())
+    write_atomic(path, lambda file: np.savez_compressed(file, **made))

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
-from mrdamp.diagnosis.report.sentence import number, share
+from mrdamp.diagnosis.report.sentence import share
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.pictures import diagnosis as pictures
@@ -27,7 +28,7 @@ def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[p
             for r in records]  # fmt: skip
 
 
-def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_unit: str = "A") -> Page:
+def page(found: Diagnosis, nominal: Model, records: Sequence[Record]) -> Page:
     """The whole page. nominal: the nominal simulator; records: all of the case.
 
     Actionable results come first: the next step, the stage, the reduction of the gap, the remainder.
@@ -37,13 +38,16 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record], command_un
     order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))
     worst = [shown[k] for k in order[:_SHOWN]]
     _next(out, found)
+    _answer(out, found)
+    _changes(out, found, nominal)
     _stages(out, found)
     _shrink(out, found)
     _remains(out, found, worst)
     _loops(out, found, worst[0])
-    _answer(out, found, command_unit)
-    _where(out, found, shown, command_unit)
-    _records(out, shown)
+    for effect in found.effects:
+        _by_regime(out, effect)
+    _where(out, found, shown)
+    _records(out, found, shown)
     _handed_over(out, found)
     _uncertainty(out, found)
     return out
@@ -53,11 +57,13 @@ def _stages(out: Page, found: Diagnosis) -> None:
     if found.verdict == "none":
         return
     stages, named = found.where.stages, {e.stage for e in found.effects}
+    of = "correction" if found.verdict == "effect" else "gap"
     out.figure(
         "Where in the chain",
-        pictures.chain(stages, found.where.intervals, named),
-        "The chain from command to sensor, with each stage's share of the gap and its 95 % interval"
-        + (f"; lit: {', '.join(s for s in stages if s in named)}." if named else "."),
+        pictures.chain(stages, found.where.intervals, named, of),
+        f"The chain from command to sensor, with each stage's share of the {of} and its 95 % interval"
+        + (f"; green: {', '.join(s for s in stages if s in named)}." if named else ".")
+        + (" What the corrected simulator still misses is in no stage." if named and found.remainder else ""),
         "Bars: " + ", ".join(f"{k} {100 * v:.0f} %" for k, v in stages.items()),
     )
 
@@ -69,6 +75,10 @@ def _next(out: Page, found: Diagnosis) -> None:
         steps.append(
             "Use `corrected.json`, or `mjcf/scene.xml` in MuJoCo, in place of the nominal simulator."
         )
+    elif _unchanged(found):
+        steps.append("Keep the simulator as it is.")
+    elif found.verdict == "none":
+        steps.append("Nothing has changed. `corrected.json` has the law that was identified again on the baseline.")
     elif found.verdict == "unknown":
         steps.append("Do not add an effect to the simulator on the strength of these records alone.")
     if found.remainder is not None and found.remainder.of == "law":
@@ -91,27 +101,28 @@ def _next(out: Page, found: Diagnosis) -> None:
         out.text("What to do next", steps)
 
 
-def _answer(out: Page, found: Diagnosis, command_unit: str) -> None:
+def _answer(out: Page, found: Diagnosis) -> None:
+    heading = "The cause" if found.effects else "Is there a cause?"
     if found.effects:
         rows = [
             (
                 e.effect if e.place is None else f"{e.effect} at {e.place}",
                 e.stage,
-                e.probability,
+                f"{e.probability:.2f}",
                 f"{100 * e.share:.0f} %",
-                "; ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items()),
             )
             for e in found.effects
         ]
         out.table(
-            "The cause",
-            ("effect", "stage", "probability", "share of the excess", "parameters (SI)"),
+            heading,
+            ("effect", "stage", "probability", "share of the excess"),
             rows,
-            "In brackets: 95 % intervals.",
+            "Excess: the gap's square over that of the noise.",
         )
+        heading = ""
     out.figure(
-        "" if found.effects else "The cause",
-        pictures.probabilities(found.probabilities),
+        heading,
+        pictures.probabilities(found.probabilities, [_cause(e) for e in found.effects]),
         "Probability of each cause. `none`: no gap beyond the noise; `parameters`: only numbers are wrong; "
         "`unknown`: a cause outside the catalogue.",
         "Bars: " + ", ".join(f"{k} {v:.2f}" for k, v in _likeliest(found)),
@@ -120,22 +131,41 @@ def _answer(out: Page, found: Diagnosis, command_unit: str) -> None:
         out.text(
             "",
             [
-                f"Not distinguishable with these records: {', '.join(f'`{name}`' for name in tie)}."
+                f"Hard to tell apart with these records: {', '.join(f'`{name}`' for name in tie)}."
                 for tie in found.indistinguishable
             ],
         )
-    for effect in found.effects:
-        _by_regime(out, effect, command_unit)
 
 
-def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
+def _changes(out: Page, found: Diagnosis, nominal: Model) -> None:
+    rows = [(c.name, c.unit, c.old, c.new, *(c.interval or (None, None))) for c in changes(nominal, found)]
+    law, other = nominal.law, found.corrected.law
+    note = "What `corrected.json` has in place of the nominal simulator's numbers. A dash: not there."
+    note += f" The law is {other} in place of {law}." if other != law else ""
+    if rows:
+        columns = ("parameter", "unit", "nominal", "corrected", "95 % from", "to")
+        out.table("Old and new values", columns, rows, note)
+
+
+def _unchanged(found: Diagnosis) -> bool:
+    """Whether the corrected simulator is the nominal one, as nothing is wrong with it."""
+    return found.verdict == "none" and found.baseline_law is None
+
+
+def _cause(e: Named) -> str:
+    return e.effect if e.place is None else f"{e.effect}@{e.place}"
+
+
+def _by_regime(out: Page, effect: Named) -> None:
     """The first parameter of an effect by regime, and the gaps there with and without the effect."""
     if not effect.by_regime:
         return
     heading, name = f"Is {effect.effect} the same in every regime?", next(iter(effect.by_regime[0].parameters))
+    unit = unit_of(f"{effect.effect}_{name}" + ("" if effect.place is None else f"@{effect.place}"))
+    label_of = f"{name} ({unit})" if unit else name
     rows, points = [], []
     for r in effect.by_regime:
-        label, value, (low, high) = r.label(command_unit), r.parameters[name], r.intervals[name]
+        label, value, (low, high) = r.label(), r.parameters[name], r.intervals[name]
         if r.determined:
             points.append((label, value, (low, high)))
         said = f"{value:.3g} ({low:.3g} to {high:.3g})" if r.determined else "not determined"
@@ -144,35 +174,36 @@ def _by_regime(out: Page, effect: Named, command_unit: str) -> None:
         out.figure(
             heading,
             pictures.by_regime(
-                f"{effect.effect} {name}", points, (effect.parameters[name], effect.intervals.get(name))
+                f"{effect.effect} {label_of}", points, (effect.parameters[name], effect.intervals.get(name))
             ),
             f"`{name}` from the records of each regime alone, and from all records. A real cause has one value.",
             "Points: " + ", ".join(f"{label} {value:.3g}" for label, value, _ in points),
         )
     out.table(
         "" if points else heading,
-        ("regime", "records", "gap without, %", "gap with, %", f"{name} (95 %)"),
+        ("regime", "records", "gap without, %", "gap with, %", f"{label_of}, 95 %"),
         rows,
-        f"Gaps without {effect.effect}, and with its parameters from all records.",
+        f"Gaps of the corrected simulator without {effect.effect}, and with its parameters from all records.",
     )
 
 
-def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], command_unit: str) -> None:
-    if found.where.measured:
+def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
+    parts = () if found.verdict == "none" else found.where.measured
+    if parts:
         out.table(
             "Details of where the gap lies",
             ("between measured channels", "stages", "share of the nominal gap", "channel that would separate them"),
             [
                 (m.between, ", ".join(m.stages), share(m.share, m.interval), m.part_by)
-                for m in found.where.measured
+                for m in parts
             ],
             "Measured signals put in at the chain's interfaces; a share below 0 undoes another part's error.",
         )
     out.figure(
-        "" if found.where.measured else "Details of where the gap lies",
-        pictures.gap_map(shown, command_unit),
-        "RMS residual over piston velocity and command, nominal and corrected, on one scale.",
-        "Two maps of the residual over velocity and command; the corrected one is the paler.",
+        "" if parts else "Details of where the gap lies",
+        pictures.gap_map(shown),
+        "RMS residual over piston velocity and command, on one scale.",
+        "Maps of the residual over velocity and command.",
     )
     if found.where.regimes:
         rows = [
@@ -180,22 +211,19 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData], 
             for r in found.where.regimes
         ]
         out.table("", ("regime", "share of the gap", "share of the samples"), rows)
-    if found.where.places:
+    if any(found.where.places.values()):
         ends = found.where.place_intervals
         out.table(
             "",
             ("place", "share of the gap"),
             [(n, share(v, ends.get(n))) for n, v in found.where.places.items()],
         )
-    if found.where.records:
-        out.table("", ("record", "share of the gap"),
-                  [(name, f"{100 * v:.0f} %") for name, v in found.where.records.items()])  # fmt: skip
 
 
 def _shrink(out: Page, found: Diagnosis) -> None:
     gap = found.gap
     steps = [(s.name, s.gap, s.interval) for s in found.waterfall]
-    if steps:
+    if steps and not _unchanged(found):
         out.figure(
             "How far it shrinks",
             pictures.waterfall(steps, gap.noise_floor, gap.ceiling),
@@ -214,7 +242,10 @@ _REMAINDER = {
 def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]) -> None:
     """Error of the corrected simulator, drawn for the records with the largest nominal gap."""
     rest = found.remainder
-    if rest is None:
+    if found.verdict == "none":
+        said = f"{100 * found.gap.corrected:.2g} % of the RMS, "
+        said += "the noise." if found.gap.baseline is None else "no more than on the baseline."
+    elif rest is None:
         said = f"The corrected simulator meets the noise: {100 * found.gap.corrected:.2g} % of the RMS."
     else:
         said = (
@@ -227,7 +258,7 @@ def _remains(out: Page, found: Diagnosis, worst: Sequence[pictures.ResidualData]
     out.figure(
         "",
         pictures.residuals(worst),
-        "Measured less simulated, on the records with the largest gap: nominal above, corrected below, on one scale.",
+        "Measured less simulated, on the records with the largest gap; a record's rows have one scale.",
         "Residuals over time of the nominal and the corrected simulator.",
     )
 
@@ -239,29 +270,34 @@ def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
     out.figure(
         "What the loops show",
         pictures.loops(worst),
-        "Measured force with the nominal and the corrected simulator's, over displacement and velocity.",
-        "Hysteresis loops: measured, nominal and corrected.",
+        "Measured and simulated force over displacement and velocity.",
+        "Hysteresis loops: measured and simulated.",
     )
-    if found.signatures:
+    said = [s for s in found.signatures if any((s.measured, s.nominal, s.corrected))]
+    if said:
         out.table(
             "",
             ("from turn to turn", "measured", "nominal", "corrected"),
-            [(f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected)))
-             for s in found.signatures],
+            [(f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected))) for s in said],
             "Medians over the records; no law is in them.",
         )  # fmt: skip
 
 
-def _records(out: Page, shown: Sequence[pictures.ResidualData]) -> None:
-    rows = [(r.name, 100 * _nrms(r.nominal, r.measured), 100 * _nrms(r.corrected, r.measured)) for r in shown]
-    out.table("Gap by record", ("record", "nominal, %", "corrected, %"), rows,
-              "All records, to which the simulator was fitted. The bars above are for held-out records.")  # fmt: skip
+def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
+    kinds = ("nominal",) if _unchanged(found) else ("nominal", "corrected")
+    shares = found.where.records
+    rows: list[tuple[str | float, ...]] = [
+        (r.name, *(100 * _nrms(getattr(r, k), r.measured) for k in kinds), 100 * shares.get(r.name, 0.0)) for r in shown
+    ]
+    note = "" if _unchanged(found) else "All records, to which the simulator was fitted; the bars are of others."
+    columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")
+    out.table("Gap by record", columns, rows, note)
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
     if found.stepped:
         rows = [
-            (row["record"], *(100 * row[k] for k in ("offline_gap", "mujoco_gap", "difference")))
+            (row["record"], *(f"{100 * row[k]:.2f}" for k in ("offline_gap", "mujoco_gap", "difference")))
             for row in found.stepped
         ]
         out.table(
@@ -276,15 +312,17 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
     if found.candidates:
         out.table(
             "What else was tried",
-            ("effects", "probability", "held-out gap"),
-            [(" + ".join(c.causes) or "parameters", c.probability, c.heldout_gap) for c in found.candidates],
+            ("effects", "probability", "held-out gap, %"),
+            [
+                (" + ".join(c.causes) or "parameters", f"{c.probability:.2f}", 100 * c.heldout_gap)
+                for c in found.candidates
+            ],
         )
     if found.unseen:
-        columns = tuple(found.unseen[0])
         out.table(
             "What these records cannot show",
-            columns,
-            [tuple(_text(row.get(k)) for k in columns) for row in found.unseen],
+            ("effect", "parameter", "may be as far as", "unit"),
+            [(row["effect"], row["setting"], row["could_hide"], unit_of(row["setting"])) for row in found.unseen],
         )
     if found.corrections:
         out.text(
@@ -306,10 +344,6 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
             )
     if found.notes:
         out.text("Notes", found.notes)
-
-
-def _text(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _likeliest(found: Diagnosis) -> list[tuple[str, float]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from mrdamp.diagnosis.constants import TIE_PROBABLE
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
+from mrdamp.diagnosis.report.changes import unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 
 _PLAIN = {
@@ -74,22 +76,25 @@ def _sentence(d: Diagnosis) -> str:
     """Result in a few sentences: the cause, the reduction of the gap, the remainder."""
     g = d.gap
     shrink = f"the gap goes from {percent(g.nominal)} to {percent(g.corrected)}"
-    if g.left_out is not None and abs(g.left_out - g.corrected) > 0.1 * g.corrected:
-        shrink += f" ({percent(g.left_out)} on records left out of the fit)"
+    if g.left_out is not None and percent(g.left_out) != percent(g.corrected):
+        shrink += f", {percent(g.left_out)} on records left out of the fit"
     noise = f"noise {percent(g.noise_floor)}"
+    likely = f"probability {d.probabilities.get(d.verdict, 0.0):.2f}"
     if d.verdict == "none":
         if g.baseline is not None:
             return (
-                f"The rig has not changed: the simulator's gap is {percent(g.nominal)} on these records and"
+                f"The rig has not changed ({likely}): the simulator's gap is {percent(g.nominal)} on these records and"
                 f" {percent(g.baseline)} on the baseline's."
             )
-        return f"The simulator agrees with the rig: its gap of {percent(g.nominal)} is the noise of the records."
+        agreed = f"its gap of {percent(g.nominal)} is the noise of the records"
+        return f"The simulator agrees with the rig ({likely}): {agreed}."
     if d.verdict == "parameters":
         return (
-            f"The parameters of the simulator are wrong, its form is right. Recalibrated, {shrink} ({noise}).{_rest(d)}"
+            f"The parameters of the simulator are wrong, its form is right ({likely}). Recalibrated, {shrink};"
+            f" {noise}.{_rest(d)}"
         )
     if d.verdict == "unknown":
-        return _unknown(d)
+        return f"{_unknown(d)} A cause outside the catalogue has {likely}."
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
@@ -105,9 +110,13 @@ def _sentence(d: Diagnosis) -> str:
         said = f"The most probable {one} of the gap: {' and '.join(parts)}."
     named = {f"{e.effect}@{e.place}" if e.place is not None else e.effect for e in d.effects}
     others = sorted({name for tie in d.indistinguishable for name in tie} - named)
-    if others:
-        said += f" The records do not distinguish {them} from {', '.join(others)}."
-    return f"{said} With {them} in the simulator, {shrink} ({noise}).{_rest(d)}"
+    best = max(e.probability for e in d.effects)
+    for close, text in ((True, f"The records do not distinguish {them} from"), (False, f"Nearly the same as {them}:")):
+        rivals = [(name, d.probabilities.get(name, 0.0)) for name in others]
+        rivals = [(name, p) for name, p in rivals if (p >= TIE_PROBABLE * best) == close]
+        if rivals:
+            said += f" {text} {', '.join(f'{name} (probability {p:.2f})' for name, p in rivals)}."
+    return f"{said} With {them} in the simulator, {shrink}; {noise}.{_rest(d)}"
 
 
 def _rest(d: Diagnosis) -> str:
@@ -165,9 +174,9 @@ def _unknown(d: Diagnosis) -> str:
     )
 
 
-def number(name: str, value: float, interval: tuple[float, float] | None) -> str:
-    """A parameter with its interval."""
-    text = f"{name} = {value:.4g}"
+def number(name: str, value: float, interval: tuple[float, float] | None, unit: str = "") -> str:
+    """A parameter with its unit and interval."""
+    text = f"{name} = {value:.4g} {unit}".rstrip()
     return text if interval is None else f"{text} ({interval[0]:.4g} to {interval[1]:.4g})"
 
 
@@ -187,8 +196,10 @@ def table(d: Diagnosis) -> str:
     if d.effects:
         lines.append("  effects")
         for e in d.effects:
-            numbers = ", ".join(number(k, v, e.intervals.get(k)) for k, v in e.parameters.items())
             place = f"@{e.place}" if e.place is not None else ""
+            numbers = ", ".join(
+                number(k, v, e.intervals.get(k), unit_of(f"{e.effect}_{k}{place}")) for k, v in e.parameters.items()
+            )
             lines.append(
                 f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}"
             )
@@ -205,7 +216,7 @@ def table(d: Diagnosis) -> str:
         if v > 0.005
     ]
     lines += ["  places: " + ", ".join(found)] if found else []
-    for m in d.where.measured:
+    for m in d.where.measured if d.verdict != "none" else ():
         text = f"  measured, {m.between}: {share(m.share, m.interval)} of the nominal gap"
         lines.append(text + (f" ({m.part_by} would part it)" if m.part_by else ""))
     if d.signatures:

@@ -1,0 +1,59 @@
+"""What the corrected simulator has in place of the nominal one's numbers, with units."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.model import STRUCTURE_EFFECTS, Model
+from mrdamp.model.core import attributes
+
+
+class Change(NamedTuple):
+    """A parameter: its name, with `@place` where it has one; unit; old value (None: not there) and new one; 95 %."""
+
+    name: str
+    unit: str
+    old: float | None
+    new: float | None
+    interval: tuple[float, float] | None
+
+
+def changes(nominal: Model, found: Diagnosis) -> list[Change]:
+    """Every parameter that differs between the nominal and the corrected simulator, those of named effects first."""
+    before, after = _settings(nominal), _settings(found.corrected)
+    own = {
+        _name(e.effect, key, e.place): e.intervals.get(key) for e in found.effects for key in e.parameters
+    }
+    differ = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    return [
+        Change(name, unit_of(name), before.get(name), after.get(name), own.get(name) or found.intervals.get(name))
+        for name in sorted(differ, key=lambda name: name not in own)
+    ]
+
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter under the name that `Change` has; empty for a plain number."""
+    stem, _, place = name.partition("@")
+    units = {a.name: a.unit for a in attributes()}
+    for effect, keys in STRUCTURE_EFFECTS.items():
+        # A relative change has no unit before its meaning.
+        units |= {f"{effect}_{key}": text.partition(", ")[0] for key, text in keys.items() if ", " in text}
+    unit = units.get(stem, "").replace("command", "A or V")
+    if place and stem.startswith("sensor_") and unit == "N":
+        unit = "m/s2"  # of a floor's accelerometer
+    return "" if unit == "1" else unit
+
+
+def _settings(model: Model) -> dict[str, float]:
+    placed = {
+        _name(e.name, key, e.place): float(value)
+        for e in model.effects
+        if e.place is not None
+        for key, value in e.parameters.items()
+    }
+    return {**model.attributes, **placed}
+
+
+def _name(effect: str, key: str, place: int | None) -> str:
+    return f"{effect}_{key}" if place is None else f"{effect}_{key}@{place}"

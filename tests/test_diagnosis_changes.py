@@ -1,0 +1,71 @@
+"""What a diagnosis says of parameters, ties and probabilities."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from mrdamp.diagnosis.attribution.shares import Measured
+from mrdamp.diagnosis.report.changes import Change, changes, unit_of
+from mrdamp.diagnosis.report.result import Diagnosis, Gap, Named, Where
+from mrdamp.diagnosis.report.sentence import sentence, table
+from mrdamp.model import Effect, Model
+from mrdamp.structures import dyke1996
+
+LAW = {"c0a": 500.0, "c0b": 10.0, "fya": 20.0, "fyb": 100.0, "v_ref": 0.01}
+NOMINAL = Model("bingham", LAW, (Effect("sensor_offset", {"f": 5.0}),))
+CORRECTED = Model("bingham", {**LAW, "c0a": 600.0}, (Effect("driver_lag", {"tau": 0.02}),))
+
+
+def found(**more: object) -> Diagnosis:
+    named = Named("driver_lag", "driver", None, 0.6, {"tau": 0.02}, 0.5, {"tau": (0.01, 0.03)})
+    plain = Diagnosis(
+        "case", "damper", "either", "effect", "", (named,), (), (("driver_lag", "saturation", "sensor_lag"),),
+        Where({"driver": 1.0}), Gap(0.2, 0.2, 0.1, 0.01, (0.09, 0.11), left_out=0.12), (), {}, CORRECTED,
+        intervals={"c0a": (590.0, 610.0), "driver_lag_tau": (0.0, 1.0)},
+        probabilities={"driver_lag": 0.6, "saturation": 0.3, "sensor_lag": 0.01, "none": 0.97},
+    )  # fmt: skip
+    return replace(plain, **more)  # type: ignore[arg-type]
+
+
+def test_old_and_new_values_have_units_and_named_effects_come_first() -> None:
+    assert changes(NOMINAL, found()) == [
+        Change("driver_lag_tau", "s", None, 0.02, (0.01, 0.03)),
+        Change("c0a", "N s/m", 500.0, 600.0, (590.0, 610.0)),
+        Change("sensor_offset_f", "N", 5.0, None, None),
+    ]
+    assert changes(CORRECTED, found()) == []
+
+
+def test_the_same_at_a_place_of_a_frame() -> None:
+    frame = replace(NOMINAL, rig="frame", structure=dyke1996(), effects=())
+    named = Named("storey_stiffness", "structure", 2, 1.0, {"e": -0.1}, 1.0)
+    other = frame.with_effects([Effect("storey_stiffness", {"e": -0.1}, 2)])
+    there = found(effects=(named,), corrected=other)
+    assert changes(frame, there) == [Change("storey_stiffness_e@2", "", None, -0.1, None)]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("c0b", "N s/m per A or V"), ("n", ""), ("floor_mass_dm@1", "kg"), ("joint_friction_coulomb@2", "N"),
+     ("sensor_offset_f@1", "m/s2"), ("sensor_offset_f", "N"), ("nothing", "")],
+)  # fmt: skip
+def test_units(name: str, unit: str) -> None:
+    assert unit_of(name) == unit
+
+
+def test_the_headline_has_ties_with_their_probabilities() -> None:
+    said = sentence(found())
+    assert "driver_lag (the coil current lags the command; probability 0.60)" in said
+    assert "do not distinguish it from saturation (probability 0.30). Nearly the same as it: sensor_lag" in said
+    assert "from 20.0 % to 10.0 %, 12.0 % on records left out of the fit; noise 1.0 %." in said
+    assert "agrees with the rig (probability 0.97)" in sentence(found(verdict="none", effects=()))
+    unknown = found(verdict="unknown", effects=(), probabilities={"unknown": 0.8, "driver_lag": 0.2})
+    assert sentence(unknown).endswith("A cause outside the catalogue has probability 0.80.")
+
+
+def test_no_part_of_the_chain_is_blamed_where_nothing_has_changed() -> None:
+    where = Where({"driver": 1.0}, measured=(Measured("command to force_N", ("driver",), 1.0, (0.99, 1.01), ""),))
+    assert "of the nominal gap" in table(found(where=where))
+    assert "100 %" not in table(found(where=where, verdict="none", effects=()))
