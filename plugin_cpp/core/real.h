@@ -144,7 +144,7 @@ V Reduce(V x, V* power) {
   x = x < -708.0 ? V{} - 708.0 : x;
   x = x > 709.0 ? V{} + 709.0 : x;
   const V t = x * 1.4426950408889634 + kMagic, n = t - kMagic;
-  *power = Number((Bits(t) << 52) + 0x3ff0000000000000, x);
+  *power = Number(((Bits(t) - Bits(V{} + (kMagic - 1023))) & 0x7ff) << 52, x);
   return (x - n * kLn2High) - n * kLn2Low;
 }
 
@@ -194,9 +194,9 @@ template <class V>
 V Log(V x) {
   x = x < 2.3e-308 ? V{} + 2.3e-308 : x;
   constexpr std::int64_t root = 0x3fe6a09e667f3bcd;
-  const auto e = (Bits(x) - root) >> 52;
-  const V n = Number(e + Bits(V{} + kMagic), x) - kMagic;
-  const V f = Number(Bits(x) - (e << 52), x) - 1.0, s = f / (2.0 + f), z = s * s, w = z * z, h = f * f * 0.5;
+  const auto from = Bits(x) - root;
+  const V n = Number((from >> 52) + Bits(V{} + kMagic), x) - kMagic;
+  const V f = Number((from & 0xfffffffffffff) + root, x) - 1.0, s = f / (2.0 + f), z = s * s, w = z * z, h = f * f * 0.5;
   const V t1 = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01));
   const V t2 = z * (6.666666666666735130e-01 +
                     w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860510658591e-01)));
