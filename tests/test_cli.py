@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -253,5 +254,6 @@ def test_an_interrupt_while_modules_are_imported_is_one_line(module: str, tmp_pa
     done = subprocess.run(
         [sys.executable, "-m", "mrdamp", "sets"],
         env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, "mrdamp: interrupted\n")
