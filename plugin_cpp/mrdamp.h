@@ -225,9 +225,10 @@ MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, cha
 MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* load, double* state,
                                   double* measurements);
 /* One control period of n rows with constant commands (n x count): state n x size, loads n, criteria n x mrdamp_rows_criteria(),
- * measurements n x mrdamp_rows_measurements(). Results do not depend on the number of threads. One call at a time. */
+ * measurements n x mrdamp_rows_measurements(). lanes: rows that a core steps at once, 1, 4 or 8; 0: what its vector units
+ * take. Results do not depend on the numbers of threads and lanes. One call at a time. */
 MRDAMP_API void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
-                                 double* criteria, double* measurements, int threads);
+                                 double* criteria, double* measurements, int threads, int lanes);
 
 /* ---- one damper, sample by sample: for real-time code -------------------------------- */
 typedef struct mrdamp_damper mrdamp_damper;

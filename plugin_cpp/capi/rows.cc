@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <new>
+#include <utility>
+#include <vector>
 
 #include "capi/make.h"
 #include "core/frame.h"
@@ -17,7 +19,8 @@ namespace {
 constexpr int kMostDampers = 100, kMostSections = 20;
 
 // What frames and modes share; false and a line on failure.
-bool Take(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, char* err, int size) {
+bool Take(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, std::vector<Damper>* dampers,
+          char* err, int size) {
   if (from.count < 1 || from.count > kMostDampers) {
     return !Fail(err, size, std::to_string(from.count) + " dampers; allowed are 1 to " + std::to_string(kMostDampers));
   }
@@ -36,7 +39,7 @@ bool Take(const mrdamp_dampers& from, double period, int steps, int instants, Ro
     if (!(from.command_max[k] > 0) || !std::isfinite(from.command_max[k])) {
       return !Fail(err, size, "command_max of damper " + std::to_string(k + 1) + " must be a finite number above 0");
     }
-    plan->dampers.push_back(d);
+    dampers->push_back(d);
     plan->command_max.push_back(from.command_max[k]);
   }
   return true;
@@ -49,8 +52,9 @@ extern "C" {
 mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between, double period,
                                int steps, int instants, char* err, int err_size) {
   RowsPlan plan;
+  std::vector<Damper> made;
   mrdamp_frame f = *frame;
-  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
+  if (!Take(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
   for (int k = 0; k < dampers->count; k++) {
     f.damper_from = between[2 * k];
     f.damper_to = between[2 * k + 1];
@@ -66,13 +70,13 @@ mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* 
     plan.place(i, i) = plan.drift(i, i) = 1;
     if (i > 0) plan.drift(i, i - 1) = -1;
   }
-  plan.accelerometers = FloorSensors(f);
-  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan), std::move(made), FloorSensors(f))};
 }
 
 mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
                                int instants, char* err, int err_size) {
   RowsPlan plan;
+  std::vector<Damper> made;
   const int n = modes->modes;
   if (n < 1 || n > 500 || modes->places < 0) {
     Fail(err, err_size, std::to_string(n) + " modes at " + std::to_string(modes->places) + " places; allowed are 1 to 500, 0 or more");
@@ -86,7 +90,7 @@ mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* 
     Fail(err, err_size, std::to_string(dampers->count) + " dampers on modes; allowed is 1");
     return nullptr;
   }
-  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
+  if (!Take(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
   plan.system = LinearSystem(n, n, 1);
   plan.place = Matrix(modes->places, n);
   for (int i = 0; i < n; i++) {
@@ -102,17 +106,17 @@ mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* 
     plan.system.push(i, 0) = -stroke;
     for (int p = 0; p < modes->places; p++) plan.place(p, i) = modes->at[static_cast<std::size_t>(p) * n + i];
   }
-  plan.accelerometers.resize(modes->places);
   plan.drift = Matrix(0, n);
   plan.loaded = true;
   plan.peaks = false;
   plan.square = 1 / modes->mass;
-  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan), std::move(made), {})};
 }
 
 mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* dampers, double period, int steps, int instants,
                              char* err, int err_size) {
   RowsPlan plan;
+  std::vector<Damper> made;
   const mrdamp_car& c = *car;
   for (const double v : {c.body, c.wheel, c.stiffness, c.tyre_stiffness, c.weight}) {
     if (v > 0 && std::isfinite(v)) continue;
@@ -128,7 +132,7 @@ mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* damper
                             " sections of the weighting; allowed are 1, 1 to " + std::to_string(kMostSections));
     return nullptr;
   }
-  if (!Take(*dampers, period, steps, instants, &plan, err, err_size)) return nullptr;
+  if (!Take(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
   plan.system = LinearSystem(2, 1, 2);
   LinearSystem& s = plan.system;
   const double k[] = {c.stiffness, c.damping}, tyre[] = {c.tyre_stiffness, c.tyre_damping};
@@ -152,10 +156,9 @@ mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* damper
   plan.place = plan.drift = Matrix(2, 2);
   plan.place(0, 0) = plan.place(1, 1) = plan.drift(0, 0) = plan.drift(1, 1) = 1;
   plan.drift(1, 0) = -1;
-  plan.accelerometers.resize(2);
   plan.peaks = false;
   plan.sections.assign(c.weighting, c.weighting + 5 * c.sections);
-  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan))};
+  return new (std::nothrow) mrdamp_rows{Rows(std::move(plan), std::move(made), {})};
 }
 
 void mrdamp_rows_free(mrdamp_rows* rows) { delete rows; }
@@ -177,8 +180,8 @@ void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mrdamp_load* 
 }
 
 void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
-                      double* criteria, double* measurements, int threads) {
-  rows->rows.Step(n, state, loads, commands, criteria, measurements, threads);
+                      double* criteria, double* measurements, int threads, int lanes) {
+  rows->rows.Step(n, state, loads, commands, criteria, measurements, threads, lanes);
 }
 
 }  // extern "C"

@@ -62,6 +62,20 @@ struct State {
   DelayLine* line = nullptr;
 };
 
+// What a pack's state is in the lanes that are not `here` comes back at the end of the scope.
+struct Held {
+#ifdef MRDAMP_LANES
+  State* s;
+  Mask here;
+  ChainState kept = s->c;
+
+  Held(State* state, Mask where) : s(state), here(where) {}
+  ~Held() { Keep(!here, &s->c, kept); }
+#else
+  Held(State*, Mask) {}
+#endif
+};
+
 // Piston motion in a step: velocity linear from v0 to v1, shifted so that the path is x1 - x0.
 struct Motion {
   Real x0, v0, x1, v1;

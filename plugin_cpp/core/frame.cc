@@ -169,7 +169,7 @@ void RunFrame(const Damper& d, const mrdamp_frame& f, double dt, int samples, co
   const bool jumps = damped && CurrentJumps(d);
   const auto rates = [&] {
     for (std::size_t j = 0; j < forces.size(); j++) forces[j] = a.elements[j].force;
-    linear.Rates(a.q.data(), forces.data(), nullptr, absolute.data());
+    linear.Rates<double>(a.q.data(), forces.data(), nullptr, absolute.data());
   };
   const auto record = [&](int k, double step) {
     double x = 0, v = 0;

@@ -1,4 +1,5 @@
-// A linear structure with scalar elements, stepped exactly for inputs that are constant or linear over the step.
+// A linear structure with scalar elements, stepped exactly for inputs that are constant or linear over the step: one of
+// them (T double), or a pack of copies in different states.
 #ifndef MRDAMP_CORE_LINEAR_H_
 #define MRDAMP_CORE_LINEAR_H_
 
@@ -36,15 +37,17 @@ class Sparse {
     }
   }
 
-  double Row(int i, const double* x) const {
-    double sum = 0;
+  template <class T>
+  T Row(int i, const T* x) const {
+    T sum = 0;
     for (int k = i > 0 ? end_[i - 1] : 0; k < end_[i]; k++) sum += value_[k] * x[column_[k]];
     return sum;
   }
   // y += this x
-  void Add(const double* x, double* y) const {
+  template <class T>
+  void Add(const T* x, T* y) const {
     for (int i = 0, k = 0; i < static_cast<int>(end_.size()); i++) {
-      double sum = y[i];
+      T sum = y[i];
       for (; k < end_[i]; k++) sum += value_[k] * x[column_[k]];
       y[i] = sum;
     }
@@ -62,20 +65,25 @@ class Linear {
   Linear(const LinearSystem& system, double h);
 
   // End of the step without the elements; q and end: 2 n.
-  void Free(const double* q, const double* load0, const double* load1, double* end) const {
+  template <class T>
+  void Free(const T* q, const T* load0, const T* load1, T* end) const {
     for (int i = 0; i < 2 * n_; i++) end[i] = 0;
     free_.Add(q, end);
     hold_load_.Add(load0, end);
     ramp_load_.Add(load1, end);
   }
   // Adds an element's force that runs from `start` to `end`.
-  void Push(int element, double start, double end, double* q) const {
+  template <class T>
+  void Push(int element, T start, T end, T* q) const {
     const double* hold = &hold_[static_cast<std::size_t>(element) * 2 * n_];
     const double* ramp = &ramp_[static_cast<std::size_t>(element) * 2 * n_];
     for (int i = 0; i < 2 * n_; i++) q[i] += hold[i] * start + ramp[i] * end;
   }
   // Elongation of an element (offset 0) or its rate (offset n).
-  double Along(int element, const double* q, int offset) const { return stroke_.Row(element, q + offset); }
+  template <class T>
+  T Along(int element, const T* q, int offset) const {
+    return stroke_.Row(element, q + offset);
+  }
 
   // Change of an element's end over a step, in x and v, per unit of another element's force, constant or increasing
   // linearly.
@@ -85,7 +93,8 @@ class Linear {
   const Give& GiveOf(int of, int by) const { return give_[static_cast<std::size_t>(of) * elements_ + by]; }
 
   // Rates of the present velocities, (n): from the motion, the elements' forces and, if `load` is given, the loads.
-  void Rates(const double* q, const double* forces, const double* load, double* rate) const {
+  template <class T>
+  void Rates(const T* q, const T* forces, const T* load, T* rate) const {
     for (int i = 0; i < n_; i++) rate[i] = 0;
     rate_.Add(q, rate);
     push_.Add(forces, rate);

@@ -81,20 +81,6 @@ Real Doubt(Real off, double dt, Real stiffness, Real slope) {
 
 Real Bend(const Real* rate) { return rate[0] - 2 * rate[1] + rate[2]; }
 
-// What a pack's state is in the lanes that are not `here` comes back at the end of the scope.
-struct Held {
-#ifdef MRDAMP_LANES
-  State* s;
-  Mask here;
-  ChainState kept = s->c;
-
-  Held(State* state, Mask where) : s(state), here(where) {}
-  ~Held() { Keep(!here, &s->c, kept); }
-#else
-  Held(State*, Mask) {}
-#endif
-};
-
 // A stage of that: dt from the last one to this one, h the implicit part of it, `gas` the pocket's stretch without that.
 struct Stage {
   double dt, h;

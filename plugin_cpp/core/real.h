@@ -266,6 +266,22 @@ inline Real atanh(Real x) { return 0.5 * log1p(2 * x / (1 - x)); }
 // x >= 0
 inline Real pow(Real x, Real y) { return Select(x <= 0, Select(y == 0, 1, 0), exp(y * log(x))); }
 
+// f(lane) of each lane, and f(lane, value) of the first `count`.
+template <class F>
+Real Gather(F&& f) {
+  alignas(Real) double values[kLanes];
+  for (int l = 0; l < kLanes; l++) values[l] = f(l);
+  Real x;
+  std::memcpy(&x, values, sizeof x);
+  return x;
+}
+template <class F>
+void Scatter(const Real& x, int count, F&& f) {
+  alignas(Real) double values[kLanes];
+  std::memcpy(values, &x, sizeof x);
+  for (int l = 0; l < count; l++) f(l, values[l]);
+}
+
 // to = from `here`, for structs of numbers.
 template <class T>
 void Keep(Mask here, T* to, const T& from) {

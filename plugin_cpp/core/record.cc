@@ -6,17 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "laws/hysteresis.h"
-
-#ifdef MRDAMP_PACKS  // laws in the order of Law; see lanes/pack.cc
-#define MRDAMP_LAWS(do, kind) do(kind##_kBingham) do(kind##_kBoucWen) do(kind##_kHyperbolicTangent) do(kind##_kModifiedBoucWen)
-#define MRDAMP_DECLARE(pack) extern "C" MrdampRun pack;
-#define MRDAMP_LIST(pack) pack,
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_4)
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_8)
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_4)
-MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_8)
-#endif
+#include "core/packs.h"
 
 namespace mrdamp {
 
@@ -60,56 +50,7 @@ struct Shifted {
   }
 };
 
-// In which of its ranges an attribute is: which terms and effects there are hangs on that alone.
-int Range(int attribute, double value) {
-  if (std::isnan(value)) return 9;
-  const double usual = kAttributes[attribute].def;
-  const int side = (value > usual) - (value < usual) + 1, sign = (value > 0) - (value < 0) + 1;
-  return 3 * side + sign;
-}
-
-// Jobs whose keys are equal may share a pack.
-std::string Key(const Job& job) {
-  const Damper& d = *job.d;
-  const auto number = [](double x) { return std::string(reinterpret_cast<const char*>(&x), sizeof x); };
-  std::string key = number(job.record->dt) + number(d.p.substep);
-  key += static_cast<char>('0' + static_cast<int>(d.law));
-  key += d.hold ? 'h' : 'l';
-  key += job.before.to > job.before.from ? 'm' : 'r';
-  for (int i = 0; i < kParamCount; i++) key += static_cast<char>('0' + Range(i, d.p.data()[i]));
-  for (const double n : {1.0, 2.0}) key += Exponent(d.p.n, n) ? 'e' : '-';
-  return key;
-}
-
-// A command that arrives late jumps at times of its own, and a network has a grid of its own.
-bool Packs(const Damper& d) { return d.law != Law::kNarx && !HasDelay(d.p); }
-
-#ifdef MRDAMP_PACKS
-MrdampRun* const kPacks[2][2][kLawCount - 1] = {{{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_4)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_4)}},
-                                                {{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_8)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_8)}}};
-
-// True without the effects that plain packs lack.
-bool Plain(const Params& p) {
-#define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning)
-#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) && p.name == def
-  return true
-#include "core/attributes.def"
-      ;
-}
-#endif
-
-// Dampers in a pack on this processor.
-int Widest(int asked) {
-  int most = 1;
-#ifdef MRDAMP_PACKS
-  if (__builtin_cpu_supports("avx2")) most = 4;
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) most = 8;
-#endif
-  if (asked > 0) most = std::min(most, asked);
-  return most >= 8 ? 8 : most >= 4 ? 4 : 1;
-}
-
-void RunPack(const Job* const* jobs, int count, [[maybe_unused]] int lanes, int ncol, const int* columns) {
+void RunPack(const Job* const* jobs, int count, int lanes, int ncol, const int* columns) {
   MrdampLane lane[8];
   std::optional<Shifted> shifted[8];
   Damper plain[8];
@@ -126,11 +67,9 @@ void RunPack(const Job* const* jobs, int count, [[maybe_unused]] int lanes, int 
     }
   }
   const double dt = jobs[0]->record->dt;
-#ifdef MRDAMP_PACKS
-  const Damper& d = plain[0];
-  if (count > 1) return kPacks[lanes == 8][Plain(d.p)][static_cast<int>(d.law)](lane, count, dt, d.hold, ncol, columns);
-#endif
-  Run(plain[0], lane, 1, dt, ncol, columns);
+  const MrdampPack* pack = count > 1 ? PackFor({plain[0]}, lanes) : nullptr;
+  if (pack) pack->run(lane, count, dt, plain[0].hold, ncol, columns);
+  else Run(plain[0], lane, 1, dt, ncol, columns);
 }
 
 }  // namespace
@@ -168,8 +107,15 @@ RunIn FindRunIn(const RecordView& r) {
 
 void RunJobs(const std::vector<Job>& jobs, int ncol, const int* columns, int threads, int lanes) {
   lanes = Widest(lanes);
-  std::vector<std::pair<std::string, const Job*>> order;
-  for (const Job& job : jobs) order.emplace_back(lanes > 1 && Packs(*job.d) ? Key(job) : "", &job);
+  std::vector<std::pair<std::string, const Job*>> order;  // jobs whose texts are equal may share a pack; empty: alone
+  for (const Job& job : jobs) {
+    std::string text = lanes > 1 ? Alike(*job.d) : "";
+    if (!text.empty()) {
+      text.append(reinterpret_cast<const char*>(&job.record->dt), sizeof job.record->dt);
+      text += job.before.to > job.before.from ? 'm' : 'r';
+    }
+    order.emplace_back(std::move(text), &job);
+  }
   // Long ones first: what a pack waits for is alike, and threads end together.
   std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
     return a.first != b.first ? a.first < b.first : a.second->record->n > b.second->record->n;

@@ -37,16 +37,6 @@ void Rebase(const Damper& d, Real dx, State* s) {
   for (Real* x : {&c.piston, &c.stroke.extreme, &c.stroke.turn, &c.stroke.last}) *x += dx;
 }
 
-// f(lane) of each lane.
-template <class F>
-Real Gather(F&& f) {
-  alignas(Real) double values[kLanes];
-  for (int l = 0; l < kLanes; l++) values[l] = f(l);
-  Real x;
-  std::memcpy(&x, values, sizeof x);
-  return x;
-}
-
 struct Inputs {
   Real x, v, a, u;
 
@@ -148,11 +138,9 @@ void Run(const Damper& d, const MrdampLane* lanes, int count, double dt, int nco
     if (i > 0 || begin > 0) sensor.Step(reading, o.force, jumps ? 0 : dt);
     for (int c = 0; c < ncol; c++) {
       const Real value = Column(o, sensor, reading, columns[c]);
-      alignas(Real) double values[kLanes];
-      std::memcpy(values, &value, sizeof value);
-      for (int l = 0; l < count; l++) {
-        if (i < lane[l].n) lane[l].out[static_cast<std::size_t>(c) * lane[l].n + i] = values[l];
-      }
+      Scatter(value, count, [&](int l, double one) {
+        if (i < lane[l].n) lane[l].out[static_cast<std::size_t>(c) * lane[l].n + i] = one;
+      });
     }
     from = to;
   }

@@ -20,7 +20,7 @@ inline Real Power(Real x, Real n) { return Exponent(n, 2) ? x * x : Exponent(n, 
 inline Real Root(Real x, Real n) { return Exponent(n, 2) ? sqrt(x) : Exponent(n, 1) ? x : pow(x, 1 / n); }
 
 // u after the path s of u' = A - B u^2, and the remaining path when u reaches zero from below (0: it does not).
-inline Real Square(Real u, Real A, Real B, Real s, Real* left) {
+inline Real FollowSquare(Real u, Real A, Real B, Real s, Real* left) {
   *left = 0;
   const Real rate = sqrt(fabs(A * B)), c = A / rate;  // c: |u| at rest (B > 0)
   const Mask brief = rate * s < 1e-12, bounded = !brief && B > 0, growing = !brief && !(B > 0);
@@ -49,7 +49,7 @@ inline Real Square(Real u, Real A, Real B, Real s, Real* left) {
 }
 
 // Same for u' = A - B |u| (n = 1): sign is that of u on this part.
-inline Real Linear(Real u, Real A, Real B, Real s, Real* left) {
+inline Real FollowLinear(Real u, Real A, Real B, Real s, Real* left) {
   *left = 0;
   const Real k = Select(u < 0, -B, B);  // u' = A - k u
   const Mask brief = fabs(k * s) < 1e-12;
@@ -63,7 +63,7 @@ inline Real Linear(Real u, Real A, Real B, Real s, Real* left) {
 
 // Any n: exponential Rosenbrock steps of a twelfth of the path over which u builds up, and longer ones near a stable rest:
 // the error of a step goes with u'^2 and the cube of its length. The rest at u < 0 with beta > gamma is unstable.
-inline Real General(Real u, Real A, Real beta, Real gamma, Real n, Real s) {
+inline Real FollowGeneral(Real u, Real A, Real beta, Real gamma, Real n, Real s) {
   const Real sum = beta + gamma;
   const Real reach = Select(sum > 0, Root(A / sum, n) / A, s);
   const Real step = Select(reach > 0, 0.08 * reach, s);  // A may give no such path
@@ -101,11 +101,11 @@ inline Real Hysteresis(Real z, Real dx, Real A, Real beta, Real gamma, Real n) {
     if (Any(left > 0)) u = Select(left > 0, part(0, A, beta + gamma, left, &none), u);
   };
   if (Exponent(n, 2)) {
-    follow(Square);
+    follow(FollowSquare);
   } else if (Exponent(n, 1)) {
-    follow(Linear);
+    follow(FollowLinear);
   } else {
-    u = General(u, A, beta, gamma, n, s);
+    u = FollowGeneral(u, A, beta, gamma, n, s);
   }
   return Select(still, z, u * sign);
 }

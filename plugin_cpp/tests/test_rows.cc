@@ -71,8 +71,8 @@ struct Rows {
   ~Rows() { mrdamp_rows_free(rows); }
 
   void Start(int row, double seed) { mrdamp_rows_start(rows, seed, &loads[row], &state[row * size], &out[row * many]); }
-  void Step(const std::vector<double>& u, int threads = 1) {
-    mrdamp_rows_step(rows, n, state.data(), loads.data(), u.data(), criteria.data(), out.data(), threads);
+  void Step(const std::vector<double>& u, int threads = 1, int lanes = 0) {
+    mrdamp_rows_step(rows, n, state.data(), loads.data(), u.data(), criteria.data(), out.data(), threads, lanes);
   }
   // Columns of the measurements.
   double Acceleration(int floor, int row = 0) const { return out[row * many + floor - 1]; }
@@ -165,24 +165,41 @@ TEST(TheEnergyTakenInIsAccountedFor) {
   NEAR(taken, before - held(), 5e-4 * before);
 }
 
-TEST(RowsDoNotHangOnEachOtherNorOnThreads) {
-  Frame f;
-  f.lag = {0.003, 0, 0.001};
-  const std::vector<double> noise(3 * 3 + 3 + 5, 0.1);
-  const int n = 37;
-  Rows many(f, {{"sensor_lag_tau", 0.002}}, {0, 1}, n, 5, noise), some(f, {{"sensor_lag_tau", 0.002}}, {0, 1}, n, 5, noise);
-  for (int k = 0; k < 60; k++) {
-    std::vector<double> u;
-    for (int row = 0; row < n; row++) u.push_back(Command(k + row));
-    many.Step(u);
-    some.Step(u, k % 3 + 1);
-  }
-  CHECK(many.out == some.out && many.criteria == some.criteria);
-  for (int row = 0; row < n; row += 12) {
-    Rows alone(f, {{"sensor_lag_tau", 0.002}}, {0, 1}, 1, 5, noise);
-    alone.Start(0, row);
-    for (int k = 0; k < 60; k++) alone.Step({Command(k + row)});
-    CHECK(std::equal(alone.out.begin(), alone.out.end(), many.out.begin() + row * many.many));
+// On threads, in packs or alone: the same bits.
+TEST(RowsDoNotHangOnEachOther) {
+  Frame bent;
+  bent.lag = {0.003, 0, 0.001};
+  bent.friction = {20, 0, 5};
+  const struct {
+    std::vector<check::Setting> more;
+    std::vector<int> between;
+  } cases[] = {{{{"sensor_lag_tau", 0.002}}, {0, 1}},
+               {{{"driver_lag_tau", 0.005}, {"n", 1.6}}, {0, 2}},
+               {{}, {0, 1, 1, 2}},
+               {{{"mount_compliance_k", 4e5}, {"backlash_gap", 2e-4}, {"seal_friction_coulomb", 30}}, {0, 1}},
+               {{{"command_delay_d", 0.003}}, {0, 1}}};
+  const int n = 37, lanes[] = {1, 4, 8};
+  for (const auto& one : cases) {
+    const int dampers = static_cast<int>(one.between.size() / 2);
+    const std::vector<double> noise(3 * 3 + 3 + 5 * dampers, 0.1);
+    Rows many(bent, one.more, one.between, n, 5, noise), some(bent, one.more, one.between, n, 5, noise);
+    for (int k = 0; k < 60; k++) {
+      std::vector<double> u;
+      for (int row = 0; row < n * dampers; row++) u.push_back(Command(k + row));
+      many.Step(u);
+      some.Step(u, k % 2 + 1, lanes[k % 3]);
+    }
+    CHECK(many.out == some.out && many.criteria == some.criteria && many.state == some.state);
+    for (int row = 0; row < n; row += 12) {
+      Rows alone(bent, one.more, one.between, 1, 5, noise);
+      alone.Start(0, row);
+      for (int k = 0; k < 60; k++) {
+        std::vector<double> u;
+        for (int d = 0; d < dampers; d++) u.push_back(Command(k + row * dampers + d));
+        alone.Step(u);
+      }
+      CHECK(std::equal(alone.out.begin(), alone.out.end(), many.out.begin() + row * many.many));
+    }
   }
 }
 
@@ -270,7 +287,7 @@ TEST(ModesUnderAStepOfForce) {
     return rest * (1 - decay * (c + s / wd * d));
   };
   for (int k = 1; k <= 200; k++) {
-    mrdamp_rows_step(rows, 1, state.data(), &load, &u, criteria.data(), out.data(), 1);
+    mrdamp_rows_step(rows, 1, state.data(), &load, &u, criteria.data(), out.data(), 1, 0);
     double x = 0, a = 0, squares[2] = {};
     for (int i = 0; i < 2; i++) {
       double rate;
@@ -309,7 +326,7 @@ TEST(CarOffTheRoad) {
   mrdamp_rows_start(rows, 0, &load, state.data(), out.data());
   int flying = 0;
   for (int k = 0; k < 40; k++) {
-    mrdamp_rows_step(rows, 1, state.data(), &load, &u, criteria.data(), out.data(), 1);
+    mrdamp_rows_step(rows, 1, state.data(), &load, &u, criteria.data(), out.data(), 1, 0);
     // Wheel's and body's accelerations, their deflections to the road.
     const double tyre = std::max(car.weight - car.tyre_stiffness * out[2] - car.tyre_damping * out[4], 0.0);
     NEAR(40 * out[0] + 400 * out[1], tyre - car.weight, 2e-2);

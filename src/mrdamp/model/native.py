@@ -156,7 +156,7 @@ def library() -> ctypes.CDLL:
     lib.mrdamp_rows_start.argtypes = (c_void_p, c_double, ctypes.POINTER(Load), c_void_p, c_void_p)
     lib.mrdamp_rows_start.restype = None
     # Called every control period: addresses, which are quicker to hand over than typed pointers.
-    lib.mrdamp_rows_step.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int)
+    lib.mrdamp_rows_step.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int, c_int)
     lib.mrdamp_rows_step.restype = None
     return lib
 

@@ -51,13 +51,15 @@ def finite(what: str, values: Any, shape: tuple[int, int]) -> Array:
 @dataclass(frozen=True)
 class Stepping:
     """How n rows are stepped. period: of control, s; timestep: the largest within it, s; command_max: (m,) A or V;
-    threads: that share the rows."""
+    threads: that share the rows. lanes: rows that a core steps at once, 1, 4 or 8; 0: what its vector units take.
+    """
 
     period: float
     timestep: float
     command_max: Array
     n: int = 1
     threads: int = 1
+    lanes: int = 0
 
     def __post_init__(self) -> None:
         require_positive("steps (s)", period=self.period, timestep=self.timestep)
@@ -114,7 +116,8 @@ class ChainRows:
         self._handle = make(self._lib, dampers, error)
         if not self._handle:
             raise InputError(error.value.decode())
-        self.n, self.inner, self.period, self.threads = n, stepping.inner, period, stepping.threads
+        self.n, self.inner, self.period = n, stepping.inner, period
+        self.threads, self.lanes = stepping.threads, stepping.lanes
         self._loads, self._coordinates, self._dampers = loads, coordinates, len(models)
         self.state = np.zeros((n, self._lib.mrdamp_rows_size(self._handle)))
         self.criteria = np.zeros((n, self._lib.mrdamp_rows_criteria(self._handle)))
@@ -262,7 +265,7 @@ class ChainRows:
         given = np.ascontiguousarray(finite("command", commands, (self.n, self._dampers)))
         state, load, criteria, measured = self._rows
         self._lib.mrdamp_rows_step(
-            self._handle, self.n, state, load, given.ctypes.data, criteria, measured, self.threads
+            self._handle, self.n, state, load, given.ctypes.data, criteria, measured, self.threads, self.lanes
         )
         self.step += self.inner
         return self.criteria, self.measured

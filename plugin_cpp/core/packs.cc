@@ -1,0 +1,81 @@
+#include "core/packs.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "laws/hysteresis.h"
+
+namespace mrdamp {
+
+namespace {
+
+// In which of its ranges an attribute is: which terms and effects there are hangs on that alone.
+int Range(int attribute, double value) {
+  if (std::isnan(value)) return 9;
+  const double usual = kAttributes[attribute].def;
+  const int side = (value > usual) - (value < usual) + 1, sign = (value > 0) - (value < 0) + 1;
+  return 3 * side + sign;
+}
+
+// True without the effects that plain packs lack.
+bool Plain(const Params& p) {
+#define MRDAMP_ATTRIBUTE(name, group, unit, def, lo, hi, meaning)
+#define MRDAMP_EFFECT(name, group, unit, def, lo, hi, meaning) && p.name == def
+  return true
+#include "core/attributes.def"
+      ;
+}
+
+}  // namespace
+
+std::string Alike(const Damper& d) {
+  if (d.law == Law::kNarx || HasDelay(d.p)) return "";
+  std::string text(reinterpret_cast<const char*>(&d.p.substep), sizeof d.p.substep);
+  text += static_cast<char>('0' + static_cast<int>(d.law));
+  text += d.hold ? 'h' : 'l';
+  for (int i = 0; i < kParamCount; i++) text += static_cast<char>('0' + Range(i, d.p.data()[i]));
+  for (const double n : {1.0, 2.0}) text += Exponent(d.p.n, n) ? 'e' : '-';
+  return text;
+}
+
+}  // namespace mrdamp
+
+#ifdef MRDAMP_PACKS  // laws in the order of mrdamp::Law; see lanes/pack.cc
+#define MRDAMP_LAWS(do, kind) do(kind##_kBingham) do(kind##_kBoucWen) do(kind##_kHyperbolicTangent) do(kind##_kModifiedBoucWen)
+#define MRDAMP_DECLARE(pack) extern "C" const MrdampPack pack;
+#define MRDAMP_LIST(pack) &pack,
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_4)
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_pack_8)
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_4)
+MRDAMP_LAWS(MRDAMP_DECLARE, mrdamp_plain_8)
+
+namespace mrdamp {
+
+int Widest(int asked) {
+  int most = 1;
+  if (__builtin_cpu_supports("avx2")) most = 4;
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) most = 8;
+  if (asked > 0) most = std::min(most, asked);
+  return most >= 8 ? 8 : most >= 4 ? 4 : 1;
+}
+
+const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes) {
+  static const MrdampPack* const packs[2][2][kLawCount - 1] = {
+      {{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_4)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_4)}},
+      {{MRDAMP_LAWS(MRDAMP_LIST, mrdamp_pack_8)}, {MRDAMP_LAWS(MRDAMP_LIST, mrdamp_plain_8)}}};
+  bool plain = true;
+  for (const Damper& d : dampers) {
+    if (d.law != dampers[0].law || d.hold != dampers[0].hold || Alike(d).empty()) return nullptr;
+    plain = plain && Plain(d.p);
+  }
+  if (lanes < 4 || dampers.empty()) return nullptr;
+  return packs[lanes == 8][plain][static_cast<int>(dampers[0].law)];
+}
+
+}  // namespace mrdamp
+#else
+namespace mrdamp {
+int Widest(int) { return 1; }
+const MrdampPack* PackFor(const std::vector<Damper>&, int) { return nullptr; }
+}  // namespace mrdamp
+#endif

@@ -1,0 +1,25 @@
+// Which dampers may share a pack, and the code for it on this processor.
+#ifndef MRDAMP_CORE_PACKS_H_
+#define MRDAMP_CORE_PACKS_H_
+
+#include <string>
+#include <vector>
+
+#include "core/chain.h"
+#include "core/lane.h"
+
+namespace mrdamp {
+
+// Dampers whose texts are equal are alike: which terms and effects they have, and how long their steps are. Empty: it is
+// stepped alone, because a delayed command jumps at times of its own, and a network has a grid of its own.
+std::string Alike(const Damper& d);
+
+// Dampers in a pack on this processor: 8, 4 or 1, at most `asked` (0: any).
+int Widest(int asked);
+
+// The code for packs of `lanes` of dampers of one law; null where there is none.
+const MrdampPack* PackFor(const std::vector<Damper>& dampers, int lanes);
+
+}  // namespace mrdamp
+
+#endif  // MRDAMP_CORE_PACKS_H_
