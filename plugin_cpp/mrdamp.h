@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 9 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 10 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);

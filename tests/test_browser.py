@@ -113,8 +113,8 @@ def inverse_page(folder: Path) -> Path:
         zip(("c0a", "c0b", "fya", "fyb", "v_ref"), (400.0, 150.0, 50.0, 600.0, 0.01), strict=True)
     )
     limits = {"command_min": 0.0, "command_max": 2.0}
-    Model("bingham", {**parameters, **limits}, name="bingham").write(folder / "m.json")
-    model = str(folder / "m.json")
+    Model("bingham", {**parameters, **limits}, name="bingham").write(folder.parent / f"{folder.name}.json")
+    model = str(folder.parent / f"{folder.name}.json")
     assert (
         main(["inverse", model, "--plant", model, "--no-network", "--seconds", "2", "-o", str(folder)]) == 0
     )

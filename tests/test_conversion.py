@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -301,6 +302,13 @@ def test_marks_between_thousands_are_refused(mark: str, separator: str, tmp_path
     plain = [[*row[:2], row[2].replace(mark, "").strip('"')] for row in rows]
     path.write_text("\n".join(separator.join(row) for row in [["t", "x", "f"], *plain]))
     assert np.abs(convert(path, columns).record.channel("force_N")).max() == 1200
+
+
+def test_a_unit_in_a_columns_name_counts() -> None:
+    refuses(lambda: column("force_N=F [kN]"), re.escape("its name says kN; write 'force_N=F [kN]:kN'"))
+    assert column("force_N=F [kN]:kN").factor == pytest.approx(1e3)
+    assert column("displacement_m=LVDT (m)").factor == 1
+    assert column("force_N=cell (2)").source == "cell (2)"
 
 
 def test_a_unit_of_dates_and_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:

@@ -6,15 +6,18 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mrdamp import sets
 from mrdamp.errors import InputError
-from mrdamp.model import Effect, Model, damper_effects, effect_parameters, effects_from
+from mrdamp.model import Effect, Model, core, damper_effects, effect_parameters, effects_from
 from mrdamp.structures import dyke1996
+from refusals import refuses
 
 BINGHAM = {"c0a": 500.0, "c0b": 100.0, "fya": 50.0, "fyb": 200.0, "v_ref": 0.005}
 
@@ -168,3 +171,16 @@ def test_a_bad_effect_is_told(effect: Effect, said: str) -> None:
     with pytest.raises(InputError) as caught:
         frame_model((effect,))
     assert said in str(caught.value)
+
+
+def test_arrays_of_another_width_are_refused() -> None:
+    """They would be read beyond their end."""
+    one = core.vector("bingham", {"c0a": 500.0, "c0b": 0.0, "fya": 50.0, "fyb": 0.0, "v_ref": 0.01})
+    several, x = np.repeat(one[None], 8, axis=0), np.sin(np.arange(50) / 5)
+    for params in (several.reshape(16, -1), several.reshape(2, 4, -1), several[:, :10], np.array([])):
+        refuses(partial(core.run_many, "bingham", params, 1e-3, x, x), re.escape(f"expected (sets, {len(one)})"))
+    for name, value in (("lanes", 3), ("lanes", -1), ("threads", -1), ("substep", -1.0), ("substep", np.nan)):
+        given: dict[str, Any] = {name: value}
+        refuses(partial(core.run_many, "bingham", several, 1e-3, x, x, **given), f"{name} is {value}")
+    several[5, core.attribute_index()["driver_lag_tau"]] = 11.0
+    refuses(lambda: core.run_many("bingham", several, 1e-3, x, x), "record 0, set 5: driver_lag_tau = 11 is outside")

@@ -23,9 +23,10 @@ from refusals import refuses
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Holds a record, a rig's table and a model; the working folder."""
     (tmp_path / "set").mkdir()
-    record = embedded().train[0].part(0.0, 1.0)
-    for name in ("r.csv", "r.csv.gz", "set/a.csv", "set/b.csv"):
+    record, other = (embedded().train[k].part(0.0, 1.0) for k in (0, 1))
+    for name in ("r.csv", "r.csv.gz", "set/a.csv"):
         record.save(tmp_path / name)
+    other.save(tmp_path / "set" / "b.csv")
     (tmp_path / "set" / "case.json").write_text("{}")
     (tmp_path / "m.json").write_text('{"model": {"law": "bingham", "parameters": {"c0a": 1, "c0b": 0, "fya": 1,'
                                      ' "fyb": 0, "v_ref": 0.1}}}')  # fmt: skip
@@ -54,6 +55,7 @@ def outputs() -> Iterator[tuple[str, argparse.ArgumentParser, argparse.Action]]:
         "demo --data set -o set",
         "identify r.csv -o x.svg --picture x.svg",
         "predict m.json r.csv -o /dev/full",
+        "predict m.json r.csv -o /dev/stdout",
         "predict m.json r.csv -o pipe",
         "predict m.json r.csv -o set",
         "mjcf m.json -o r.csv/below",

@@ -9,6 +9,7 @@
 #include "capi/make.h"
 #include "core/chain.h"
 #include "core/frame.h"
+#include "core/packs.h"
 #include "core/record.h"
 #include "effects/sensor.h"
 #include "mrdamp.h"
@@ -91,7 +92,7 @@ namespace {
 // False and a line for a record that cannot be run.
 bool CheckRecord(double dt, int n, const double* x, const double* v, const double* a, const double* u, char* err, int size) {
   if (n < 3) return !Fail(err, size, "a record needs at least 3 samples, got " + std::to_string(n));
-  if (!(dt > 0) || !std::isfinite(dt)) return !Fail(err, size, "the sample time must be above 0");
+  if (!(dt >= 1e-9) || !std::isfinite(dt)) return !Fail(err, size, "the sample time must be a finite number of at least 1e-9 s");
   return Finite("displacement", x, n, err, size) && Finite("command", u, n, err, size) &&
          (!v || Finite("velocity", v, n, err, size)) && (!a || Finite("acceleration", a, n, err, size));
 }
@@ -104,6 +105,7 @@ int mrdamp_run_records(int law, const mrdamp_narx* net, int nrecord, const mrdam
   for (int c = 0; c < ncol; c++) {
     if (columns[c] < 0 || columns[c] >= MRDAMP_COLUMNS) return Fail(err, err_size, "unknown column " + std::to_string(columns[c]));
   }
+  if (!KnownLanes(lanes)) return Fail(err, err_size, "lanes is " + std::to_string(lanes) + "; allowed: 0, 1, 4, 8");
   std::vector<std::vector<double>> differentiated;
   std::vector<std::vector<Damper>> dampers(nrecord);
   std::vector<RecordView> views;
@@ -123,7 +125,10 @@ int mrdamp_run_records(int law, const mrdamp_narx* net, int nrecord, const mrdam
     dampers[r].resize(m.nset);
     for (int k = 0; k < m.nset; k++) {
       const std::size_t at = k;
-      if (!Make(law, m.params + at * kParamCount, net, &options, &dampers[r][k], err, err_size)) return 1;
+      if (!Make(law, m.params + at * kParamCount, net, &options, &dampers[r][k], err, err_size)) {
+        const std::string said = err && err_size > 0 ? err : "";
+        return nrecord * m.nset > 1 ? Fail(err, err_size, "record " + std::to_string(r) + ", set " + std::to_string(k) + ": " + said) : 1;
+      }
       jobs.push_back({&dampers[r][k], &views.back(), before, m.out + at * ncol * m.n});
     }
   }

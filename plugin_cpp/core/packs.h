@@ -14,6 +14,8 @@ namespace mrdamp {
 // stepped alone, because a delayed command jumps at times of its own, and a network has a grid of its own.
 std::string Alike(const Damper& d);
 
+inline bool KnownLanes(int lanes) { return lanes == 0 || lanes == 1 || lanes == 4 || lanes == 8; }
+
 // Dampers in a pack on this processor: 8, 4 or 1, at most `asked` (0: any).
 int Widest(int asked);
 

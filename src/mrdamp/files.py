@@ -201,7 +201,9 @@ def unfit(path: Path) -> str:
     """Why a file must not be replaced: it is a folder, no regular file, or write-protected; empty where it may be."""
     if path.is_dir():
         return "it is a folder"
-    if path.exists() and not path.is_file():
+    # What a shell has opened would be swapped under it.
+    opened = os.path.abspath(path).startswith(("/dev/std", "/dev/fd/", "/proc/"))
+    if opened or (path.exists() and not path.is_file()):
         return "it is a device or a pipe"
     return "it is write-protected" if path.exists() and not os.access(path, os.W_OK) else ""
 

@@ -283,7 +283,8 @@ def _found(fit: Fit, left_over: Sequence[ChannelFinding], checks: Sequence[str])
         ("driver_lag_tau", "ms", 1e3, "lag of the driver"),
         ("command_delay_d", "ms", 1e3, "delay of the command"),
     ):
-        if name in attributes:
+        ended = any(f"{name} is at the end of its range" in check for check in checks)
+        if name in attributes and not ended:
             print(f"  found: {what}: {scale * attributes[name]:.4g} {unit}")
     for c in left_over:
         left = []

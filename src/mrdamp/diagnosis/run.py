@@ -59,7 +59,7 @@ def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, s
     progress("reading the command between samples", 0.0)
     read, notes = with_hold(case, jobs)
     found = search(read, jobs, progress, limits, store)
-    if notes and read.model.hold is None:
+    if notes and not read.model.hold:
         best = min(found.search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
         again, said = with_hold(case, jobs, best.hypothesis.settings(best.point))
         if again.model.hold:

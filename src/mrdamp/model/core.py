@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model.attributes import (
     Attribute,
     attribute_index,
@@ -136,14 +136,19 @@ def run_records(
     `lanes`: sets that a core steps at once, 1, 4 or 8; 0: what its vector units take. The same for any number of
     threads and lanes. Raises InputError.
     """
+    require_kind("a whole number", int, threads=threads, lanes=lanes)
+    if threads < 0:
+        raise InputError(f"threads is {threads}; allowed: 0 or more")
     numbers = np.array([_column(name) for name in columns], dtype=np.intc)
     out, kept, motions = [], [], (Motions * len(records))()
     for motion, one in zip(motions, records, strict=True):
         n = len(one.x)
-        params = np.ascontiguousarray(np.atleast_2d(one.params), dtype=float)
+        params = _matrix(one.params)
         out.append(np.empty((len(params), len(columns), n)))
         channels = {name: _channel(name, getattr(one, name), n) for name in ("x", "v", "a", "u")}
         kept.append((params, channels))
+        if one.substep is not None:
+            require_positive("the chain (s)", substep=one.substep)
         motion.nset, motion.n, motion.dt, motion.substep = len(params), n, one.dt, one.substep or 0.0
         motion.hold, motion.run_in = int(one.hold), int(one.run_in and narx is None)
         for name, array in {**channels, "params": params, "out": out[-1]}.items():
@@ -302,7 +307,7 @@ def run_frame_many(
 
     Returns per frame an array (n,) for each of `frame_columns`.
     """
-    matrix = np.ascontiguousarray(np.atleast_2d(params), dtype=float)
+    matrix = _matrix(params)
     if len(frames) != len(matrix):
         raise InputError(f"{len(frames)} frames for {len(matrix)} parameter sets")
     ground = _channel("ground_acceleration", ground_acceleration, len(ground_acceleration))
@@ -385,6 +390,14 @@ def _channel(name: str, value: Array | None, n: int) -> Array | None:
     if array.shape != (n,):
         raise InputError(f"'{name}' has shape {array.shape}; expected ({n},)")
     return array
+
+
+def _matrix(params: Array) -> Array:
+    """(sets, attributes), contiguous; one set may be (attributes,)."""
+    matrix = np.ascontiguousarray(np.atleast_2d(params), dtype=float)
+    if matrix.ndim != 2 or matrix.shape[1] != len(attributes()):
+        raise InputError(f"params has shape {np.shape(params)}; expected (sets, {len(attributes())}), as by `vector`")
+    return matrix
 
 
 def _column(name: str) -> int:

@@ -66,6 +66,9 @@ def column(text: str) -> Column:
     name, colon, unit = source.rpartition(":")
     if not colon:
         name, unit = source, next(iter(units))
+        told = re.search(r"[\[(]\s*(\S+?)\s*[\])]\s*$", source)
+        if told and units.get(told[1], 1.0) != 1.0 and channel != "time_s":  # dates have none
+            raise InputError(f"column {show(text)}: its name says {told[1]}; write {show(f'{text}:{told[1]}')}")
     if unit not in units:
         raise InputError(f"column {show(text)}: unit {show(unit)} is unknown; allowed: {', '.join(units)}")
     sign = -1.0 if name.startswith("-") else 1.0

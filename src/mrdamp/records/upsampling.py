@@ -12,8 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from mrdamp.errors import InputError
 from mrdamp.records.log_filter import between
 from mrdamp.records.sampling import Array
+
+#: Steps of a run, which take 2 GB.
+_MOST = 30_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +82,11 @@ def upsampled(
     x: Array, u: Array, sample_time: float, factor: int, *, filtered: bool = False, hold: bool = False
 ) -> FineInputs:
     """The inputs (n,) at `factor` points for each sample; velocity and acceleration are those of the spline."""
+    if len(x) * factor > _MOST:
+        raise InputError(
+            f"a record of {len(x) * sample_time:.3g} s takes {len(x) * factor:.2g} steps; allowed: {_MOST:.0e}"
+            " (is its time in s?)"
+        )
     spline, fine = CubicSpline(np.arange(len(x)), x), np.arange((len(x) - 1) * factor + 1) / factor
     own, v, a = (spline(fine, k) / sample_time**k for k in range(3))
     del spline, fine  # of a long record: as large as what is returned

@@ -65,6 +65,8 @@ class Stepping:
         require_positive("steps (s)", period=self.period, timestep=self.timestep)
         require_kind("a whole number", int, threads=self.threads)
         require_positive("rows", threads=self.threads)
+        if self.lanes not in (0, 1, 4, 8):
+            raise InputError(f"lanes is {self.lanes}; allowed: 0, 1, 4, 8")
 
     @property
     def inner(self) -> int:

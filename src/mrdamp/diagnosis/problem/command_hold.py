@@ -33,7 +33,8 @@ def with_hold(
     """The case with the reading of the command that its responses show, and notes on it.
 
     settings: of the simulator, in addition to its own. Unchanged where the case says it, where no command varies and
-    where jumps show a log's filter; with a note, where the responses do not show it.
+    where jumps show a log's filter. Along lines, with a note, where the responses do not show it: the simulator that is
+    handed over is then read as it was fitted.
     """
     commands = [np.asarray(r.command) for r in case.records]
     varying = tuple(r for r, u in zip(case.records, commands, strict=True) if np.ptp(u) > 0)
@@ -56,7 +57,7 @@ def with_hold(
         ]
     if clear < -_CLEAR:
         return along, []
-    return case, [
+    return along, [
         "the records do not show whether the command is held between samples; it is read along lines, and held a"
         f" delay would be {5e2 * dt:.3g} ms shorter; 'hold' in case.json says which"
     ]

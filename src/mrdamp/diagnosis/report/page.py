@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import share
@@ -35,7 +36,7 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record]) -> Page:
     """
     out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
     shown = views(nominal, found.corrected, records)
-    order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured))
+    order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured, shown[k].time))
     worst = [shown[k] for k in order[:_SHOWN]]
     _next(out, found)
     _answer(out, found)
@@ -115,7 +116,7 @@ def _answer(out: Page, found: Diagnosis) -> None:
         ]
         out.table(
             heading,
-            ("effect", "stage", "probability", "share of the excess"),
+            ("effect", "stage", "probability", "share of the excess, parameters refitted first"),
             rows,
             "Excess: the gap's square over that of the noise.",
         )
@@ -287,7 +288,8 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
     kinds = ("nominal",) if _unchanged(found) else ("nominal", "corrected")
     shares = found.where.records
     rows: list[tuple[str | float, ...]] = [
-        (r.name, *(100 * _nrms(getattr(r, k), r.measured) for k in kinds), 100 * shares.get(r.name, 0.0)) for r in shown
+        (r.name, *(100 * _nrms(getattr(r, k), r.measured, r.time) for k in kinds), 100 * shares.get(r.name, 0.0))
+        for r in shown
     ]
     note = "" if _unchanged(found) else "All records, to which the simulator was fitted; the bars are of others."
     columns = ("record", *(f"{kind}, %" for kind in kinds), "share of the nominal gap, %")
@@ -350,9 +352,11 @@ def _likeliest(found: Diagnosis) -> list[tuple[str, float]]:
     return sorted(found.probabilities.items(), key=lambda item: -item[1])[:3]
 
 
-def _nrms(simulated: Array, measured: Array) -> float:
-    size = float(np.sqrt(np.mean(measured**2))) or 1.0
-    return float(np.sqrt(np.mean((simulated - measured) ** 2))) / size
+def _nrms(simulated: Array, measured: Array, time: Array) -> float:
+    """Without the start and the end of a record, as every gap."""
+    keep = compared(len(time), float(time[1] - time[0]))
+    size = float(np.sqrt(np.mean(measured[keep] ** 2))) or 1.0
+    return float(np.sqrt(np.mean((simulated - measured)[keep] ** 2))) / size
 
 
 def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
@@ -378,7 +382,7 @@ def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.Re
     before, after = (free_run(m, record) for m in (nominal, corrected))
     channels = [[f for f in before if f.endswith(kind) and f in record.channels] for kind in _UNITS]
     measured = next(some for some in channels if some)
-    shown = max(measured, key=lambda f: _nrms(before[f], record.channel(f)))
+    shown = max(measured, key=lambda f: _nrms(before[f], record.channel(f), record.time))
     x = np.zeros((nominal.structure.storeys + 1, record.n))
     for k in range(1, len(x)):
         x[k] = after[f"floor{k}_displacement_m"]
