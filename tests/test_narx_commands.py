@@ -213,7 +213,7 @@ def test_bad_input_is_told_in_a_line(folder: Path, tmp_path: Path) -> None:
     stuck = good.with_channels({"displacement_m": np.zeros(good.n)})
     cut = good.with_channels({"force_N": np.minimum(good.channel("force_N"), 300.0)})
     sets = {
-        name: saved(tmp_path / name, [record], [record])
+        name: saved(tmp_path / name, [record.part(0.0, 0.6)], [record.part(0.6, 1.2)])
         for name, record in (("still", still), ("stuck", stuck), ("cut", cut))
     }
     cases: tuple[tuple[tuple[str | Path, ...], str], ...] = (
