@@ -18,9 +18,6 @@ struct ModifiedBoucWen {
     return (k.c1 * v - k.yield * z - k.k0 * r) / (k.c0 + k.c1);
   }
 
-  // largest rate (1/s) of r, to be resolved by a step
-  static Real Stiffness(const Params& p, const Coefficients& k) { return (k.yield * p.A + k.k0) / (k.c0 + k.c1); }
-
   static void Step(const Params& p, const Coefficients& k, Real* z, Real* r, Real va, Real vb, double dt) {
     const Real c = k.c0 + k.c1;
     const Mask solid = !(c > 0);

@@ -96,11 +96,6 @@ class Narx:
         return float(self._lib.mrdamp_narx_forward(self.handle, pointer(values)))
 
 
-def _sets(law: str, narx: Narx | None, params: Array) -> tuple[Any, ...]:
-    """What the library takes of parameter sets (sets, attributes) of a law."""
-    return law_number(law), narx.handle if narx else None, len(params), pointer(params)
-
-
 @dataclass(frozen=True)
 class Sets:
     """Parameter sets and the record that each of them runs through.
@@ -223,21 +218,8 @@ def run(
 ) -> dict[str, Array]:
     """One damper through one record; arguments as in `run_many`. Returns an array (n,) per column."""
     command = np.full(len(x), float(u)) if np.ndim(u) == 0 else np.asarray(u, dtype=float)
-    out = run_many(
-        law,
-        vector(law, parameters),
-        dt,
-        np.asarray(x, dtype=float),
-        command,
-        v=v,
-        a=a,
-        hold=hold,
-        run_in=run_in,
-        substep=substep,
-        threads=threads,
-        narx=narx,
-        columns=columns,
-    )
+    sets = Sets(vector(law, parameters), dt, np.asarray(x, dtype=float), command, v, a, hold, run_in, substep)
+    out = run_records(law, [sets], threads=threads, narx=narx, columns=columns)[0]
     return dict(zip(columns, out[0], strict=True))
 
 
@@ -324,7 +306,10 @@ def run_frame_many(
     options = Options(int(hold), threads, substep or 0.0, 0, 0)
     checked(
         library().mrdamp_run_frame,
-        *_sets(law, narx, matrix),
+        law_number(law),
+        narx.handle if narx else None,
+        len(matrix),
+        pointer(matrix),
         rows,
         dt,
         n,
