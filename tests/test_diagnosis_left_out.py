@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from mrdamp.diagnosis.fits.left_out import cells, folds, predicted, ratio
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 from mrdamp.records import Record
 from toy_rig import ToyRig, parts, toy
 
@@ -88,13 +91,13 @@ def test_a_cell_is_an_eighth_of_a_stroke_in_one_direction() -> None:
 
 
 def test_a_ratio_is_a_geometric_mean_over_cells_and_none_counts_without_limit() -> None:
-    """By hand: reference squares 1 and 3, their mean 2; one is halved, the other is gone."""
+    """By hand: reference squares 1 and 3; one is halved, the other is gone; the best fit leaves 2 and 6."""
     cell, before = np.array([0, 0, 1, 1]), np.array([1.0, -1.0, np.sqrt(3), np.sqrt(3)])
     after = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
-    scale = 2 * CELL_SCALE
+    best, scale = before * np.sqrt(2), 4 * CELL_SCALE
     expected = np.sqrt((0.5 + scale) / (1 + scale) * scale / (3 + scale))
-    assert ratio(after, before, cell) == pytest.approx(np.sqrt(expected))  # two cells are shrunk to one half
-    assert ratio(before, before, cell) == pytest.approx(1.0)
+    assert ratio(after, before, cell, best) == pytest.approx(np.sqrt(expected))  # two cells are shrunk to one half
+    assert ratio(before, before, cell, best) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("offset", [1.0, 0.01])
@@ -121,7 +124,43 @@ def test_a_cause_beside_a_free_law_is_compared_with_the_free_law(monkeypatch: py
     free = search.fitted(Hypothesis(nominal, (cubic,)), np.zeros(2), most=9)
     held = search.fitted(Hypothesis((), (cubic,)), np.zeros(1), most=9)
     found = judgement.left_out_ratios(search, [search.base, free, held])
-    cell, alone = search.cells, search.predicted(search.base)
-    assert found[id(free)] == pytest.approx(ratio(search.predicted(free), alone, cell))
-    assert found[id(held)] == pytest.approx(ratio(search.predicted(held), search.residual, cell))
-    assert found[id(search.base)] == pytest.approx(ratio(alone, search.residual, cell))
+    alone = search.predicted(search.base)
+    assert found[id(free)] == pytest.approx(search.ratio(search.predicted(free), alone))
+    assert found[id(held)] == pytest.approx(search.ratio(search.predicted(held), search.residual))
+    assert found[id(search.base)] == pytest.approx(search.ratio(alone, search.residual))
+
+
+class CommandedToy(ToyRig):
+    """The toy with a command of three levels along each record."""
+
+    def conditions(self, record: int) -> dict[str, Array]:
+        return {**super().conditions(record), "command": levels(self.records[record].n)}
+
+
+def levels(n: int) -> Array:
+    return np.asarray(np.arange(n) // 20 % 3, dtype=float)
+
+
+@pytest.mark.parametrize(("cubic", "curve"), [(0.0, 0.4), (0.4, 0.4), (0.4, 0.0)])
+def test_what_a_curve_of_the_command_explains_is_no_evidence_for_a_cause(cubic: float, curve: float) -> None:
+    """The gain follows the square of the command, which the law lacks; a cubic term is there or not."""
+    plain = toy({"cubic": cubic}, noise=0.02).records
+    forces = [r.channel("force_N") + curve * levels(r.n) ** 2 * np.asarray(r.displacement) for r in plain]
+    rig = CommandedToy(
+        tuple(replace(r, channels={**r.channels, "force_N": f}) for r, f in zip(plain, forces, strict=True))
+    )
+    search = Search(Problem(rig), 1e-6)
+    (term,) = (t for t in rig.terms if t.effect == "cubic")
+    free = search.fitted(Hypothesis(rig.nominal, (term,)), np.zeros(2), most=9)
+    search.keep(free)
+    left = judgement.left_out_ratios(search, [search.base, free])[id(free)]
+    alone = search.ratio(search.predicted(free), search.predicted(search.base))
+    assert (left < 0.2) == bool(cubic)
+    if curve:
+        # Beside the curves nothing but noise is left where the cubic term is there, and where it is not.
+        noise = sum(float(np.sum(0.02**2 * search.problem.weights[b.span] ** 2)) for b in search.problem.blocks)
+        both = search.versions(free)[1][0]
+        assert float(both @ both) == pytest.approx(noise, rel=0.15)
+        assert float(search.predicted(free) @ search.predicted(free)) > 20 * noise
+    else:
+        assert left == pytest.approx(alone, rel=0.05)

@@ -99,12 +99,12 @@ def test_a_rival_takes_nothing_from_what_the_catalogue_explains(truth: dict[str,
 
 
 def test_a_rival_no_better_than_an_effect_does_not_win() -> None:
-    nominal, effect = Scored((), False, 1.0, 0), Scored(("gas_spring",), False, 0.05, 2)
-    rival = Scored(("end_stop",), False, 0.05, 2)
+    nominal, effect = Scored((), False, 1.0, 0), Scored(("gas_spring",), False, 0.05, 2, left_out=0.05)
+    rival = Scored(("end_stop",), False, 0.05, 2, left_out=0.05)
     fair = decide([nominal, effect], 1e-4, [rival])
     assert fair.verdict == "effect"
     assert 0.1 < fair.unknown < 0.5  # and yet it is owned that it may be
-    better = decide([nominal, effect], 1e-4, [replace(rival, cost=0.005)])
+    better = decide([nominal, effect], 1e-4, [replace(rival, cost=0.005, left_out=0.005)])
     assert (better.verdict, better.chosen.causes) == ("unknown", ("gas_spring",))
 
 

@@ -21,7 +21,7 @@ from mrdamp.diagnosis.evidence.resample import draws, of_records, seconds, sprea
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Hypothesis
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import models_of
@@ -256,6 +256,19 @@ def test_an_interval_ends_where_the_range_does() -> None:
     low, high = spread(problem, fit(problem, hypothesis, hypothesis.start())).intervals()["gain"]
     assert high == pytest.approx(8.0)
     assert low <= 8.0
+
+
+def test_what_the_records_do_not_show_has_its_whole_range_as_its_interval() -> None:
+    """An offset that no sample sees, beside the gain."""
+    rig = toy({"gain": 2.2})
+    problem, unseen = Problem(rig), Coordinate("offset", 0.0, -5.0, 3.0, 0.1, prior=3.0)
+    found = fit(problem, Hypothesis(rig.nominal), np.zeros(1))
+    both = Hypothesis((*rig.nominal, unseen))
+    blind = np.hstack([found.jacobian, np.zeros((problem.samples, 1))])
+    found_both = replace(found, hypothesis=both, point=np.append(found.point, 0.0), jacobian=blind)
+    ends = spread(problem, found_both).intervals()
+    assert ends["offset"] == pytest.approx((-4.8, 2.8), abs=0.01)  # 95 % of the range
+    assert ends["gain"] == pytest.approx(spread(problem, found).intervals()["gain"])
 
 
 def test_groups_are_seconds_of_a_record_and_draws_keep_their_number() -> None:

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
-from mrdamp.diagnosis.constants import UNSTEADY
-from mrdamp.diagnosis.damper_run import judge
-from mrdamp.diagnosis.evidence.judgement import carried_over
 from mrdamp.diagnosis.fits import screening
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
-from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.frame_run import refit_with_fewer_causes
@@ -95,44 +91,6 @@ def test_a_lesser_cause_of_a_pair_is_exchanged_for_a_better_one() -> None:
     assert best is not None
     assert set(best.hypothesis.causes) == {"sign", "offset"}
     assert search.solved(best)
-
-
-def test_a_cause_that_does_not_carry_over_is_unknown_where_tests_do_not_repeat() -> None:
-    problem = Problem(toy({"sign": 0.6}, 0.005))
-    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
-    terms = {t.effect: t for t in problem.rig.terms}
-    right = Hypothesis((), (terms["sign"],))
-    search.keep(fit(problem, right, right.start()))
-    fits, decision = judge(search)
-    assert decision.verdict == "effect"
-    chosen = fits[decision.chosen.index]
-    well = FinalFit(chosen, (), problem.gaps(chosen.residual), problem)
-    badly = FinalFit(chosen, (), 0.9 * problem.gaps(search.residual), problem)
-    assert (
-        carried_over(search, badly, decision) is decision
-    )  # a cause in a steady rig: the records may just be few
-    search.steady = False
-    assert carried_over(search, well, decision) is decision
-    told = carried_over(search, badly, decision)
-    assert told.verdict == "unknown"
-    assert told.unknown == UNSTEADY
-
-
-def test_numbers_that_come_to_their_end_late_are_no_unknown_cause() -> None:
-    problem = Problem(toy({"gain": 2.6}, 0.005))
-    search = Search(problem, sum((0.005 / b.size) ** 2 for b in problem.blocks))
-    done = search.base
-    halfway = fit(problem, done.hypothesis, np.array([0.985 * done.point[0]]), most=0)
-    search.fits[True, frozenset()] = halfway
-    decision = judge(search)[1]
-    assert decision.verdict == "unknown"
-    assert decision.chosen.free
-    ended = FinalFit(done, (), problem.gaps(done.residual), problem)
-    told = carried_over(search, ended, decision)
-    assert told.verdict == "parameters"
-    assert told.unknown < 0.1
-    still = FinalFit(halfway, (), problem.gaps(halfway.residual), problem)
-    assert carried_over(search, still, decision) is decision
 
 
 def test_fewer_causes_beside_free_numbers_are_fitted_on_before_a_cause_more_counts() -> None:

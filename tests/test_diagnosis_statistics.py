@@ -11,13 +11,12 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import regimes, stage_shares
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import LAPSE, UNKNOWN_ABOVE
+from mrdamp.diagnosis.constants import LAPSE
 from mrdamp.diagnosis.damper_run import judge
 from mrdamp.diagnosis.evidence.ceiling import ceiling, of_fit
 from mrdamp.diagnosis.evidence.judgement import with_nearest
 from mrdamp.diagnosis.evidence.verdict import (
     Scored,
-    _simplest,
     by_causes,
     decide,
     lapse_of,
@@ -146,16 +145,13 @@ def test_shapley_shares_add_up_and_split_what_overlaps() -> None:
 
 
 def test_probabilities_are_even_between_equals_and_a_free_law_pays() -> None:
-    nominal, a, b = (
-        Scored((), False, 1.0, 0, 0),
-        Scored(("a",), False, 0.1, 1, 1),
-        Scored(("b",), False, 0.1, 1, 2),
-    )
+    nominal = Scored((), False, 1.0, 0, 0)
+    a, b = (Scored((c,), False, 0.1, 1, k, left_out=0.1) for k, c in enumerate("ab", 1))
     decision = decide([nominal, a, b], 0.01)
     sets = by_causes([nominal, a, b], decision.probabilities)
     assert sets[("a",)] == pytest.approx(sets[("b",)])
     assert of_cause(sets)["a"] == pytest.approx(0.5, abs=1e-3)
-    freed = Scored(("b",), True, 0.1, 1, 2)
+    freed = Scored((), True, 0.1, 0, 2, left_out=0.1)
     assert decide([nominal, a, freed], 0.01).chosen.causes == ("a",)
 
 
@@ -320,34 +316,20 @@ def test_an_unknown_cause_is_handed_over_by_what_leaves_least() -> None:
 
 
 def test_the_answer_is_the_most_probable_one() -> None:
-    """Two forms of one cause together outweigh another that is a little better than each; and an unknown cause
-    outweighs a set whose own probability is shared with another."""
+    """Two forms of one cause together outweigh another that is a little better than each."""
     nominal = Scored((), False, 1.0, 0, 0)
-    b = Scored(("b",), False, 0.0099, 1, 1)
-    forms = [Scored(("a",), False, 0.01, 1, 2), Scored(("a",), False, 0.01, 1, 3)]
+    b = Scored(("b",), False, 0.0099, 1, 1, left_out=0.0099)
+    forms = [Scored(("a",), False, 0.01, 1, k, left_out=0.01) for k in (2, 3)]
     decision = decide([nominal, b, *forms], 0.001)
     assert decision.verdict == "effect"
     assert decision.chosen.causes == ("a",)
     assert by_causes([nominal, b, *forms], decision.probabilities)[("a",)] > 0.5
-    left = 0.001 + 0.8 * UNKNOWN_ABOVE * (1 - 0.001)
-    one, two = Scored(("a",), False, left, 1, 1), Scored(("b",), False, 1.001 * left, 1, 2)
-    assert decide([nominal, one], 0.001).verdict == "effect"
-    shared = decide([nominal, one, two], 0.001)
-    assert shared.verdict == "unknown"
-    assert 0.3 < shared.unknown < 0.5
-
-
-@pytest.mark.parametrize(("alone", "answer"), [(0.30, ("a",)), (0.24, ("a", "b"))])
-def test_a_pair_is_told_as_its_part_if_that_is_half_as_probable(alone: float, answer: tuple[str, ...]) -> None:
-    known = {("a", "b"): 0.5, ("c",): 0.45 - alone / 2, ("a",): alone, (): 0.04}
-    assert _simplest(dict(sorted(known.items(), key=lambda item: -item[1]))) == answer
-    assert _simplest({(): 0.6, ("a",): 0.4}) == ()
 
 
 def test_what_does_not_repeat_is_neither_nothing_nor_wrong_numbers() -> None:
     """Two runs of one test that differ: other numbers, the same in both runs, cannot be the answer; an effect can."""
     nominal = Scored((), False, 1.0, 0)
-    freed, effect = Scored((), True, 0.01, 0), Scored(("a",), False, 0.01, 1)
+    freed, effect = Scored((), True, 0.01, 0, left_out=0.01), Scored(("a",), False, 0.01, 1, left_out=0.01)
     assert decide([nominal, freed], 0.01).verdict == "parameters"
     assert decide([nominal, freed], 0.01, steady=False).verdict == "unknown"
     assert decide([nominal, effect], 0.01, steady=False).verdict == "effect"
@@ -358,7 +340,7 @@ def test_what_does_not_repeat_is_neither_nothing_nor_wrong_numbers() -> None:
 
 def test_what_free_numbers_take_off_noise_is_no_gap() -> None:
     """8 % off a gap that is hardly more than noise, at a price that it is not worth."""
-    nominal, freed = Scored((), False, 0.0102, 0), Scored((), True, 0.0094, 0)
+    nominal, freed = Scored((), False, 0.0102, 0), Scored((), True, 0.0094, 0, left_out=0.92)
     assert decide([nominal, freed], 0.0095).verdict == "none"
     assert decide([replace(nominal, cost=0.03), replace(freed, cost=0.028)], 0.0095).verdict == "unknown"
     assert decide([nominal, freed], 0.0095, steady=False).verdict == "unknown"

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared
-from mrdamp.diagnosis.constants import LOGIT_TEMPER, UNSTEADY
+from mrdamp.diagnosis.constants import TEMPER, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.verdict import Scored, decide
@@ -228,12 +228,11 @@ def test_a_free_law_has_to_leave_much_less_than_a_cause() -> None:
     assert softmax([0.0, np.log(3.0)]) == pytest.approx([0.25, 0.75])
 
 
-def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None:
+def test_a_cause_is_named_by_what_it_predicts_and_not_by_little_left() -> None:
     nominal = Scored((), False, 1.0, 0, 0)
     half = Scored(("a",), False, 0.3, 1, 1, left_out=0.3)
     other = Scored(("b",), False, 0.95, 1, 2, left_out=0.95)
-    assert decide([nominal, half, other], 0.001).verdict == "unknown"
-    found = decide([nominal, half, other], 0.001, inexact=True)
+    found = decide([nominal, half, other], 0.001)
     assert found.verdict == "effect"
     assert found.standing is not None
     # Stated probabilities are tempered, the decision is not: the odds over none go by a root of what it weighs.
@@ -242,26 +241,26 @@ def test_an_inexact_law_asks_for_more_evidence_and_not_for_little_left() -> None
         np.exp(taken) / (1 + np.exp(taken) + np.exp(utility(0.95, 1, 1)))
     )
     odds = (1 - found.unknown) * found.probabilities[1] / found.unknown
-    assert np.log(odds) == pytest.approx(taken / LOGIT_TEMPER)
+    assert np.log(odds) == pytest.approx(taken / TEMPER)
     # What it takes off the records that it was fitted to, it has to take off others.
     fitted = replace(half, left_out=0.9)
-    assert decide([nominal, fitted, other], 0.001, inexact=True).verdict == "unknown"
+    assert decide([nominal, fitted, other], 0.001).verdict == "unknown"
     # Beside what it is established is open, and alone it was not fitted.
     second = [Scored(("a", other), False, 0.1, 2, k, left_out=0.1) for k, other in enumerate("bc", 1)]
-    split = decide([nominal, *second], 0.001, inexact=True)
+    split = decide([nominal, *second], 0.001)
     assert split.standing is not None
     assert (split.verdict, split.standing.causes) == ("effect", ("a",))
     assert split.chosen.causes == ("a", "b")
     little = Scored(("a",), False, 0.9, 1, 1, left_out=0.9)
-    assert decide([nominal, little, other], 0.001, inexact=True).verdict == "unknown"
-    assert decide([nominal, little, other], 0.001, inexact=True, own=0.9).verdict == "none"
+    assert decide([nominal, little, other], 0.001).verdict == "unknown"
+    assert decide([nominal, little, other], 0.001, own=0.9).verdict == "none"
 
 
 def test_what_mends_the_baseline_too_is_no_change() -> None:
     search = Search(Problem(toy({"cubic": 0.3, "sign": 0.5}, 0.02)), 1e-4)
     search.extend(False, 1)
     before = Problem(toy({"cubic": 0.3}, 0.02))
-    against = of_baseline(before, search.ranked(False), 7.0)
+    against = of_baseline(before, search.ranked(False))
     by_cause = {f.hypothesis.causes: against.get(id(f), 0.0) for f in search.ranked(False)}
     assert by_cause[("cubic",)] > 3.0
     assert by_cause[("sign",)] < 0.3 * by_cause[("cubic",)]

@@ -107,7 +107,7 @@ def judge(search: Search, baseline: Problem | None = None) -> Judged:
     """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
     fits = [*search.ranked(False), *search.ranked(True)]
     rig = search.problem.rig
-    penalties = {id(f): of_damper(rig, f, search.base, inexact=search.inexact, baseline=search.own > 0) for f in fits}
+    penalties = {id(f): of_damper(rig, f, baseline=search.own > 0) for f in fits}
     return fits, decided(search, fits, penalties, baseline)
 
 
@@ -135,6 +135,5 @@ def _searching(
     plain = _shortened(rig)
     floor = floors(plain, noise, {})
     problem = Problem(plain.rig, stride=plain.stride, coarse=True, trust=trust(plain, floor))
-    search = Search(problem, problem.cost(floor), limits, jobs, store)
-    search.own = own_cost(problem, base)
+    search = Search(problem, problem.cost(floor), limits, jobs, store, own=own_cost(problem, base))
     return search, floor

@@ -184,8 +184,7 @@ def judge(
         fits = [f for f in fits if set(f.hypothesis.causes) <= set(only)]
     if search.inexact:
         search.direct = {c.cause: c.nats for c in channels if c.cause is not None and not c.outside}
-    # A frame's nominal parameters move as far as its structure requires: they have no penalty.
-    decision = decided(search, fits, penalties, baseline, moves=False)
+    decision = decided(search, fits, penalties, baseline)
     if search.inexact and any(c.unexplained for c in channels) and not search.direct:
         return fits, unexplained(decision, fits)
     first = fits[0]
@@ -217,8 +216,8 @@ def _search(
     problem = Problem(replace(rig, placed=True), most_different(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
-    search = Search(problem, float(np.sum(floor**2)) / len(rig.channels), limits, jobs, store)
-    search.own = own_cost(problem, base)
+    cost, own = float(np.sum(floor**2)) / len(rig.channels), own_cost(problem, base)
+    search = Search(problem, cost, limits, jobs, store, own=own)
     search.steady = noise.steady
     if before is not None:
         search.cache = before.cache.with_fixed_law()

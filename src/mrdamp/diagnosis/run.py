@@ -11,11 +11,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
 from mrdamp.diagnosis.evidence.further import with_further
-from mrdamp.diagnosis.evidence.judgement import (
-    carried_over,
-    never_worse,
-    with_nearest,
-)
+from mrdamp.diagnosis.evidence.judgement import never_worse, with_nearest
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import FinalFit, final_fit
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -101,6 +97,5 @@ def concluded(
     progress("fitting the corrected simulator", 0.7)
     mend = decision.verdict != "none" and not decision.apart
     final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=rig)
-    decision = carried_over(search, final, decision)
     final, decision = never_worse(search, fits, final, decision)
     return fits, decision, final

@@ -1,9 +1,7 @@
-"""Test whether a cause is established although the law is not the rig's.
+"""Evidence of sets of causes: what each predicts of left-out records.
 
-No simulator then reaches the noise, and the remainder of a fit alone is weak evidence. The criterion is the
-prediction of left-out records: a set of causes is compared with the nominal simulator and with every other
-fitted set. The model is a conditional logit over all sets, with the nominal simulator as the alternative "no
-cause".
+A set of causes is compared with the nominal simulator and with every other fitted set. The model is a conditional logit
+over all sets, with the nominal simulator as the alternative "no cause".
 
 Source: McFadden (1974), Conditional logit analysis of qualitative choice behavior.
 """
@@ -17,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.diagnosis.constants import (
-    LOGIT_CAUSE,
-    LOGIT_GAIN,
-    LOGIT_LAW,
-    LOGIT_NUMBER,
-    LOGIT_SECOND,
+    CAUSE,
+    EVIDENCE_GAIN,
+    LAW,
+    NUMBER,
+    SECOND_CAUSE,
     TIED_BY_NATURE,
 )
 from mrdamp.model.core import Array
@@ -52,8 +50,8 @@ def utility(left: float, causes: int, numbers: int, *, law: bool = False, penalt
     of causes and of their parameters. law: nominal parameters are free as a cause of their own. penalty: nats against
     the fit.
     """
-    gain = -LOGIT_GAIN * math.log(max(left, _LEAST))
-    size = LOGIT_CAUSE * causes + LOGIT_SECOND * (causes > 1) + LOGIT_NUMBER * numbers + LOGIT_LAW * law
+    gain = -EVIDENCE_GAIN * math.log(max(left, _LEAST))
+    size = CAUSE * causes + SECOND_CAUSE * (causes > 1) + NUMBER * numbers + LAW * law
     return gain - size - penalty
 
 

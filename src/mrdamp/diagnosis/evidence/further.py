@@ -1,4 +1,4 @@
-"""Further causes beside one that is established, if the law is not the rig's: each against the fit before.
+"""Further causes beside one that is established: each against the fit before.
 
 Pairs that explain nearly everything are found by the search. Beside a wrong law a second cause leaves much, and the fit
 with the first cause is what it has to improve.
@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrdamp.diagnosis.constants import LOGIT_SECOND
+from mrdamp.diagnosis.constants import SECOND_CAUSE
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import of_itself, unreferenced
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.left_out import ratio
 from mrdamp.diagnosis.fits.search import Search
 
 #: Largest number of causes.
@@ -25,9 +24,9 @@ _MOST = 3
 def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[list[Fit], Decision]:
     """The fits and the decision with further causes that are established beside the named ones."""
     fits = list(fits)
-    while search.inexact and decision.verdict == "effect" and len(decision.chosen.causes) < _MOST:
+    while decision.verdict == "effect" and len(decision.chosen.causes) < _MOST:
         parent = fits[decision.chosen.index]
-        found = _further(search, parent)
+        found = None if search.solved(parent) else _further(search, parent)
         if found is None:
             break
         fit, probability = found
@@ -50,13 +49,13 @@ def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tup
 def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
     """The best fit with the cause that is established beside those of a fit, and its probability; None without one."""
     tried = [f for f in search.beside(parent) if not (f.hypothesis.nominal and unreferenced(search.problem.rig, f))]
-    before = search.predicted(parent)
+    before = search.best_version(parent)
     numbers = len(parent.point)
     worth = []
     for f in tried:
-        left, more = ratio(search.predicted(f), before, search.cells), len(f.point) - numbers
+        left, more = min(search.ratio(r, before) for r, _ in search.versions(f)), len(f.point) - numbers
         direct = search.direct.get(f.hypothesis.causes[-1], 0.0)
-        worth.append(utility(left, 1, more, penalty=of_itself(f)) - LOGIT_SECOND + direct)
+        worth.append(utility(left, 1, more, penalty=of_itself(f)) - SECOND_CAUSE + direct)
     sets: dict[tuple[str, ...], float] = {}
     names = [(), *((f.hypothesis.causes[-1],) for f in tried)]
     for name, p in zip(names, softmax([0.0, *worth]), strict=True):

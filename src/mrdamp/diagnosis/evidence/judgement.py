@@ -7,24 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import (
-    CARRIED,
-    INDEPENDENT,
-    LOGIT_GAIN,
-    MATERIAL,
-    UNNAMED_GAP,
-    UNSTEADY,
-)
+from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
-from mrdamp.diagnosis.evidence.established import utility
 from mrdamp.diagnosis.evidence.penalties import of_itself
-from mrdamp.diagnosis.evidence.verdict import Decision, Scored, beyond, decide
-from mrdamp.diagnosis.fits.final import FinalFit, heldout
+from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide, of_fit
+from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
-from mrdamp.diagnosis.fits.left_out import ratio
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.model.core import Array
 
 #: Number of fits of an unknown cause that are evaluated on left-out records.
 _NEAREST = 6
@@ -33,75 +25,56 @@ _IMPROBABLE = 10.0
 
 
 def decided(
-    search: Search,
-    fits: Sequence[Fit],
-    penalties: Mapping[int, float],
-    baseline: Problem | None,
-    *,
-    moves: bool = True,
+    search: Search, fits: Sequence[Fit], penalties: Mapping[int, float], baseline: Problem | None
 ) -> Decision:
     """The decision over fits.
 
-    penalties: nats by id of a fit. baseline: residuals of the rig's baseline records. moves: False removes
-    the penalty on changes of the nominal parameters.
+    penalties: nats by id of a fit. baseline: residuals of the rig's baseline records.
     """
-    against = against_baseline(search, baseline, fits)
+    against = {} if baseline is None else of_baseline(baseline, fits)
     all_nats = {id(f): penalties.get(id(f), 0.0) + against.get(id(f), 0.0) for f in fits}
     left = left_out_ratios(search, [*fits, *search.rivals])
     known, rivals = scored(fits, all_nats, search.direct, left), scored(search.rivals, left_out=left)
-    if not moves:
-        known, rivals = ([replace(s, move=0.0) for s in some] for some in (known, rivals))
-    decision = decide(
-        known, search.floor, rivals, steady=search.steady, inexact=search.inexact, own=search.own
-    )
+    decision = decide(known, search.floor, rivals, steady=search.steady, own=search.own)
     if decision.outside is not None:
         search.looks_like = search.rivals[decision.outside]
     return decision
 
 
-def against_baseline(search: Search, baseline: Problem | None, fits: Sequence[Fit]) -> dict[int, float]:
-    """Penalties (nats), by id, of fits that improve the rig's baseline as well."""
-    if baseline is None:
-        return {}
-    return of_baseline(baseline, fits, LOGIT_GAIN if search.inexact else 0.5 * INDEPENDENT)
-
-
 def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
-    """What each fit, by id, leaves of the left-out squares of the simulator without its causes, if no fit reaches the
-    noise.
+    """What each fit, by id, leaves of the left-out squares of the simulator without its causes.
 
     That simulator has the same parameters free: a cause beside free nominal parameters is compared with these
-    alone, one beside fixed ones with the nominal simulator. Fits that are improbable even on what they were
-    fitted to are not made again.
+    alone, one beside fixed ones with the nominal simulator. Without a baseline the nominal parameters may be curves of
+    the command wherever that predicts better, and what this is worth to the law alone is taken off a cause: what a law
+    explains is no evidence. Fits that are improbable even on what they were fitted to are not made again.
     """
-    if not search.inexact:
-        return {}
-    law, nominal, cell = search.base, search.residual, search.cells
+    law = search.base
     moving = [f for f in fits if f.hypothesis.coordinates]
-    alone = {True: law.residual, False: nominal}
-    out = {id(f): ratio(f.residual, alone[_beside_law(f)], cell) for f in moving}
+
+    def left(f: Fit, alone: Array, *, fitted: bool = False) -> float:
+        beside_law = f.hypothesis.nominal and f.hypothesis.terms
+        return min(
+            search.ratio(r, alone if beside_law or beside_curves else search.residual)
+            for r, beside_curves in search.versions(f, fitted=fitted)
+        )
+
+    out = {id(f): left(f, law.residual, fitted=True) for f in moving}
     most = {id(f): _own_utility(search, f, out[id(f)]) for f in moving}
-    alone[True] = search.predicted(law)
+    alone = search.predicted(law)
+    curved = search.curved
     best = 0.0  # utility of the simulators without a cause
     for f in sorted(moving, key=lambda f: -most[id(f)]):
         if most[id(f)] < best - _IMPROBABLE:
             break
-        out[id(f)] = ratio(search.predicted(f), alone[_beside_law(f)], cell)
+        out[id(f)] = left(f, alone) / curved
         best = max(best, _own_utility(search, f, out[id(f)]))
     return out
 
 
-def _beside_law(f: Fit) -> bool:
-    """True if a fit has causes beside free nominal parameters."""
-    return bool(f.hypothesis.nominal and f.hypothesis.terms)
-
-
 def _own_utility(search: Search, f: Fit, left: float) -> float:
     """Utility (nats) of a fit without penalties for a given share of left-out squares."""
-    numbers = len(f.point) - len(f.hypothesis.nominal)
-    causes, free = f.hypothesis.causes, bool(f.hypothesis.nominal)
-    direct = sum(search.direct.get(cause, 0.0) for cause in causes)
-    return direct + utility(left, len(causes), numbers, law=free and (search.own > 0 or not causes))
+    return of_fit(replace(scored([f], direct=search.direct)[0], penalty=0.0, left_out=left), baseline=search.own > 0)
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:
@@ -114,34 +87,11 @@ def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Dec
     if decision.verdict != "unknown" or decision.apart:
         return decision
     near = sorted(range(len(fits)), key=lambda k: (fits[k].cost, fits[k].hypothesis.name))[:_NEAREST]
-    if search.inexact:  # any effect bends a wrong law
-        near += [k for k, f in enumerate(fits) if not f.hypothesis.terms]
-        best = min(near, key=lambda k: search.left_out_cost(fits[k]))
-    else:
-        best = min(near, key=lambda k: search.problem.cost(heldout(search.problem, fits[k])))
+    near += [k for k, f in enumerate(fits) if not f.hypothesis.terms]  # any effect bends a wrong law
+    best = min(near, key=lambda k: search.left_out_cost(fits[k]))
     found = fits[best]
     left = max(found.cost - decision.floor, 0.0) / decision.excess
     return replace(decision, chosen=replace(scored([found])[0], index=best), unexplained=left)
-
-
-def carried_over(search: Search, final: FinalFit, decision: Decision) -> Decision:
-    """The decision after the check on left-out records.
-
-    `unknown` if two runs of one test differ by more than their noise and the cause that fits the records does
-    not improve left-out ones: enough parameters fit anything that changes between runs. `parameters` if free
-    parameters alone converged after the search and reach the noise on left-out records.
-    """
-    if search.inexact:
-        return decision
-    left = max(search.problem.cost(final.heldout) - decision.floor, 0.0) / decision.excess
-    law = decision.chosen.free and not decision.chosen.causes
-    if decision.verdict == "unknown" and law and search.steady and decision.outside is None:
-        unknown = beyond(left, decision.excess, decision.floor, causes=False)
-        if unknown < min(decision.unknown, 0.5):
-            return replace(decision, verdict="parameters", unknown=unknown)
-    if search.steady or decision.verdict != "effect" or left <= CARRIED:
-        return decision
-    return replace(decision, verdict="unknown", unknown=max(decision.unknown, UNSTEADY))
 
 
 def never_worse(
@@ -150,8 +100,8 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records.
 
-    If no fit reaches the noise, a named cause has to take MATERIAL of the nominal squares off. Without one the fit is a
-    correction without a reason, and has to reduce the gap on left-out folds to UNNAMED_GAP of the nominal one.
+    A named cause has to take MATERIAL of the nominal squares off. Without one the fit is a correction without a reason,
+    and has to reduce the gap on left-out folds to UNNAMED_GAP of the nominal one.
     """
     if decision.verdict == "none":
         return final, decision
@@ -159,7 +109,7 @@ def never_worse(
     nominal = fit(problem, Hypothesis(()), np.zeros(0), most=0)
     gaps = problem.gaps(nominal.residual)
     reason = True
-    if search.inexact and decision.verdict in ("effect", "unknown"):
+    if decision.verdict in ("effect", "unknown"):
         most = 1 - MATERIAL if decision.verdict == "effect" else UNNAMED_GAP**2
         chosen = fits[decision.chosen.index]
         left, before = (search.problem.gaps(r) for r in (search.predicted(chosen), search.residual))
@@ -205,7 +155,6 @@ def scored(
             len(f.point) - len(f.hypothesis.nominal),
             index,
             (penalties or {}).get(id(f), 0.0) + of_itself(f),
-            f.move,
             sum((direct or {}).get(cause, 0.0) for cause in f.hypothesis.causes),
             (left_out or {}).get(id(f), 1.0),
         )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from mrdamp.diagnosis.constants import LOGIT_LAW, LOOPS, NOT_ITSELF, REDUCIBLE
-from mrdamp.diagnosis.evidence.verdict import idle_penalty
+from mrdamp.diagnosis.constants import LAW, LOOPS, NOT_ITSELF
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
 
@@ -17,20 +16,16 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(rig: Rig, found: Fit, free: Fit, *, inexact: bool = False, baseline: bool = False) -> float:
-    """Penalty of a fit of a damper's records if free nominal parameters alone (`free`) or another law are as good or
-    equivalent.
+def of_damper(rig: Rig, found: Fit, *, baseline: bool = False) -> float:
+    """Penalty of a fit of a damper's records if free nominal parameters alone or another law are as good or equivalent.
 
-    inexact: the law is not the rig's; its parameters are then no simpler explanation than a gain, and the two
-    are reported as tied. baseline: there are baseline records.
+    The nominal parameters are no simpler explanation than a gain of the sensor beside fixed ones: the two are reported
+    as tied. baseline: there are baseline records.
     """
-    held = inexact and not found.hypothesis.nominal
-    penalty = 0.0 if held else NOT_ITSELF * unreferenced(rig, found)
-    law = rig.model({}).law if inexact and not baseline else ""
+    penalty = NOT_ITSELF * (bool(found.hypothesis.nominal) and unreferenced(rig, found))
+    law = "" if baseline else rig.model({}).law
     if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
-        penalty += LOGIT_LAW
-    if found.hypothesis.nominal and found.hypothesis.causes and found.cost > (1 - REDUCIBLE) * free.cost:
-        penalty += idle_penalty(found.move)
+        penalty += LAW
     return penalty
 
 

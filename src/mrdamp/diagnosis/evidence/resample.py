@@ -20,6 +20,8 @@ Numbers = NDArray[np.intp]
 #: s, length of a block; number of draws; percentiles of the 95 % interval.
 SECONDS, DRAWS, _ENDS = 1.0, 400, (2.5, 97.5)
 _SEED = 17
+#: Resolution of a parameter that the records determine.
+_RESOLVED = 0.5
 #: Least number of records for a bootstrap over whole records.
 _RECORDS = 4
 
@@ -93,13 +95,15 @@ def spread(problem: Problem, found: Fit) -> Spread:
     Score bootstrap (Kline, Santos 2012, doi:10.1515/2156-6674.1006): blocks of the gradient are drawn again,
     and one Gauss-Newton step with the curvature of all records gives the parameters of the draw. Blocks are
     seconds, which suits noise, and records, which suits a model error over a whole record. Draws are clipped
-    to the parameters' ranges.
+    to the parameters' ranges. The interval of a parameter that its prior determines rather than the records (resolution
+    below one half; Backus, Gilbert 1968, doi:10.1111/j.1365-246X.1968.tb00216.x) is its range.
     """
     j, prior = found.jacobian, found.hypothesis.prior()
     low, high = found.hypothesis.bounds()
     if not j.shape[1]:
         return Spread(found, np.zeros((DRAWS, 0)), np.zeros((DRAWS, 0)))
-    curvature = j.T @ j + PRIOR_WEIGHT * np.diag(prior**2)
+    told = j.T @ j
+    curvature = told + PRIOR_WEIGHT * np.diag(prior**2)
     curvature += 1e-9 * max(float(np.max(np.diag(curvature))), 1e-30) * np.eye(len(curvature))
     scores = j * found.residual[:, None]
     points: list[Array] = []
@@ -116,4 +120,6 @@ def spread(problem: Problem, found: Fit) -> Spread:
         points = [np.repeat(found.point[None], DRAWS, axis=0)]
     wider = np.argmax([p.std(axis=0) for p in points], axis=0)
     widest = np.column_stack([points[w][:, k] for k, w in enumerate(wider)])
+    loose = np.diag(np.linalg.solve(curvature, told)) < _RESOLVED
+    widest[:, loose] = np.linspace(low, high, DRAWS)[:, loose]
     return Spread(found, widest, points[-1])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.diagnosis.constants import HIDDEN_BELOW, NONE_ABOVE, TIE_COSINE, TIE_PROBABLE
+from mrdamp.diagnosis.evidence.penalties import unreferenced
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
@@ -35,6 +36,8 @@ def tie_classes(
         return ()
     free = bool(chosen.hypothesis.nominal)
     rivals: dict[str, set[str]] = {cause: set() for cause in named}
+    if "sensor_gain" in named and not search.own and unreferenced(search.problem.rig, chosen):
+        rivals["sensor_gain"].add("parameters")
     best = max(sets.values(), default=1.0)
     for causes, p in sets.items():
         members = set(causes)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from mrdamp.diagnosis.constants import CELL_SCALE
@@ -22,9 +23,13 @@ Numbers = NDArray[np.intp]
 
 #: Groups of records that are left out in turn; parts in time of each record if there are fewer records.
 _GROUPS, _PARTS, _SEED = 4, 3, 1
+#: Degree of a parameter's curve over the command.
+_DEGREE = 2
+#: Share of a matrix's trace that is added where neither the records nor a prior determine a coordinate.
+_RIDGE = 1e-12
 #: Parts of a stroke.
 _EIGHTHS = 8
-#: The mean over so many cells is shrunk to one half: a frame of two records has two, a damper sixteen a record.
+#: The mean over so many cells is shrunk to one half: a damper has sixteen a record.
 _FEW = 2
 
 #: Steps of a fit without some samples, and trials of each.
@@ -80,13 +85,55 @@ def refitted(problem: Problem, found: Fit, left: Mask) -> Array:
     return r
 
 
+def curves(problem: Problem, law: Fit) -> Array:
+    """Changes of the residuals (samples, coordinates) if each nominal parameter is a curve of the command.
+
+    law: fit of the nominal parameters alone. The sensitivity to a parameter times a polynomial of the command is, to
+    first order, the sensitivity to the parameter's change with the command. Empty for a frame, whose parameters are
+    mostly its structure's, and for a constant command.
+    """
+    conditions = [problem.rig.conditions(b.record) for b in problem.blocks]
+    if not (of_force(problem) and all("command" in c for c in conditions)):
+        return np.zeros((problem.samples, 0))
+    parts = [c["command"][problem.taken(b.record)] for b, c in zip(problem.blocks, conditions, strict=True)]
+    command = np.concatenate(parts)
+    low, width = float(command.min()), float(np.ptp(command))
+    if not width:
+        return np.zeros((problem.samples, 0))
+    shapes = legvander(2 * (command - low) / width - 1, _DEGREE)[:, 1:]
+    return np.hstack([law.jacobian * shape[:, None] for shape in shapes.T])
+
+
+def beside_curves(found: Fit, law: Fit, columns: Array, left: Sequence[Mask]) -> Array:
+    """Residuals (samples,) of a fit if the nominal parameters are curves of the command (`curves`) besides, to first
+    order: of each fold `left` as predicted by the others, or of all samples as fitted if there are no folds."""
+    parts = [(found.jacobian, found.hypothesis.prior())]
+    parts += [] if found.hypothesis.nominal else [(law.jacobian, law.hypothesis.prior())]
+    parts += [(columns, np.resize(law.hypothesis.prior(), columns.shape[1]))]
+    j, prior = np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    out = np.empty(len(j))
+    for mask in left or [np.zeros(len(j), dtype=bool)]:
+        kept = j[~mask]
+        matrix = kept.T @ kept + PRIOR_WEIGHT * np.diag(prior**2)
+        matrix += _RIDGE * np.trace(matrix) * np.eye(len(matrix))
+        step = -np.linalg.solve(matrix, kept.T @ found.residual[~mask])
+        rows = mask if left else ~mask
+        out[rows] = found.residual[rows] + j[rows] @ step
+    return out
+
+
+def of_force(problem: Problem) -> bool:
+    """True if only forces are compared: a damper's records."""
+    return all(name.endswith("force_N") for name in problem.rig.channels)
+
+
 def cells(problem: Problem) -> Numbers:
     """Number of each sample's cell (samples,), from 0. A frame's floors do not follow the stroke of its damper: the
-    cells of a frame are its records."""
+    cells of a frame are its records and channels."""
     out = np.empty(problem.samples, dtype=np.intp)
-    if not all(name.endswith("force_N") for name in problem.rig.channels):
-        for b in problem.blocks:
-            out[b.span] = problem.records.index(b.record)
+    if not of_force(problem):
+        for number, b in enumerate(problem.blocks):
+            out[b.span] = number
         return out
     for number, b in enumerate(problem.blocks):
         conditions = problem.rig.conditions(b.record)
@@ -97,15 +144,16 @@ def cells(problem: Problem) -> Numbers:
     return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
 
 
-def ratio(residual: Array, reference: Array, cell: Numbers) -> float:
+def ratio(residual: Array, reference: Array, cell: Numbers, best: Array) -> float:
     """Geometric mean over cells of the mean squares of residuals (samples,) over those of a reference.
 
     The variance of a law's error differs between cells and is unknown. The likelihood of Gaussian errors, marginal over
-    variances with an inverse-gamma prior of scale CELL_SCALE times the mean, is a power of this ratio.
+    variances with an inverse-gamma prior, is a power of this ratio. The scale of the prior is CELL_SCALE times the mean
+    over cells of the squares of `best`, the residual (samples,) of the best fit: with the rig's law that is the noise.
     Source: Gelman et al. (2013), Bayesian Data Analysis, section 3.2.
     """
     count = np.bincount(cell)
-    own, other = (np.bincount(cell, r**2) / count for r in (residual, reference))
-    scale = CELL_SCALE * float(np.mean(other))
+    own, other, least = (np.bincount(cell, r**2) / count for r in (residual, reference, best))
+    scale = CELL_SCALE * float(np.mean(least))
     mean = float(np.mean(np.log((own + scale) / (other + scale))))
     return float(np.exp(mean * len(count) / (len(count) + _FEW)))

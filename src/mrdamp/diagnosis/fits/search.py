@@ -15,11 +15,10 @@ from itertools import product
 
 import numpy as np
 
-from mrdamp.diagnosis.constants import LOGIT_GAIN
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN
 from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, reform, reform_rival
 from mrdamp.diagnosis.fits.beam import first_forms, parents, worth_a_fit, worth_a_look
 from mrdamp.diagnosis.fits.least_squares import Fit
-from mrdamp.diagnosis.fits.left_out import ratio
 from mrdamp.diagnosis.fits.limits import BESIDE, FREE, NARROW, Limits
 from mrdamp.diagnosis.fits.sampled_delay import try_sampled_delay
 from mrdamp.diagnosis.fits.screening import screen
@@ -51,14 +50,13 @@ class Search(FitTable):
 
     rivals: fits of causes outside the catalogue; looks_like: the rival that decided the verdict. steady:
     False if two runs of one test differ by more than their noise. direct: nats, by cause, from channels that
-    measure the same quantity. own: cost of the nominal simulator on the rig's baseline, 0 without one.
+    measure the same quantity.
     """
 
     rivals: list[Fit] = field(default_factory=list)
     looks_like: Fit | None = None
     steady: bool = True
     direct: Mapping[str, float] = field(default_factory=dict)
-    own: float = 0.0
     _rivals_fitted: bool = False
 
     def begin_with(self, terms: Sequence[Term]) -> None:
@@ -248,9 +246,9 @@ class Search(FitTable):
         return self._by_cost([*best, *fits[BESIDE.polished :]])
 
     def _log_cost(self, found: Fit) -> float:
-        """Negative evidence of a fit beside a wrong law, over LOGIT_GAIN and without penalties."""
+        """Negative evidence of a fit beside a wrong law, over EVIDENCE_GAIN and without penalties."""
         direct = sum(self.direct.get(cause, 0.0) for cause in found.hypothesis.causes)
-        return math.log(ratio(found.residual, self.residual, self.cells)) - direct / LOGIT_GAIN
+        return math.log(self.ratio(found.residual, self.residual)) - direct / EVIDENCE_GAIN
 
     def _polish(self, found: Fit) -> Fit:
         """Repeats a fit with new signatures of the law while each repetition reduces the cost enough."""

@@ -14,7 +14,16 @@ from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
 from mrdamp.diagnosis.fits.cache import Cache
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
-from mrdamp.diagnosis.fits.left_out import Numbers, cells, folds, predicted
+from mrdamp.diagnosis.fits.left_out import (
+    Mask,
+    Numbers,
+    beside_curves,
+    cells,
+    curves,
+    folds,
+    predicted,
+    ratio,
+)
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
@@ -38,8 +47,8 @@ class FitTable:
     """Fits of hypotheses to one problem: the best of each set of terms, with fixed and with free nominal
     parameters.
 
-    floor: cost of the noise. failed: notes on fits that could not be made. cache: completed fits and
-    screenings.
+    floor: cost of the noise. own: cost of the nominal simulator on the rig's baseline, 0 without one. failed: notes on
+    fits that could not be made. cache: completed fits and screenings.
     """
 
     problem: Problem
@@ -48,10 +57,12 @@ class FitTable:
     jobs: int = 1
     store: Store = field(default_factory=Store)
     fits: dict[tuple[bool, frozenset[str]], Fit] = field(default_factory=dict)
+    own: float = 0.0
     failed: list[str] = field(default_factory=list)
     cache: Cache = field(default_factory=Cache)
     _fine_costs: dict[tuple[str, bytes], float] = field(default_factory=dict)
     _predicted: dict[tuple[str, bytes], Array] = field(default_factory=dict)
+    _best: tuple[Fit | None, Array] = (None, np.zeros(0))
 
     def __post_init__(self) -> None:
         rig = self.problem.rig
@@ -89,12 +100,49 @@ class FitTable:
         """Number of the cell (samples,) of each residual."""
         return cells(self.problem)
 
+    @cached_property
+    def folds(self) -> list[Mask]:
+        """What is left out in turn."""
+        return folds(self.problem)
+
+    @cached_property
+    def curves(self) -> Array:
+        """See `left_out.curves`; without a column if baseline records determine the law."""
+        return np.zeros((self.problem.samples, 0)) if self.own else curves(self.problem, self.base)
+
     def predicted(self, found: Fit) -> Array:
         """Residuals (samples,) of a fit on folds that it was not fitted to."""
         key = (found.name, found.point.tobytes())
         if key not in self._predicted:
-            self._predicted[key] = predicted(self.problem, found, folds(self.problem))
+            self._predicted[key] = predicted(self.problem, found, self.folds)
         return self._predicted[key]
+
+    def versions(self, found: Fit, *, fitted: bool = False) -> list[tuple[Array, bool]]:
+        """Residuals (samples,) of a fit on folds that it was not fitted to (`fitted`: as fitted), and those with
+        nominal parameters that are curves of the command (True)."""
+        own = found.residual if fitted else self.predicted(found)
+        if not self.curves.shape[1]:
+            return [(own, False)]
+        folds = () if fitted else self.folds
+        return [(own, False), (beside_curves(found, self.base, self.curves, folds), True)]
+
+    def best_version(self, found: Fit) -> Array:
+        """The one of `versions` that leaves less of the nominal simulator's squares."""
+        return min((r for r, _ in self.versions(found)), key=lambda r: self.ratio(r, self.residual))
+
+    @property
+    def curved(self) -> float:
+        """What curves of the command leave of the left-out squares of the law alone; 1 if they do not help."""
+        alone = self.predicted(self.base)
+        return min(self.ratio(r, alone) for r, _ in self.versions(self.base))
+
+    def ratio(self, residual: Array, reference: Array) -> float:
+        """Share of the squares of a reference (samples,) that a residual (samples,) leaves in the cells
+        (`left_out.ratio`)."""
+        best = min(self.fits.values(), key=lambda f: f.cost)
+        if best is not self._best[0]:
+            self._best = best, self.versions(best, fitted=True)[-1][0]
+        return ratio(residual, reference, self.cells, self._best[1])
 
     def left_out_cost(self, found: Fit) -> float:
         """Sum of squares of a fit on folds that it was not fitted to."""

@@ -21,7 +21,7 @@ from mrdamp.diagnosis.attribution.stages import (
     stage_shares,
 )
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import NONE_ABOVE, PREDICTABLE
+from mrdamp.diagnosis.constants import MATERIAL, NONE_ABOVE, PREDICTABLE
 from mrdamp.diagnosis.evidence.ceiling import of_fit
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import Interval, spread
@@ -117,6 +117,11 @@ def assemble(
     notes += search.failed
     if noise.source != "repeat":
         notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
+    if search.curved < 1 - MATERIAL:
+        notes.append(
+            f"the law's dependence on the command is wrong: with curves of the command in place of its coefficients it"
+            f" leaves {100 * search.curved:.0f} % of its squared error on left-out records"
+        )
     if search.inexact and not case.baseline:
         notes.append(
             "no fit reaches the noise and there are no baseline records: records of the rig in the state in which the"
