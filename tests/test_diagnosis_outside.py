@@ -69,16 +69,17 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[tuple[bool, int]]:
 
 
 @pytest.mark.parametrize(
-    ("truth", "asked"), [({"gain": 2.3, "cubic": 0.008}, True), ({"gain": 2.3}, False), ({}, False)]
+    ("truth", "asked", "verdict"),
+    [({"gain": 2.3, "cubic": 0.008}, True, "effect"), ({"gain": 2.3}, False, "parameters"), ({}, False, "none")],
 )
 def test_numbers_that_may_stand_in_for_a_cause_have_causes_tried_beside_them(
-    truth: dict[str, float], asked: bool, tried: list[tuple[bool, int]]
+    truth: dict[str, float], asked: bool, verdict: str, tried: list[tuple[bool, int]]
 ) -> None:
     search, decision = judged(truth, rivals=False)
     assert search.solved(search.base)
     assert ((True, 1) in tried) == asked
     assert (True, 2) not in tried
-    assert decision.verdict == ("parameters" if truth else "none")  # too little to name it
+    assert decision.verdict == verdict
 
 
 def test_pairs_are_not_sought_where_a_rival_leaves_nothing(tried: list[tuple[bool, int]]) -> None:

@@ -107,7 +107,8 @@ def judge(search: Search, baseline: Problem | None = None) -> Judged:
     """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
     fits = [*search.ranked(False), *search.ranked(True)]
     rig = search.problem.rig
-    penalties = {id(f): of_damper(rig, f, baseline=search.own > 0) for f in fits}
+    unsure = search.inexact and not search.own
+    penalties = {id(f): of_damper(rig, f, unsure=unsure) for f in fits}
     return fits, decided(search, fits, penalties, baseline)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.penalties import of_itself
-from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide, of_fit
+from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide, of_fit, of_parameters
 from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -59,22 +59,21 @@ def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
             for r, beside_curves in search.versions(f, fitted=fitted)
         )
 
+    def own(f: Fit) -> Scored:
+        return replace(scored([f], direct=search.direct)[0], penalty=0.0, left_out=out[id(f)])
+
     out = {id(f): left(f, law.residual, fitted=True) for f in moving}
-    most = {id(f): _own_utility(search, f, out[id(f)]) for f in moving}
-    alone = search.predicted(law)
-    curved = search.curved
+    alone, curved = search.predicted(law), search.curved
+    out[id(law)] = left(law, alone) / curved
+    free = of_parameters(own(law), baseline=search.own > 0)
+    most = {id(f): of_fit(own(f), free) for f in moving}
     best = 0.0  # utility of the simulators without a cause
     for f in sorted(moving, key=lambda f: -most[id(f)]):
         if most[id(f)] < best - _IMPROBABLE:
             break
         out[id(f)] = left(f, alone) / curved
-        best = max(best, _own_utility(search, f, out[id(f)]))
+        best = max(best, of_fit(own(f), free))
     return out
-
-
-def _own_utility(search: Search, f: Fit, left: float) -> float:
-    """Utility (nats) of a fit without penalties for a given share of left-out squares."""
-    return of_fit(replace(scored([f], direct=search.direct)[0], penalty=0.0, left_out=left), baseline=search.own > 0)
 
 
 def with_nearest(search: Search, fits: Sequence[Fit], decision: Decision) -> Decision:

@@ -16,14 +16,14 @@ def of_itself(found: Fit) -> float:
     return NOT_ITSELF * gone(found)
 
 
-def of_damper(rig: Rig, found: Fit, *, baseline: bool = False) -> float:
+def of_damper(rig: Rig, found: Fit, *, unsure: bool = False) -> float:
     """Penalty of a fit of a damper's records if free nominal parameters alone or another law are as good or equivalent.
 
     The nominal parameters are no simpler explanation than a gain of the sensor beside fixed ones: the two are reported
-    as tied. baseline: there are baseline records.
+    as tied. unsure: neither the noise, which no fit reaches, nor baseline records show that the law is the rig's.
     """
     penalty = NOT_ITSELF * (bool(found.hypothesis.nominal) and unreferenced(rig, found))
-    law = "" if baseline else rig.model({}).law
+    law = rig.model({}).law if unsure else ""
     if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
         penalty += LAW
     return penalty

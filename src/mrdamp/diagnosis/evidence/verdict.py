@@ -13,6 +13,7 @@ from mrdamp.diagnosis.constants import (
     LAPSE_NONE,
     LAPSE_UNKNOWN,
     LAPSE_WORSE,
+    LAW,
     NONE_ABOVE,
     OUTSIDE_PENALTY,
     STEEPNESS,
@@ -83,8 +84,10 @@ def decide(
     # states.
     floor = min(max(min(f.cost for f in fits), floor), NONE_ABOVE**2 / 2 * floor)
     excess = max(nominal.cost - floor, 1e-12)
-    scores = np.array([of_fit(f, baseline=own > 0) for f in fits])
-    other = np.array([of_fit(f, baseline=own > 0) for f in rivals]) - OUTSIDE_PENALTY
+    law = next((f for f in fits if f.free and not f.causes), None)
+    free = of_parameters(law, baseline=own > 0)
+    scores = np.array([of_fit(f, free) for f in fits])
+    other = np.array([of_fit(f, free) for f in rivals]) - OUTSIDE_PENALTY
     probabilities = tuple(float(p) for p in softmax(scores))
     # The answer is the most probable set of causes over all its forms, in its best form.
     known = by_causes(fits, probabilities)
@@ -139,14 +142,21 @@ def _without_cause(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:
     return max(none, key=lambda k: known.get(k, 0.0))
 
 
-def of_fit(found: Scored, *, baseline: bool) -> float:
-    """Utility (nats) of a fit over the simulator without its causes. baseline: its nominal parameters are those of the
-    baseline; a change of them is a cause of its own."""
+def of_parameters(law: Scored | None, *, baseline: bool) -> float:
+    """Utility (nats) of wrong nominal parameters (`law`: they alone are free), which a cause beside free ones has
+    besides its own. Without a baseline free parameters are no worse than fixed ones."""
+    own = -LAW if law is None else of_fit(law)
+    return own if baseline else max(own, 0.0)
+
+
+def of_fit(found: Scored, free: float = 0.0) -> float:
+    """Utility (nats) of a fit over the nominal simulator. free: of free nominal parameters, if it has causes beside
+    them (`of_parameters`)."""
     if not found.causes and not found.free:
         return 0.0
-    law = found.free and (baseline or not found.causes)
+    law = found.free and not found.causes
     own = utility(found.left_out, len(found.causes), found.numbers, law=law, penalty=found.penalty)
-    return own + found.direct
+    return own + found.direct + free * bool(found.free and found.causes)
 
 
 def beyond(left: float) -> float:
