@@ -79,9 +79,9 @@ def test_nominal_effects_stay_free_and_in_what_is_handed_over() -> None:
     assert free["gas_spring_f0"].start == 25.0
     assert free["gas_spring_f0"].low < 0 < free["gas_spring_f0"].high
     assert free["driver_lag_tau"].start == 0.01
-    own = {c.name for t in rig.terms if t.effect in ("gas_spring", "driver_lag") for c in t.coordinates}
+    own = {c.name: c for t in rig.terms if t.effect in ("gas_spring", "driver_lag") for c in t.coordinates}
     assert "gas_spring_k" in own
-    assert "gas_spring_f0" not in own
+    assert own["gas_spring_f0"].start == 25.0  # a new spring may have another preload
     assert "driver_lag_tau" not in own
     made = rig.model({"gas_spring_k": 3000.0, "gas_spring_f0": 31.0, "sensor_lag_tau": 0.004})
     assert {e.name: dict(e.parameters) for e in made.effects} == {

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
+from scipy.signal import welch
 
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.model.core import Array
@@ -12,12 +14,18 @@ from mrdamp.records.checks import clipped
 
 #: Shares of samples above which repeated samples and coarse quantisation are reported.
 _HELD, _COARSE = 0.05, 0.02
+#: Longest window of a moving average (samples; below 5 it has one zero), depth (dB) of all its zeros; fall of the
+#: spectrum (dB) towards the Nyquist frequency from .65 of it, and within a tenth of it. Averages of 5 and 12 samples have
+#: 39 and 35 dB; a low-pass filter at .24 of that frequency falls by 15 dB. The channels of three measured rigs that were
+#: logged as they are have up to 15, 10 and 14 dB.
+_LONGEST, _ZEROS, _FALL, _EDGE = 40, 20.0, 12.0, 25.0
 
 
 def audit(case: Case) -> Iterator[str]:
-    """Findings: clipping, repeated samples, coarse quantisation, repeats without an original. A finding that
-    many records share is reported once."""
+    """Findings: clipping, repeated samples, coarse quantisation, processing, repeats without an original. A finding
+    that many records share is reported once."""
     repeated: dict[str, dict[str, float]] = {}
+    processed: dict[str, list[str]] = {}
     for record in case.records:
         for name, values in record.channels.items():
             if name in ("time_s", "command") or not float(np.ptp(values)) > 0:
@@ -27,6 +35,9 @@ def audit(case: Case) -> Iterator[str]:
                 yield f"{record.name}: {name} is clipped at {cut[0]:g} for {100 * cut[1]:.1f} % of the samples"
             elif repeated_share(values) > _HELD:
                 repeated.setdefault(name, {})[record.name] = 100 * repeated_share(values)
+            how = processing(values)
+            if how is not None:
+                processed.setdefault(f"{name} {how}", []).append(record.name)
             step = quantum(values)
             if step > _COARSE * float(np.std(values)):
                 yield f"{record.name}: {name} comes in steps of {step:g}"
@@ -35,6 +46,9 @@ def audit(case: Case) -> Iterator[str]:
         of = next(iter(shares)) if len(shares) == 1 else f"{len(shares)} records"
         much = f"{high:.0f} %" if len(shares) == 1 else f"{low:.0f} to {high:.0f} %"
         yield f"{of}: {name} repeats its last value in {much} of the samples"
+    for how, names in processed.items():
+        of = names[0] if len(names) == 1 else f"{len(names)} records"
+        yield f"{of}: {how}: lags and noise are not the sensor's; take the raw channel if there is one"
     for repeat, original in case.repeats:
         if original is None:
             yield f"{repeat.name}: no record has the same input; it is left aside"
@@ -53,3 +67,29 @@ def quantum(values: Array) -> float:
     if len(levels) < 2 or len(levels) > 0.2 * len(values):
         return 0.0
     return float(np.min(np.diff(levels)))
+
+
+def processing(values: Array) -> str | None:
+    """What the spectrum of a signal (n,) shows of a filter: the zeros of a moving average, or a fall towards the
+    Nyquist frequency, where noise of a sensor or of quantisation is white. None if it shows neither, or if there are
+    too few samples."""
+    n = min(len(values), 2048)
+    if n < 256:
+        return None
+    frequency, power = welch(np.diff(values), window="blackmanharris", nperseg=n - 1)
+    level = 10 * np.log10((power[1:] + 1e-300) / np.sin(np.pi * frequency[1:]) ** 2)  # of the signal itself, dB
+    for window in range(_LONGEST, 4, -1):
+        zeros = [round(k * n / window) - 1 for k in range(1, window) if 0.08 < k / window < 0.49]
+        if len(zeros) > 1 and min(_depth(level, k, n // window) for k in zeros) > _ZEROS:
+            return f"is a moving average over {window} samples"
+    edges = np.round(n * np.arange(0.1, 0.5, 0.025)).astype(int)
+    bands = np.array([np.median(level[a:b]) for a, b in pairwise(edges)])
+    fallen = bands[-7] - bands[-2:].min() > _FALL or np.max(bands[:-4] - bands[4:]) > _EDGE
+    return "is low-pass filtered or resampled" if fallen else None
+
+
+def _depth(level: Array, at: int, width: int) -> float:
+    """dB, of a spectrum's level at an index below the levels to both sides, a quarter to a half of `width` away."""
+    low, high = max(width // 4, 2), max(width // 2, 4)
+    beside = np.concatenate([level[max(at - high, 0) : max(at - low, 1)], level[at + low : at + high]])
+    return float(np.median(beside) - np.min(level[max(at - 1, 0) : at + 2]))

@@ -1,7 +1,8 @@
 """Effects in the nominal simulator: their parameters are free like those of the law and part of every
 hypothesis.
 
-A catalogue term of the same effect then contains only the coordinates that the nominal effect does not have.
+A catalogue term of the same effect then contains the coordinates that the nominal effect does not have, and beside them
+those that are added to its own, such as a preload: a stiffer gas spring has another one.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def _about(c: Coordinate, value: float) -> Coordinate:
 
 def without_nominal(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[Term, ...]:
     """The catalogue without what nominal effects already contain. A term of such an effect (and place) keeps
-    the coordinates that are not among the nominal ones; it is omitted if none is left or its form differs."""
+    the coordinates that are not among the nominal ones, and the linear ones of these; it is omitted if none is new or
+    its form differs."""
     own = own_settings(effects)
     taken = {(e.name, e.place) for e in effects}
     out = []
@@ -62,11 +64,14 @@ def without_nominal(terms: Sequence[Term], effects: Sequence[Effect]) -> tuple[T
         if (term.effect, term.place) not in taken:
             out.append(term)
             continue
-        keep = [k for k, c in enumerate(term.coordinates) if c.name not in own]
-        if not keep or not _agrees(term.fixed, own):
+        new = [k for k, c in enumerate(term.coordinates) if c.name not in own]
+        if not new or not _agrees(term.fixed, own):
             continue
-        starts = tuple(tuple(start[k] for k in keep) for start in term.starts)
-        coordinates = tuple(term.coordinates[k] for k in keep)
+        moved = [k for k, c in enumerate(term.coordinates) if c.name in own and not c.log]
+        at = [own[term.coordinates[k].name] for k in moved]
+        starts = tuple((*(start[k] for k in new), *at) for start in term.starts)
+        coordinates = tuple(term.coordinates[k] for k in new)
+        coordinates += tuple(replace(term.coordinates[k], start=v) for k, v in zip(moved, at, strict=True))
         neutral = tuple(c.start for c in coordinates)
         starts = tuple(dict.fromkeys(s for s in starts if s != neutral or coordinates[0].log))
         if starts:
