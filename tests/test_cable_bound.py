@@ -12,9 +12,10 @@ from scipy.signal import cont2discrete, dlsim
 from mrdamp.compare import Comparison, Contender, compare
 from mrdamp.compare.beam import Beam, search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import share, with_bounds
+from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.cable_bound import ToCome, cable_bound
+from mrdamp.compare.shares import share
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_task import default_places
 from mrdamp.envs.chain_rows import CableChain

@@ -11,9 +11,10 @@ import pytest
 from mrdamp.compare import Comparison, Contender, compare
 from mrdamp.compare.beam import Beam, search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import share, with_bounds
+from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.car_bound import ToCome, car_bound, weighted_car
+from mrdamp.compare.shares import share
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.chain_rows import CarChain
 from mrdamp.model import Model

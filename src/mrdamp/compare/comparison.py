@@ -24,7 +24,7 @@ class Comparison:
     """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value.
 
     Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds and base, as of a bench, and paths, how
-    they were found: (load, amplitude) -> bound -> results of `Bench.bound` for each start.
+    they were found: (load, amplitude) -> bound -> results of the searches, one a start.
     """
 
     contenders: tuple[Contender, ...]

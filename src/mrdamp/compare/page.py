@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamp.compare.bench import Bench
-from mrdamp.compare.bound import by_load, share
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
+from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.tables import (
     claim_rows,
     columns,

@@ -1,4 +1,4 @@
-"""How often would noise alone name a cause? `python tools/family_bound.py CASE`.
+"""How often would noise alone name a cause? `python studies/family_bound.py CASE`.
 
 The family-wise bound of the catalogue by a parametric bootstrap: on a case without a cause (or with wrong numbers
 only) the recalibrated simulator is taken for the truth, noise is drawn anew with the spectrum that two runs of one
