@@ -142,6 +142,7 @@ def bounded() -> Comparison:
     return with_bounds(BENCH, result, motions, starts=2)
 
 
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     for bound, weights in BENCH.bounds.items():
         score = {
@@ -255,6 +256,7 @@ def test_bounds_need_their_base_and_a_plant_that_has_them(bounded: Comparison) -
         with_bounds(BENCH, bounded, (MOTION,), starts=0)
 
 
+@pytest.mark.slow
 def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "motion.csv"
     rows = "".join(

@@ -119,6 +119,7 @@ def bounded() -> Comparison:
     return with_bounds(BENCH, result, LOADS)
 
 
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     bound = bounded.values["clairvoyant"]["motion"]
     for name in STARTS:

@@ -109,6 +109,7 @@ def rated(result: Comparison, name: str, weights: Mapping[str, float]) -> np.nda
     return np.asarray(sum(w * result.values[name][key] for key, w in weights.items()))
 
 
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     for bound, weights in BENCH.bounds.items():
         best = np.min([rated(bounded, name, weights) for name in STARTS], axis=0)

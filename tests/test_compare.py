@@ -146,6 +146,7 @@ print(*found, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 """
 
 
+@pytest.mark.slow
 def test_an_interrupt_is_heard_by_one_process_alone() -> None:
     """Others would print a traceback each; in a process of its own, so that no workers of another test are used."""
     done = subprocess.run([sys.executable, "-c", LISTENERS], capture_output=True, text=True, check=True)
@@ -186,6 +187,7 @@ def test_an_outcome_is_what_the_run_says() -> None:
     assert BENCH.score({"J1": 0.2, "J2": 0.5}) == pytest.approx(0.35)
 
 
+@pytest.mark.slow
 def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_not_matter() -> None:
     rows = (Contender("active", ("ideal-active",)), Contender("on", ("passive-on",)))
     one = compare(BENCH, rows, MOTIONS, (0.5, 2.0))
@@ -322,6 +324,7 @@ def files(tmp_path: Path) -> list[Path]:
     return paths
 
 
+@pytest.mark.slow
 def test_the_command_writes_tables_that_agree(
     files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,6 +102,7 @@ def test_friction_that_falls_with_the_velocity_slips_behind_a_mount(coulomb: flo
     assert rms(steady - expected) > 0.1 * rms(np.array(expected))
 
 
+@pytest.mark.slow
 def test_a_mass_meets_the_ends_of_a_clearance() -> None:
     m, k, gap, c = 2.0, 5e5, 1e-3, 300.0
     damper = {**DASHPOT, "c0b": 0.0, "backlash_gap": gap, "backlash_k": k, "moving_mass_m": m}

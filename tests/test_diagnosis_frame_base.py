@@ -61,6 +61,7 @@ def test_a_late_ground_channel_is_the_nearest_cause(late: dict[str, Record]) -> 
     assert "late or early" in found.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SOIL.is_dir(), reason="needs the folder ../shared/cases")
 def test_soil_that_sways_and_rocks_is_no_storey() -> None:
     """Base 100 kg, 4 MN/m, 2 kN s/m, by another integrator; rocking by an inertia and a spring in kg m2 and N m/rad."""
