@@ -29,7 +29,7 @@ from mrdamp import sets
 from mrdamp.model import core
 from twin_laws import LAWS, Softening
 
-TIMESTEPS = (1e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s
+TIMESTEPS = (5e-4, 5e-3)  # s
 # sensor signal -> column of the C entry
 COLUMNS = {
     "force": "force",
@@ -192,7 +192,7 @@ def run_free(
 
 
 @pytest.mark.parametrize("pushed", [False, True], ids=["decay", "pushed"])
-@pytest.mark.parametrize("timestep", [1e-4, 5e-4, 1e-3, 2e-3])
+@pytest.mark.parametrize("timestep", [5e-4, 2e-3])
 @pytest.mark.parametrize("law", FREE)
 def test_free_structure_moves_as_scipy_says(law: str, timestep: float, pushed: bool) -> None:
     parameters, u, mass, stiffness, x0 = FREE[law]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,7 @@ WORK = ROOT / "build" / "mutants"
 TREE = WORK / "tree"
 RESULTS = WORK / "results.json"
 _TIME = 900  # s, of the tests of one mutant
-_COPIED = ("src", "tests", "tools", "models_xml", "plugin_cpp", "pyproject.toml", "CMakeLists.txt", "README.md")
+_COPIED = ("src", "tests", "tools", "models_xml")
 #: Packs take most of the compiler's time; they have the numbers of the plain library, to the bit.
 _NO_PACKS = ('MATCHES "x86_64|AMD64"', 'MATCHES "none"')
 _SWITCH = """#include <cstdlib>
@@ -241,41 +242,54 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def prepare(*, build: bool) -> None:
     """Copies the tree, and compiles the library with every mutant of C++ in it. Raises CalledProcessError."""
-    shutil.rmtree(TREE, ignore_errors=True)
+    WORK.mkdir(parents=True, exist_ok=True)
     for name in _COPIED:
-        source, target = ROOT / name, TREE / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        ignored = shutil.ignore_patterns("__pycache__")
-        _ = shutil.copytree(source, target, ignore=ignored) if source.is_dir() else shutil.copy2(source, target)
+        shutil.rmtree(TREE / name, ignore_errors=True)
+        shutil.copytree(ROOT / name, TREE / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md"):
+        shutil.copy2(ROOT / name, TREE)
     if not build:
-        own = subprocess.run(
-            [sys.executable, "-c", "import mrdamp; print(mrdamp.library_path().parents[1])"],
-            cwd=WORK, check=True, capture_output=True, text=True,
-        ).stdout.strip()  # fmt: skip
-        for folder in ("plugin", "blindtest"):
-            for library in Path(own, folder).glob("*.so"):
-                _install(library, folder)
+        code = "import mrdamp; print(mrdamp.library_path().parents[1])"
+        own = subprocess.run([sys.executable, "-c", code], cwd=WORK, check=True, capture_output=True, text=True).stdout
+        for library in Path(own.strip()).glob("*/lib*.so"):
+            _install(library, library.parent.name)
         return
-    for number, mutant in enumerate(MUTANTS, start=1):
-        if mutant.cpp:
-            file = TREE / mutant.file
-            text = mutant.applied(file.read_text(), number)
-            file.write_text(text if _REAL in text else _REAL + text)
-    real = TREE / "plugin_cpp" / "core" / "real.h"
-    real.write_text(real.read_text().replace("namespace mrdamp {\n", _SWITCH + "namespace mrdamp {\n", 1))
-    cmake = TREE / "CMakeLists.txt"
-    cmake.write_text(cmake.read_text().replace(*_NO_PACKS))
+    switched = [ROOT / "CMakeLists.txt", *(f for f in (ROOT / "plugin_cpp").rglob("*") if f.is_file())]
+    for file in switched:
+        _write(TREE / file.relative_to(ROOT), _switched(file))
     tools = Path(sys.executable).parent
     path = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
     made = WORK / "cmake"
-    commands: tuple[list[str | Path], ...] = (
-        ["cmake", "-S", TREE, "-B", made, "-G", "Ninja", "--log-level=WARNING", f"-DPython_EXECUTABLE={sys.executable}"],
-        ["cmake", "--build", made, "--target", "mrdamp", "rig", "--", "--quiet"],
-    )
-    for command in commands:
-        subprocess.run(command, check=True, env=path)
+    for command in (
+        f"cmake -S {TREE} -B {made} -G Ninja --log-level=WARNING -DPython_EXECUTABLE={sys.executable}",
+        f"cmake --build {made} --target mrdamp rig -- --quiet",
+    ):
+        subprocess.run(shlex.split(command), check=True, env=path)
     _install(made / "libmrdamp.so", "plugin")
     _install(made / "librig.so", "blindtest")
+
+
+def _switched(file: Path) -> bytes:
+    """A file of C++ with its mutants, or the build without packs."""
+    name = str(file.relative_to(ROOT))
+    own = [(number, m) for number, m in enumerate(MUTANTS, start=1) if m.file == name]
+    if name == "CMakeLists.txt":
+        return file.read_text().replace(*_NO_PACKS).encode()
+    if name == "plugin_cpp/core/real.h":
+        return file.read_text().replace("namespace mrdamp {\n", _SWITCH + "namespace mrdamp {\n", 1).encode()
+    if not own:
+        return file.read_bytes()
+    text = file.read_text()
+    for number, mutant in own:
+        text = mutant.applied(text, number)
+    return (text if _REAL in text else _REAL + text).encode()
+
+
+def _write(file: Path, content: bytes) -> None:
+    """What is the same stays as it is: it is not compiled again."""
+    if not file.is_file() or file.read_bytes() != content:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
 
 
 def _install(library: Path, folder: str) -> None:
