@@ -25,6 +25,7 @@ WORK = ROOT / "build" / "mutants"
 TREE = WORK / "tree"
 RESULTS = WORK / "results.json"
 _TIME = 900  # s, of the tests of one mutant
+_NO_TESTS = 5  # exit code of pytest
 _COPIED = ("src", "tests", "tools", "models_xml")
 #: Packs take most of the compiler's time; they have the numbers of the plain library, to the bit.
 _NO_PACKS = ('MATCHES "x86_64|AMD64"', 'MATCHES "none"')
@@ -299,7 +300,7 @@ def _install(library: Path, folder: str) -> None:
 
 
 def outcome(mutant: Mutant) -> str:
-    """killed, survives, or what went wrong with the tests themselves."""
+    """killed, survives, or what went wrong with the tests themselves. Tests with its name in theirs come first."""
     number = str(MUTANTS.index(mutant) + 1)
     # envs and train are links in src/mrdamp, and folders in the copy
     file = TREE / (mutant.file if mutant.cpp or mutant.file.startswith("src") else f"src/mrdamp/{mutant.file}")
@@ -308,8 +309,13 @@ def outcome(mutant: Mutant) -> str:
         file.write_text(mutant.applied(text, 0))
     command = [sys.executable, "-c", _PYTEST, "-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", *mutant.tests]
     try:
-        environment = {**os.environ, "MRDAMP_MUTANT": number}
-        done = subprocess.run(command, cwd=TREE, capture_output=True, text=True, timeout=_TIME, env=environment)
+        for named in (["-k", mutant.of], []) if mutant.of.isidentifier() else ([],):
+            done = subprocess.run(
+                [*command, *named], cwd=TREE, capture_output=True, text=True, timeout=_TIME,
+                env={**os.environ, "MRDAMP_MUTANT": number},
+            )  # fmt: skip
+            if done.returncode not in (0, _NO_TESTS):
+                break
     except subprocess.TimeoutExpired:
         return "killed"  # it takes for ever
     finally:
