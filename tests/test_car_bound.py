@@ -121,6 +121,7 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Compariso
         assert share(bounded, bound, bound).mean == 1
 
 
+@pytest.mark.slow
 def test_the_engine_agrees_with_the_chain_on_what_is_found(bounded: Comparison) -> None:
     for i, road in enumerate(ROADS):
         for bound, weights in BENCH.bounds.items():
@@ -129,6 +130,7 @@ def test_the_engine_agrees_with_the_chain_on_what_is_found(bounded: Comparison) 
             assert path["values"][-1] == pytest.approx(rated(bounded, bound, weights)[0, i, 0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of one that takes the largest command throughout."""
     monkeypatch.setattr(

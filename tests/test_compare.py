@@ -347,6 +347,7 @@ def test_without_el_centro_there_is_one_line(tmp_path: Path, monkeypatch: pytest
         run("compare", "--preset", "dyke1996")
 
 
+@pytest.mark.slow
 def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = EARTHQUAKES / preset.FILE
     if not record.exists():
@@ -366,6 +367,7 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
     assert "<svg" in (out / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_best_constant_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FrameBench, "tuning_loads", lambda bench: MOTIONS[:1])
     monkeypatch.setattr(FrameBench, "tuning_amplitudes", (1.0,))

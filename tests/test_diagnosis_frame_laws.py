@@ -122,6 +122,7 @@ def test_a_needless_cause_is_unknown() -> None:
     assert found.unknown > 0.5
 
 
+@pytest.mark.slow
 def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     own = frame_run.judge
 

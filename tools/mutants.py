@@ -10,7 +10,9 @@ Prints the score; the exit code is 1 where a mutant survives.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import multiprocessing
 import os
 import shlex
 import shutil
@@ -19,6 +21,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy  # noqa: F401  (with SciPy, for the forks)
+import pytest
+import scipy.integrate
+import scipy.optimize
+import scipy.signal  # noqa: F401
 
 ROOT = Path(__file__).resolve().parents[1]
 WORK = ROOT / "build" / "mutants"
@@ -35,13 +43,6 @@ inline const int kMutant = std::getenv("MRDAMP_MUTANT") ? std::atoi(std::getenv(
 }
 """
 _REAL = '#include "core/real.h"\n'  # which has the switch
-#: Runs pytest on the copy: without the finder of the editable install.
-_PYTEST = (
-    "import sys; sys.meta_path = [f for f in sys.meta_path if 'InplaceFinder' not in type(f).__name__]; "
-    f"sys.path[:0] = [{str(TREE / 'src')!r}]; import pytest; sys.exit(pytest.main(sys.argv[1:]))"
-)
-
-
 @dataclass(frozen=True)
 class Mutant:
     """`wrong` in place of `right`, which stands once in the file behind `before`; tests: files that should see it."""
@@ -307,20 +308,34 @@ def outcome(mutant: Mutant) -> str:
     text = file.read_text()
     if not mutant.cpp:
         file.write_text(mutant.applied(text, 0))
-    command = [sys.executable, "-c", _PYTEST, "-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", *mutant.tests]
     try:
         for named in (["-k", mutant.of], []) if mutant.of.isidentifier() else ([],):
-            done = subprocess.run(
-                [*command, *named], cwd=TREE, capture_output=True, text=True, timeout=_TIME,
-                env={**os.environ, "MRDAMP_MUTANT": number},
-            )  # fmt: skip
-            if done.returncode not in (0, _NO_TESTS):
+            code = _pytest([*mutant.tests, *named], number)
+            if code not in (0, _NO_TESTS):
                 break
-    except subprocess.TimeoutExpired:
-        return "killed"  # it takes for ever
     finally:
         file.write_text(text)
-    return {0: "survives", 1: "killed"}.get(done.returncode, f"no result: {done.stdout.strip().splitlines()[-1:]}")
+    return {0: "survives", 1: "killed", None: "killed"}.get(code, f"no result: exit code {code} of pytest")
+
+
+def _pytest(arguments: Sequence[str], number: str) -> int | None:
+    """Exit code of pytest on the copy; None: it takes for ever. A fork, so that most imports are made once for all."""
+    child = multiprocessing.get_context("fork").Process(target=_in_copy, args=(arguments, number))
+    child.start()
+    child.join(_TIME)
+    if child.exitcode is None:
+        child.kill()
+    return child.exitcode
+
+
+def _in_copy(arguments: Sequence[str], number: str) -> None:
+    os.chdir(TREE)
+    os.environ["MRDAMP_MUTANT"] = number
+    sys.meta_path[:] = [f for f in sys.meta_path if "InplaceFinder" not in type(f).__name__]  # the editable install's
+    sys.path.insert(0, str(TREE / "src"))
+    with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+        code = pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", *arguments])
+    os._exit(code)
 
 
 if __name__ == "__main__":
