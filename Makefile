@@ -15,7 +15,7 @@ endif
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: always help venv build tools demo test check-all bench docs lint cpp-test sanitize tsan fuzz wheel-test clean
+.PHONY: always help venv build tools demo test check-all bench studies mutants docs lint cpp-test sanitize tsan fuzz wheel-test clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*  ## (.*)/  make \1\t\2/p' Makefile | expand -t 19
@@ -62,8 +62,12 @@ demo: build  ## the main job on the project's own records; page: out/demo/index.
 test: tools lint cpp-test sanitize  ## C++ tests (plain, sanitized), ruff, mypy, pytest without the slow ones
 	@$(bin)/python -m pytest -n 2 -m "not slow"
 
-check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, slow tests, thread sanitizer, fuzzing, wheel, docs
+check-all: tools lint cpp-test sanitize tsan fuzz wheel-test docs  ## test, slow tests, mutants, thread sanitizer, fuzzing, wheel, docs
 	@$(bin)/python -m pytest -n 2
+	@$(MAKE) --no-print-directory mutants
+
+mutants: build tools  ## wrong signs, factors, units and terms of the physics: does a test fail? (goes on where it stopped)
+	@PATH="$(abspath $(bin)):$$PATH" $(bin)/python tools/mutants.py
 
 lint: build tools  ## ruff and mypy
 	@$(bin)/ruff check .
@@ -94,6 +98,9 @@ bench: build tools  ## speed, as ratios, beside OpenSeesPy where it can be had
 	@$(pip) openseespy || echo "bench: OpenSeesPy cannot be installed; its rows are left out"
 	@LD_LIBRARY_PATH="$$(echo $(abspath $(VENV))/lib/python3.*/site-packages/openseespylinux/lib)" \
 	  $(bin)/python -m benchmarks
+
+studies: build tools  ## the studies behind tables of the docs (studies/README.md; some days)
+	@BIN=$(bin) studies/all.sh
 
 clean:  ## remove what was built; .venv and out/ stay
 	@rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

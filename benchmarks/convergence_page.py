@@ -26,6 +26,7 @@ from benchmarks.convergence import (
 
 _PAGE = Path(__file__).resolve().parents[1] / "docs" / "convergence.md"
 _SEED, _COUNT = 1, 1500
+_STEP = 1e-3  # s, of records with one effect
 
 
 def _random() -> list[str]:
@@ -71,13 +72,11 @@ def _alone() -> list[str]:
         for base in effects.BASES:
             expected = effects.twin(base, (name,), kind)["force"]
             known = slice(None, -30) if "channel_shift" in name else slice(None)
-            errors = []
-            for dt in (2e-3, 1e-3, 5e-4):
-                force = effects.run(base, (name,), kind, dt, ("force",))["force"]
-                errors.append(rms((force - expected[:: round(dt / effects.COARSE)])[known]) / rms(expected))
-            cells.append(" / ".join(f"{100 * e:.3f}" for e in errors))
+            force = effects.run(base, (name,), kind, _STEP, ("force",))["force"]
+            apart_by = rms((force - expected[:: round(_STEP / effects.COARSE)])[known])
+            cells.append(f"{100 * apart_by / rms(expected):.3f}")
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
-    return ["Errors of the force in % of its RMS, records of 2 / 1 / 0.5 ms:\n", head, *rows]
+    return ["Errors of the force in % of its RMS, records of 1 ms:\n", head, *rows]
 
 
 def _energy() -> list[str]:
@@ -95,47 +94,45 @@ def _energy() -> list[str]:
 
 
 def _engines() -> list[str]:
-    """How the default steps were chosen, and every signal at them."""
-    rows, chosen = [], []
+    """How the default steps were chosen."""
+    chosen = []
     for s in structures():
         signals, fine = s.run("chain", s.fine)
-        at_default = []
         for engine, step in s.steps.items():
             found = {k: apart(s.run(engine, k * step)[1], fine) for k in (2.0, 1.0, 0.5)}
             cells = (f"{signals[int(e.argmax())]} {100 * e.max():.2f} %" for e in found.values())
             chosen.append(f"| {s.name} | {engine} | {1e3 * step:g} ms | {' | '.join(cells)} |")
-            at_default.append(found[1.0])
-        for signal, a, b in zip(signals, *at_default, strict=True):
-            rows.append(f"| {s.name} | {signal} | {100 * a:.2f} % | {100 * b:.2f} % |")
     return [
-        "At a default step every signal is within 2 % of the chain at a tenth of it, under commands that switch between"
-        " none and the largest at every fifth control period at most; frame and car have a margin for stronger motions"
-        " and other dampers. Default dampers; RMS of the difference over the RMS. Largest error of a signal at twice"
-        " the default, at it, and at half of it:\n",
+        "Signals are compared with the chain at a tenth of the default step. The command switches between zero and its"
+        " largest value, at most every fifth control period. Error: RMS of the difference over the RMS. The largest"
+        " error of any signal at twice the default step, at it, and at half of it:\n",
         "| structure | engine | default | twice | default | half |\n|---|---|---:|---|---|---|",
         *chosen,
-        "\nEvery signal at the default step:\n",
-        "| structure | signal | MuJoCo | chain |\n|---|---|---:|---:|",
-        *rows,
     ]
 
 
 _TEXT = """# Convergence
 
-Is the simulator's answer that of its equations, at the steps that it takes by itself?
-`python -m benchmarks.convergence_page` writes this page; a short draw is part of `make test`.
+How far is the simulator from its equations, at the steps that it takes by itself? **With a random law and one or two
+effects, the force is within 1 % in 98.8 % of 1500 draws; the median error is 0.009 %.** Single effects are within 0.1
+% of SciPy at 1 ms, and every signal of the default environments is within 1.1 % of a step ten times as fine.
 
-Limits:
+```
+python -m benchmarks.convergence_page     # writes this page; a short draw is part of `make test`
+```
 
-- **A mass that rattles** in a clearance or on a stiff mount, almost undamped: its force at a sample hangs on the phase
-  of hundreds of impacts. Steps of 1 us do not settle it either. Its RMS is right within 3 %.
-- **Friction with a large breakaway behind a mount** sticks and slips: a slip sets in up to a step late, and where the
-  force ends just below the breakaway, whether it sets in hangs on the step.
-- **Forces that jump at a turn** (`trapped_gas` without a `width`): a sample beside the jump is right to one step.
-- **The cable's acceleration at the damper's place** is that of the highest of its coordinates, on a damper that
-  sticks: it grows with the number of modes. With a `bandwidth` it is that of a sensor.
-- **A law with a sharper yield** needs a shorter step: in the frame, the force of a Bingham damper with a `v_ref` of
-  1 mm/s is within 2.6 % at .5 ms and 1.1 % at .25 ms; set `timestep`.
+What is less accurate:
+
+- **A mass that rattles**, almost undamped, in a clearance or on a stiff mount. The force at one sample depends on the
+  phase of hundreds of impacts, and steps of 1 us do not settle it either. Its RMS is right within 3 %.
+- **Friction with a large breakaway behind a mount.** Slip begins up to one step late. Where the force ends just below
+  the breakaway, the step decides whether slip begins at all.
+- **Forces that jump when the motion turns** (`trapped_gas` without `width`): a sample beside the jump is right to one
+  step.
+- **The cable's acceleration at the damper**, while the damper sticks: it grows with the number of modes. Give the
+  sensor a `bandwidth`.
+- **A sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms. Set a shorter
+  `timestep`.
 """
 
 

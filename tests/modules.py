@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-TOOLS = Path(__file__).resolve().parents[1] / "tools"
+ROOT = Path(__file__).resolve().parents[1]
+STUDIES, TOOLS = ROOT / "studies", ROOT / "tools"
 
 
 def loaded(path: Path) -> ModuleType:

@@ -22,6 +22,7 @@ from mrdamp.envs import FrameEnv
 END = 1.2  # s, of the accuracy runs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", program.benchmarks(Effort(), sys.executable))
 def test_every_benchmark_gives_figures(name: str) -> None:
     sections = program.benchmarks(Effort(rounds=2, steps=40), sys.executable, END)[name]()

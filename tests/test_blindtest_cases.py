@@ -50,6 +50,7 @@ def made(task: Task, folder: Path, seed: int) -> tuple[Path, dict[str, dict[str,
 
 
 # --- one case ---------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_damper_case_without_a_gap(tmp_path: Path) -> None:
     case, tests, label = made(Task("x", "damper", "none"), tmp_path, 3)
     model, told = Model.read(case), json.loads((case / "case.json").read_text())
@@ -74,6 +75,7 @@ def test_damper_case_without_a_gap(tmp_path: Path) -> None:
     assert np.std(difference) / np.sqrt(2) / size == pytest.approx(level, rel=0.6)
 
 
+@pytest.mark.slow
 def test_effect_opens_a_gap(tmp_path: Path) -> None:
     _, tests, label = made(Task("x", "damper", "seal_friction"), tmp_path, 7)
     assert label["stages"] == ["mechanics"]
@@ -82,6 +84,7 @@ def test_effect_opens_a_gap(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(label["gap"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_frame_case(tmp_path: Path) -> None:
     case, tests, label = made(Task("x", "frame", "storey_stiffness@2"), tmp_path, 2)
     model = Model.read(case)
@@ -102,6 +105,7 @@ def test_frame_case(tmp_path: Path) -> None:
     assert np.array_equal(ground[0], ground[1])
 
 
+@pytest.mark.slow
 def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
     case, tests, label = made(Task("x", "damper", "parameters"), tmp_path, 5)
     nominal_parameters = Model.read(case)
@@ -118,6 +122,7 @@ def test_wrong_numbers_are_wrong_and_the_form_is_right(tmp_path: Path) -> None:
             assert low < relative(force, channels["force_N"]) < high
 
 
+@pytest.mark.slow
 def test_command_line_and_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def run(out: Path, jobs: str) -> bytes:
         only = ["--rig", "frame", "--only", "none"]

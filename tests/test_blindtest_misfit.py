@@ -83,6 +83,7 @@ def each_test(path: Path) -> Iterator[dict[str, Array]]:
 
 
 # --- the misfit ---------------------------------------------------------------------------------
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gained", "control", "framed"])
 def test_simulator_leaves_three_to_fifteen_percent(name: str, request: pytest.FixtureRequest) -> None:
     """Without the cause; what the label calls its base is the same in the shared scorer's terms."""
@@ -260,6 +261,7 @@ def test_figures_by_base_misfit(tmp_path: Path) -> None:
     assert not misfit_score.is_misfit(plain)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SHARED.is_file(), reason=f"{SHARED} is not there")
 def test_shared_scorer_takes_the_layout(gained: Made, control: Made, tmp_path: Path) -> None:
     """Labels, cases and tests; a command that hands the nominal simulator back is right on the control alone."""

@@ -235,6 +235,7 @@ def test_bad_arguments(
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_cases_are_sealed_and_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "blind"
     arguments = ["blindtest", str(out), "--cases", "1", "--rig", "frame", "--cases-only", "--seed", "1"]

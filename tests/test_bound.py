@@ -17,12 +17,13 @@ from mrdamp.commands.compare import add_to
 from mrdamp.compare import Comparison, Contender, FrameBench, compare
 from mrdamp.compare import dyke1996 as preset
 from mrdamp.compare.bench import UNCONTROLLED, Measure
-from mrdamp.compare.bound import by_load, share, with_bounds
+from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.clairvoyant import Effort, Peaks, search
 from mrdamp.compare.frame_bound import frame_bound
 from mrdamp.compare.on_chain import run_chain
 from mrdamp.compare.rollouts import Rollouts, sensitivity
+from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import ratio
 from mrdamp.control.replay import Replay
 from mrdamp.envs.chain_rows import FrameChain
@@ -141,6 +142,7 @@ def bounded() -> Comparison:
     return with_bounds(BENCH, result, motions, starts=2)
 
 
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     for bound, weights in BENCH.bounds.items():
         score = {
@@ -254,6 +256,7 @@ def test_bounds_need_their_base_and_a_plant_that_has_them(bounded: Comparison) -
         with_bounds(BENCH, bounded, (MOTION,), starts=0)
 
 
+@pytest.mark.slow
 def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "motion.csv"
     rows = "".join(
@@ -289,3 +292,37 @@ def test_the_command_writes_shares_and_paths(tmp_path: Path, capsys: pytest.Capt
     kept = (tmp_path / "out" / "kept.jsonl").read_text()
     assert run("compare", *given, "-o", tmp_path / "out") == 0  # nothing is searched for again
     assert (tmp_path / "out" / "kept.jsonl").read_text() == kept
+
+
+def test_runs_go_on_where_a_row_stands() -> None:
+    """From a saved present the rest of a run is that of the whole run."""
+    rolled = rollouts()
+    u = np.random.default_rng(0).uniform(0, LARGEST, rolled.periods)
+    whole, _ = rolled.run(u[None])
+    plant = rollouts().rows(1)
+    for k in range(300):
+        measured = plant.plants.advance(u[None, k : k + 1])[1][0].copy()
+    moment = plant.plants.save(0)
+    rest = rollouts()
+    rest.rows(3)  # rows made before are moved too
+    rest.go_on(moment, measured, 200)
+    found, _ = rest.run(np.stack([u[300:500]] * 3))
+    np.testing.assert_array_equal(found, np.stack([whole[0, 300:500]] * 3))
+
+
+@pytest.mark.parametrize("level", [0.0, LARGEST])
+def test_slopes_under_a_constant_command_hold_the_driver(level: float) -> None:
+    """Driver states that do not change in a run carry what a command does beyond its period."""
+    rolled = rollouts()
+    u = np.full(rolled.periods, level)
+    y, states = rolled.run(u[None], states=True)
+    period, channel, at = np.array([320, 330]), np.array([3, 4]), np.arange(330)
+    g = sensitivity(rolled.slopes(y[0], states[0], u, at), at, period, channel, 330)
+    step = 1e-4 if level == 0 else -1e-4
+    for k in (300, 312, 318):
+        nudged = np.stack([u, u])
+        nudged[0, k] += step
+        runs, _ = rolled.run(nudged)
+        found = (runs[0] - runs[1])[period, channel] / step
+        np.testing.assert_allclose(g[:, k], found, atol=5e-3 * np.abs(g).max())
+        assert np.abs(found).max() > 1e-3 * np.abs(g).max()

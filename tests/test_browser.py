@@ -23,7 +23,10 @@ from mrdamp.model import Effect, Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.records import embedded
 
-pytestmark = pytest.mark.skipif(executable() is None, reason="needs Chromium (Debian: apt install chromium)")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(executable() is None, reason="needs Chromium (Debian: apt install chromium)"),
+]
 PHONE, DESK = 390, 1200  # CSS pixels
 STAGES = ("driver", "magnetics", "fluid", "mechanics", "mount", "sensor")
 

@@ -12,9 +12,10 @@ from scipy.signal import cont2discrete, dlsim
 from mrdamp.compare import Comparison, Contender, compare
 from mrdamp.compare.beam import Beam, search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import share, with_bounds
+from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.cable_bound import ToCome, cable_bound
+from mrdamp.compare.shares import share
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_task import default_places
 from mrdamp.envs.chain_rows import CableChain
@@ -118,6 +119,7 @@ def bounded() -> Comparison:
     return with_bounds(BENCH, result, LOADS)
 
 
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     bound = bounded.values["clairvoyant"]["motion"]
     for name in STARTS:
@@ -127,6 +129,7 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Compariso
     assert share(bounded, "clairvoyant", "clairvoyant").mean == 1
 
 
+@pytest.mark.slow
 def test_the_engine_agrees_with_the_chain_on_what_is_found(bounded: Comparison) -> None:
     """The chain at 0.5 ms is within 1 % of steps of 50 us, the engine at 0.25 ms within 0.5 %."""
     for i, load in enumerate(LOADS):
@@ -135,6 +138,7 @@ def test_the_engine_agrees_with_the_chain_on_what_is_found(bounded: Comparison) 
         assert path["values"][-1] == pytest.approx(bounded.values["clairvoyant"]["motion"][0, i, 0], rel=0.015)
 
 
+@pytest.mark.slow
 def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of one that takes passive-off throughout."""
     monkeypatch.setattr(

@@ -66,6 +66,7 @@ def test_damping_of_the_first_mode_by_the_best_dashpot(at: float, largest: float
     assert found == pytest.approx(largest, rel=0.01)
 
 
+@pytest.mark.slow
 def test_lyapunov_equation_and_simulated_noise_agree() -> None:
     # A dashpot's force always takes energy out, so that clipping leaves it as it is.
     cable = ControlledCable(0.05, ratio=0.02)
@@ -206,6 +207,7 @@ def ambient(seed: int) -> CableLoad:
     return CableLoad("noise", 0.02, np.array([0.5]), force)
 
 
+@pytest.mark.slow
 def test_clipped_optimal_moves_the_cable_less_than_any_constant_command() -> None:
     bench = CableBench()
     load = ambient(3)

@@ -11,9 +11,10 @@ import pytest
 from mrdamp.compare import Comparison, Contender, compare
 from mrdamp.compare.beam import Beam, search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import share, with_bounds
+from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.car_bound import ToCome, car_bound, weighted_car
+from mrdamp.compare.shares import share
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.chain_rows import CarChain
 from mrdamp.model import Model
@@ -108,6 +109,7 @@ def rated(result: Comparison, name: str, weights: Mapping[str, float]) -> np.nda
     return np.asarray(sum(w * result.values[name][key] for key, w in weights.items()))
 
 
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     for bound, weights in BENCH.bounds.items():
         best = np.min([rated(bounded, name, weights) for name in STARTS], axis=0)
@@ -119,6 +121,7 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Compariso
         assert share(bounded, bound, bound).mean == 1
 
 
+@pytest.mark.slow
 def test_the_engine_agrees_with_the_chain_on_what_is_found(bounded: Comparison) -> None:
     for i, road in enumerate(ROADS):
         for bound, weights in BENCH.bounds.items():
@@ -127,6 +130,7 @@ def test_the_engine_agrees_with_the_chain_on_what_is_found(bounded: Comparison) 
             assert path["values"][-1] == pytest.approx(rated(bounded, bound, weights)[0, i, 0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_start_that_nothing_beats_stays_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of one that takes the largest command throughout."""
     monkeypatch.setattr(

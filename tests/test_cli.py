@@ -183,6 +183,7 @@ def test_plugin_path_names_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert Path(capsys.readouterr().out.strip()).is_file()
 
 
+@pytest.mark.slow
 def test_the_demo_runs_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -247,6 +248,7 @@ def test_a_model_file_that_says_two_things(change: dict[str, Any], said: str) ->
         Model.from_dict(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["gymnasium", "argparse"])
 def test_an_interrupt_while_modules_are_imported_is_one_line(module: str, tmp_path: Path) -> None:
     interrupt = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(5)\n"

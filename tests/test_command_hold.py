@@ -103,6 +103,7 @@ def test_a_prediction_of_a_held_command(kind: str) -> None:
         assert off(free_run(model, found)["force_N"], force) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [False, True])
 @pytest.mark.parametrize("between", ["held", "lines"])
 def test_responses_show_whether_a_smooth_command_is_held(between: str, wrong: bool) -> None:
@@ -112,6 +113,7 @@ def test_responses_show_whether_a_smooth_command_is_held(between: str, wrong: bo
     assert found.model.hold is not None or "do not show whether" in notes[0]
 
 
+@pytest.mark.slow
 def test_a_held_command_is_no_delay() -> None:
     found = diagnose(case("held"))
     assert (found.verdict, found.effects) == ("none", ())
@@ -126,6 +128,7 @@ def test_a_delay_beside_a_held_command_is_right() -> None:
     assert found.effects[0].parameters["d"] == pytest.approx(8 * DT, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_identify_keeps_how_a_command_runs_between_samples() -> None:
     train = []
     for seed in (1, 2, 3):

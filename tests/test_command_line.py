@@ -75,6 +75,7 @@ def complete(*words: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_bash_completes_commands_options_choices_and_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,6 +102,7 @@ def test_every_command_has_an_example() -> None:
         assert (command.epilog or "").startswith(f"example: mrdamp {name}"), name
 
 
+@pytest.mark.slow
 def test_no_color_is_respected() -> None:
     code = (
         "from mrdamp.commands.output import progress_bar\n"
@@ -130,6 +132,7 @@ def test_progress_without_a_terminal_is_a_line_a_step_and_a_tenth(capsys: pytest
     ]
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_leaves_no_traceback() -> None:
     read, write = os.pipe()
     os.close(read)

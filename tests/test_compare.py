@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import re
 import subprocess
 import sys
@@ -31,7 +30,6 @@ from mrdamp.compare.motions import (
     unseen_motions,
 )
 from mrdamp.compare.runner import run_all
-from mrdamp.compare.summary import difference, interval, summarise
 from mrdamp.compare.tables import differences_csv
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
@@ -47,57 +45,6 @@ BENCH = FrameBench(preset.frame_model())
 MOTIONS = tuple(kanai_tajimi(seed, duration=6.0, rise=1.0, plateau=2.0, decay=1.0) for seed in (1, 2))
 
 run = caller(add_to)
-
-
-def test_intervals_are_those_of_the_normal_theory() -> None:
-    rng = np.random.default_rng(3)
-    motions = rng.normal(0.5, 0.1, 200)
-    values = np.repeat(motions[None, :, None], 3, axis=2)
-    low, high = interval(values)
-    half = 1.96 * motions.std() / math.sqrt(200)  # the amplitudes of a motion are one draw
-    assert (high - low) / 2 == pytest.approx(half, rel=0.08)
-    assert (high + low) / 2 == pytest.approx(motions.mean(), abs=0.1 * half)
-    seeds = rng.normal(0.0, 0.1, 60)
-    low, high = interval(seeds[:, None, None] + np.zeros((1, 5, 1)))
-    assert (high - low) / 2 == pytest.approx(1.96 * seeds.std() / math.sqrt(60), rel=0.1)
-
-
-def test_mean_and_worst() -> None:
-    values = np.array([[[0.2, 0.6], [0.4, 1.0]]])
-    s = summarise(values)
-    assert s.mean == pytest.approx(0.55)
-    assert s.worst == 1.0
-    assert 0.4 <= s.low < s.mean < s.high <= 0.7
-    assert np.isnan(interval(values[:, :1])).all()
-    with pytest.raises(InputError, match="shape"):
-        summarise(np.ones(3))
-
-
-def test_a_shift_that_is_the_same_everywhere_is_certain() -> None:
-    rng = np.random.default_rng(0)
-    other = rng.uniform(0.2, 1.0, (1, 6, 3))
-    seeds = np.repeat(other, 4, axis=0) - 0.05
-    s = difference(seeds, other)
-    assert s.low == pytest.approx(-0.05)
-    assert s.high == pytest.approx(-0.05)
-    assert summarise(seeds).high - summarise(seeds).low > 0.1
-    with pytest.raises(InputError, match="cannot be paired"):
-        difference(seeds[:, :5], seeds)
-
-
-def test_seeds_of_two_trainings_are_drawn_apart_and_motions_together() -> None:
-    rng = np.random.default_rng(1)
-    motions = rng.uniform(0.2, 1.0, (1, 400, 1))
-    mine, others = rng.normal(0.0, 0.1, (40, 1, 1)), rng.normal(0.0, 0.05, (50, 1, 1))
-    s = difference(motions + mine, motions + others)
-    half = 1.96 * np.sqrt(mine.var() / 40 + others.var() / 50)  # motions are common and cancel out
-    assert (s.high - s.low) / 2 == pytest.approx(half, rel=0.08)
-    assert s.mean == pytest.approx(mine.mean() - others.mean())
-    assert s.worst == pytest.approx(mine.max() - others.min())
-    # As many seeds of either: their order has no meaning.
-    s = difference(motions + mine, motions + mine)
-    assert s.mean == pytest.approx(0.0, abs=1e-12)
-    assert (s.high - s.low) / 2 == pytest.approx(1.96 * mine.std() * np.sqrt(2 / 40), rel=0.1)
 
 
 class Squares:
@@ -146,6 +93,7 @@ print(*found, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 """
 
 
+@pytest.mark.slow
 def test_an_interrupt_is_heard_by_one_process_alone() -> None:
     """Others would print a traceback each; in a process of its own, so that no workers of another test are used."""
     done = subprocess.run([sys.executable, "-c", LISTENERS], capture_output=True, text=True, check=True)
@@ -186,6 +134,7 @@ def test_an_outcome_is_what_the_run_says() -> None:
     assert BENCH.score({"J1": 0.2, "J2": 0.5}) == pytest.approx(0.35)
 
 
+@pytest.mark.slow
 def test_a_linear_frame_has_the_same_ratios_at_every_amplitude_and_processes_do_not_matter() -> None:
     rows = (Contender("active", ("ideal-active",)), Contender("on", ("passive-on",)))
     one = compare(BENCH, rows, MOTIONS, (0.5, 2.0))
@@ -322,6 +271,7 @@ def files(tmp_path: Path) -> list[Path]:
     return paths
 
 
+@pytest.mark.slow
 def test_the_command_writes_tables_that_agree(
     files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -397,6 +347,7 @@ def test_without_el_centro_there_is_one_line(tmp_path: Path, monkeypatch: pytest
         run("compare", "--preset", "dyke1996")
 
 
+@pytest.mark.slow
 def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = EARTHQUAKES / preset.FILE
     if not record.exists():
@@ -416,6 +367,7 @@ def test_the_published_table_through_the_command(tmp_path: Path, capsys: pytest.
     assert "<svg" in (out / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_best_constant_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FrameBench, "tuning_loads", lambda bench: MOTIONS[:1])
     monkeypatch.setattr(FrameBench, "tuning_amplitudes", (1.0,))

@@ -36,6 +36,7 @@ def test_table_1_and_its_picture() -> None:
         table_1(records, ("bingham",), {"network": {held[0].name: np.zeros(3)}}, starts=1)
 
 
+@pytest.mark.slow
 def test_the_papers_network_is_not_chosen_on_the_held_out_records() -> None:
     """10 and 4 units over four samples of four channels; other held-out forces give the same weights."""
     train, held = grid(straight, (0.0, 0.8)), grid(straight, (0.4,), seed=50)[:1]

@@ -23,6 +23,7 @@ def shares(some: list[Draw]) -> tuple[float, float]:
     return float(np.mean(errors > 0.01)), float(np.mean(errors > 0.05))
 
 
+@pytest.mark.slow
 def test_random_laws_and_effects() -> None:
     above, far = shares([one for one in convergence.draws(7, 150) if not convergence.rattles(one)])
     assert above <= 0.02
@@ -63,6 +64,7 @@ def run(attributes: Mapping[str, float], u: Array | float = 0.0) -> Array:
     return core.run("bingham", attributes, DT, x, v, a, command, hold=True, columns=("force",))["force"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coulomb", "breakaway"), [(60.0, 6.0), (200.0, 2.5), (20.0, 15.0)])
 def test_friction_that_falls_with_the_velocity_slips_behind_a_mount(coulomb: float, breakaway: float) -> None:
     """The dashpot's coefficient jumps with the command, which makes the piston slip within microseconds."""
@@ -102,6 +104,7 @@ def test_friction_that_falls_with_the_velocity_slips_behind_a_mount(coulomb: flo
     assert rms(steady - expected) > 0.1 * rms(np.array(expected))
 
 
+@pytest.mark.slow
 def test_a_mass_meets_the_ends_of_a_clearance() -> None:
     m, k, gap, c = 2.0, 5e5, 1e-3, 300.0
     damper = {**DASHPOT, "c0b": 0.0, "backlash_gap": gap, "backlash_k": k, "moving_mass_m": m}

@@ -86,6 +86,7 @@ def rig(model: Model, lag: float = 0.0) -> DamperRig:
     return DamperRig(model, records(lag)).with_motion()
 
 
+@pytest.mark.slow
 def test_a_law_with_a_curve_is_found_on_the_baseline(monkeypatch: pytest.MonkeyPatch) -> None:
     fitted: list[tuple[Model, set[str]]] = []
     judged: list[tuple[Model, set[str]]] = []
@@ -118,6 +119,7 @@ def test_a_law_with_a_curve_is_found_on_the_baseline(monkeypatch: pytest.MonkeyP
     assert f"{100 * found.after:.1f} %" in found.note()
 
 
+@pytest.mark.slow
 def test_a_simulator_is_kept_if_nothing_is_gained_or_cannot_be_tried() -> None:
     few, unfitted = baseline()[:3], replace(lines(), effects=(Effect("moving_mass", {"m": 1.0}),))
     assert baseline_law(rig(lines()), few) is None
@@ -158,6 +160,7 @@ def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predic
     assert with_given(better, again, problem).corrected is double
 
 
+@pytest.mark.slow
 def test_the_dependence_on_the_command_is_one_that_each_half_shows() -> None:
     """Every other record has one of three steady commands; all of them together show more levels."""
     ordered = [baseline()[k] for k in (0, 4, 1, 5, 2, 3)]
@@ -167,6 +170,7 @@ def test_the_dependence_on_the_command_is_one_that_each_half_shows() -> None:
     assert DEPENDENCES[found.dependence] == 3
 
 
+@pytest.mark.slow
 def test_the_given_simulator_stands_first_in_the_answer() -> None:
     case = Case("rig", Path(), lines(), records(0.04), (), baseline())
     found: Diagnosis = diagnose(case)

@@ -50,6 +50,7 @@ def test_a_late_ground_channel_is_told_whatever_the_law(late: dict[str, Record])
     assert found.unexplained, "no effect of the catalogue may be named for it"
 
 
+@pytest.mark.slow
 def test_a_late_ground_channel_is_the_nearest_cause(late: dict[str, Record]) -> None:
     found = diagnose(case_of(believed(), late))
     assert found.verdict == "unknown"
@@ -61,6 +62,7 @@ def test_a_late_ground_channel_is_the_nearest_cause(late: dict[str, Record]) -> 
     assert "late or early" in found.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SOIL.is_dir(), reason="needs the folder ../shared/cases")
 def test_soil_that_sways_and_rocks_is_no_storey() -> None:
     """Base 100 kg, 4 MN/m, 2 kN s/m, by another integrator; rocking by an inertia and a spring in kg m2 and N m/rad."""
@@ -77,6 +79,7 @@ def test_soil_that_sways_and_rocks_is_no_storey() -> None:
     assert "due to" not in found.sentence
 
 
+@pytest.mark.slow
 def test_a_frame_of_which_only_the_force_is_measured(measured: dict[str, Record], tmp_path: Path) -> None:
     kept = ("time_s", "ground_acceleration_m_s2", "command", "force_N")
     few = {
@@ -90,6 +93,7 @@ def test_a_frame_of_which_only_the_force_is_measured(measured: dict[str, Record]
     assert "Where in the chain" not in text, "there is no gap that could lie anywhere"
 
 
+@pytest.mark.slow
 def test_a_right_simulator_is_right_without_a_repeat_too(measured: dict[str, Record]) -> None:
     case = replace(case_of(believed(), measured), repeats=())
     found = diagnose(case)

@@ -55,6 +55,7 @@ def found() -> BaselineLaw:
     return again
 
 
+@pytest.mark.slow
 def test_the_law_of_a_frames_damper_is_found_on_its_baseline() -> None:
     again, one = found(), case()
     assert again.after < 0.5 * again.before

@@ -122,6 +122,7 @@ def test_a_needless_cause_is_unknown() -> None:
     assert found.unknown > 0.5
 
 
+@pytest.mark.slow
 def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     own = frame_run.judge
 
@@ -154,6 +155,7 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
     assert found.sentence.endswith("it is handed over.")
 
 
+@pytest.mark.slow
 def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
     found = searched(case(), 1, lambda *_: None, None, Store())
     other = other_law(case(), found.search.problem, fitted(found.search.problem, "shear_thinning"))

@@ -220,6 +220,7 @@ def write_case(folder: Path, stop: float) -> Path:
     return case
 
 
+@pytest.mark.slow
 def test_an_end_stop_is_owned_to_be_none_of_the_catalogue(tmp_path: Path) -> None:
     found = diagnose(read_case(write_case(tmp_path / "stop", 1.2e6)))
     assert found.verdict == "unknown"

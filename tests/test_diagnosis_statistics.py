@@ -113,6 +113,7 @@ def test_an_effect_below_the_noise_is_not_named() -> None:
     assert decision.verdict == "none"
 
 
+@pytest.mark.slow
 def test_workers_and_an_interrupted_run_change_nothing(tmp_path: Path) -> None:
     first = searched({"sign": 0.3, "offset": 0.4})
     second = searched({"sign": 0.3, "offset": 0.4}, jobs=2)

@@ -31,6 +31,7 @@ def records() -> tuple[Record, ...]:
     return tuple(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "factor"), [("fyb", 0.09), ("c0b", 0.09)])
 def test_a_number_may_be_further_off_than_its_range(name: str, factor: float) -> None:
     """Where free numbers leave little else, those that stand at an end of their range go on."""

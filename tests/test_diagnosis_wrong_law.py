@@ -125,6 +125,7 @@ def clipped(limit: float) -> tuple[Record, ...]:
     return tuple(made)
 
 
+@pytest.mark.slow
 def test_a_sensor_fault_outside_the_catalogue_is_unknown_whatever_the_law_does() -> None:
     one = Case("rig", Path(), model(OWN), clipped(200.0), (), ())
     (row,) = compared(one.records, DamperRig(one.model, one.records).terms, {})
@@ -140,6 +141,7 @@ def test_a_sensor_fault_outside_the_catalogue_is_unknown_whatever_the_law_does()
     assert found.corrected.effects == one.model.effects
 
 
+@pytest.mark.slow
 def test_two_faults_of_the_sensor_are_named_together_whatever_the_law_does() -> None:
     rng, made = np.random.default_rng(3), []
     for r in records():
@@ -270,6 +272,7 @@ def answer(one: Case) -> Any:
     return diagnose(one)
 
 
+@pytest.mark.slow
 def test_a_gain_is_named_beside_a_law_that_is_not_the_rigs(tmp_path: Path) -> None:
     found = answer(case(gain=1.2))
     assert found.verdict == "effect"
@@ -302,6 +305,7 @@ def test_nothing_is_invented_where_only_the_law_is_wrong() -> None:
     assert again.effects == ()
 
 
+@pytest.mark.slow
 def test_a_rig_that_is_as_its_baseline_has_no_gap() -> None:
     found = answer(case(baseline=records(first_seed=10)))
     assert found.verdict == "none"

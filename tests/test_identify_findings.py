@@ -146,6 +146,7 @@ def test_predict_tells_what_it_clamps(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "the model holds for 0 to 2.25: 75 % of the samples are clamped" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_long_records_are_fitted_with_all_of_their_motion() -> None:
     # 11 records at 5 kHz, as a data logger writes them.
     train = rig_tests("bouc_wen", dt=2e-4, duration=3.0)
@@ -184,6 +185,7 @@ def test_held_out_records_that_are_faster_than_all_fitted_ones_are_told() -> Non
     assert lines[0].startswith("sine_3.0: held out with speeds up to 0.188 m/s, fitted up to 0.0628")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [0.0, 0.012])
 def test_the_effects_that_the_records_pay_for_are_fitted_along(
     lag: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -102,6 +102,7 @@ def test_other_ports_of_the_engine_do_not_take_it_for_a_motor() -> None:
     assert model.actuator("road").biastype[0] != mujoco.mjtBias.mjBIAS_USER
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_the_c_example_steps_as_python_does(tmp_path: Path) -> None:
     engine = Path(mujoco.__file__).parent

@@ -167,6 +167,7 @@ def test_choice_and_pruning_draw_their_courses(
     assert {p.name for p in tmp_path.glob("*.svg")} == {"p-choice.svg", "p-pruning.svg"}
 
 
+@pytest.mark.slow
 def test_two_jobs_find_the_same_and_a_broken_search_goes_on(tmp_path: Path) -> None:
     records = saved(tmp_path / "set", [as_record(200, 1, "a")], [as_record(100, 3, "c")])
     call = ("identify", records, *SMALL, "--initialisations", 2, "--refined", 2)

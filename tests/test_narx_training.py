@@ -60,6 +60,7 @@ def test_free_run_training_betters_the_free_run(trained: FitNarx) -> None:
     assert free_run_error(trained.network, VALIDATION[0]).nrmse == pytest.approx(least)
 
 
+@pytest.mark.slow
 def test_it_stays_bounded_and_accurate_over_ten_times_the_training_length(trained: FitNarx) -> None:
     n = 10 * sum(s.n for s in TRAIN)
     long = made(n, 9, noise=0.0)
@@ -81,6 +82,7 @@ def test_a_candidate_is_judged_by_its_best_stage(monkeypatch: pytest.MonkeyPatch
     assert after.validation_free == before.validation_free
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [7e-4, 2.6e-3])
 def test_it_stays_so_inside_the_plugin_at_other_timesteps(trained: FitNarx, dt: float) -> None:
     """Ten times the training length in MuJoCo, at a timestep that is no simple part of its sample time of 2 ms."""
@@ -133,6 +135,7 @@ def choose(**more: Any) -> Choice:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tmp_path: Path) -> None:
     cache = tmp_path / "trials.json"
     said: list[str] = []
@@ -154,6 +157,7 @@ def test_choice_is_the_same_for_one_worker_and_two_and_goes_on_from_its_cache(tm
         choose(cache=cache)
 
 
+@pytest.mark.slow
 def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """Errors of three seeds, given by hand: medians .10, .09 and .30; .25 to .31 does not overlap .08 to .12."""
     errors = {1: (0.10, 0.08, 0.40), 2: (0.08, 0.12, 0.09), 3: (0.31, 0.30, 0.25)}
@@ -171,6 +175,7 @@ def test_candidates_that_the_seeds_do_not_tell_apart(monkeypatch: pytest.MonkeyP
     assert [t.candidate.lags for t in as_good(found.lags, "free_run")] == [1, 2]
 
 
+@pytest.mark.slow
 def test_the_choice_finds_a_network_that_is_known() -> None:
     """Three tanh units of v two steps back and F three back, which is lag space 2; disturbed by .005."""
 
@@ -208,6 +213,7 @@ def large() -> FitNarx:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["surgeon", "magnitude", "structure"])
 def test_pruning_finds_a_smaller_network_that_is_as_good(large: FitNarx, method: str) -> None:
     pruned = prune(
@@ -239,6 +245,7 @@ def test_pruning_finds_a_smaller_network_that_is_as_good(large: FitNarx, method:
     np.testing.assert_array_equal(drawn, [step.weights for step in pruned.steps])
 
 
+@pytest.mark.slow
 def test_a_retraining_that_spoils_a_pruned_network_is_not_kept(
     large: FitNarx, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -83,6 +83,7 @@ def test_code_for_vector_units_is_reached_by_packs_alone() -> None:
         assert [s for s in shared if "in_mrdamp_" not in s and not s.startswith("DW.ref.")] == [], pack
 
 
+@pytest.mark.slow
 def test_import_loads_one_engine_and_one_plugin(tmp_path: Path) -> None:
     if not Path("/proc/self/maps").exists():
         pytest.skip("no /proc/self/maps on this system")
@@ -100,6 +101,7 @@ def test_import_loads_nothing_heavy(tmp_path: Path) -> None:
         assert python(f"import {name}, sys; print(sorted({heavy} & set(sys.modules)))", tmp_path) == "[]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["mrdamp, gymnasium", "gymnasium, mrdamp", "gymnasium, mrdamp.cli, mujoco"])
 def test_import_of_the_package_registers_the_environments(tmp_path: Path, first: str) -> None:
     code = (
@@ -112,10 +114,12 @@ def test_import_of_the_package_registers_the_environments(tmp_path: Path, first:
     assert python(code, tmp_path).split() == ["mrdamp/Frame-v0", "mrdamp/Cable-v0"]
 
 
+@pytest.mark.slow
 def test_environments_need_no_import_with_the_package_in_the_id(tmp_path: Path) -> None:
     assert python("import gymnasium as g; print(g.make('mrdamp:mrdamp/Frame-v0').spec.id)", tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["mrdamp", "mujoco, mrdamp", "mrdamp, mujoco", "mrdamp.cli"])
 def test_import_from_anywhere_registers_the_plugins(tmp_path: Path, first: str) -> None:
     code = f"import {first}, mujoco; print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
@@ -123,6 +127,7 @@ def test_import_from_anywhere_registers_the_plugins(tmp_path: Path, first: str) 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_import_of_mujoco_alone_registers_the_plugins(tmp_path: Path) -> None:
     # by the entry point; so `python -m mujoco.viewer` and other people's programs open a model with a damper
     code = f"import mujoco; print(mujoco.MjModel.from_xml_string('''{MODEL}''').nq)"
@@ -136,6 +141,7 @@ sys.path.insert(0, {folder!r})
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "then",
     [
@@ -158,6 +164,7 @@ def test_another_mujoco_is_refused_with_the_command_that_mends_it(tmp_path: Path
     assert "pip install mujoco==4.0.0" in last
 
 
+@pytest.mark.slow
 def test_a_command_says_in_one_line_that_the_mujoco_is_another(tmp_path: Path) -> None:
     (tmp_path / "mujoco").mkdir()
     (tmp_path / "mujoco" / "__init__.py").write_text("__version__ = '3.3.0'\n")
@@ -173,6 +180,7 @@ def test_a_command_says_in_one_line_that_the_mujoco_is_another(tmp_path: Path) -
     )
 
 
+@pytest.mark.slow
 def test_spawned_worker_imports(tmp_path: Path) -> None:
     script = tmp_path / "spawn.py"
     script.write_text(
@@ -190,6 +198,7 @@ def test_spawned_worker_imports(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "[1, 1]\n", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [[Path(sys.executable).parent / "mrdamp"], [sys.executable, "-m", "mrdamp"]])
 def test_command_tells_its_version(tmp_path: Path, command: list[str]) -> None:
     done = subprocess.run([*command, "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=120)

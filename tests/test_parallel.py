@@ -26,6 +26,7 @@ def threads() -> int:
     return max((int(pool["num_threads"]) for pool in threadpool_info()), default=1)
 
 
+@pytest.mark.slow
 def test_results_come_in_the_order_of_the_tasks_from_other_processes() -> None:
     out = list(mapped(late, [(k, 4) for k in range(4)], jobs=2))
     assert [k for k, _ in out] == [0, 1, 2, 3]
@@ -62,6 +63,7 @@ def test_a_ray_cluster_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     assert os.getpid() not in {pid for _, pid in out}
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_no_worker() -> None:
     code = (
         "import os, time\nfrom mrdamp.parallel import mapped\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -29,7 +29,7 @@ from mrdamp import sets
 from mrdamp.model import core
 from twin_laws import LAWS, Softening
 
-TIMESTEPS = (1e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s
+TIMESTEPS = (5e-4, 5e-3)  # s
 # sensor signal -> column of the C entry
 COLUMNS = {
     "force": "force",
@@ -192,7 +192,7 @@ def run_free(
 
 
 @pytest.mark.parametrize("pushed", [False, True], ids=["decay", "pushed"])
-@pytest.mark.parametrize("timestep", [1e-4, 5e-4, 1e-3, 2e-3])
+@pytest.mark.parametrize("timestep", [5e-4, 2e-3])
 @pytest.mark.parametrize("law", FREE)
 def test_free_structure_moves_as_scipy_says(law: str, timestep: float, pushed: bool) -> None:
     parameters, u, mass, stiffness, x0 = FREE[law]
@@ -321,141 +321,3 @@ def test_moving_mass_is_inertia(integrator: str) -> None:
         data.qpos[0] = 0.02
         tracks.append(step_through(model, data, 2000))
     assert rms(tracks[0].x - tracks[1].x) < 1e-3 * rms(tracks[0].x)
-
-
-def commanded(
-    setting: Mapping[str, float],
-    more: str,
-    command: Callable[[float], float],
-    seconds: float,
-    signal: str = "current",
-) -> Array:
-    """Coil current, or another signal, before each 1 ms step under a command."""
-    model, data = compiled(
-        document(slider(HEAVY), [Damper("bingham", {**BINGHAM, **setting}, more=more)], signals())
-    )
-    out = np.empty(round(seconds / 1e-3))
-    for k in range(len(out)):
-        data.ctrl[0] = command(k * 1e-3)
-        mujoco.mj_step(model, data)
-        out[k] = data.sensor(signal).data[0]
-    return out
-
-
-def step_at(time: float, low: float, high: float) -> Callable[[float], float]:
-    return lambda t: high if t > time - 1e-9 else low
-
-
-@pytest.mark.parametrize("delay", [0.0105, 0.05, 0.2])
-@pytest.mark.parametrize("tau", [0.0, 0.008])
-def test_step_of_the_command_arrives_late_and_lagged(delay: float, tau: float) -> None:
-    """i(t) = u(t - d) through 1 / (1 + tau s), in closed form; there is no current before the first command."""
-    setting = {"command_delay_d": delay} | ({"driver_lag_tau": tau} if tau else {})
-    found = commanded(setting, "", step_at(0.1, 0.3, 1.1), 0.4)
-    time = np.arange(len(found)) * 1e-3
-
-    def arrived(sent: float) -> Array:
-        since = time - sent - delay
-        if not tau:
-            return np.where(since >= -1e-9, 1.0, 0.0)
-        return np.asarray(1.0 - np.exp(-np.maximum(since, 0.0) / tau))
-
-    expected = 0.3 * arrived(0.0) + 0.8 * arrived(0.1)
-    off = np.abs(found - expected)
-    # the instants at which a delayed step arrives are known to a step, or 1 % of the delay
-    edge = np.minimum(np.abs(time - delay), np.abs(time - 0.1 - delay)) < 1e-3 + 0.01 * delay
-    assert np.all(off[~edge] < (0.8 * 0.01 * delay / tau + 0.06 if tau else 1e-12))
-    assert rms(off) < 0.02
-
-
-def test_engine_delay_of_the_actuator_acts() -> None:
-    """MuJoCo's own `delay` with its history buffer, a step of the command after a while at rest."""
-    found = commanded({}, 'delay="0.02" nsample="40"', step_at(0.1, 0.3, 1.1), 0.3)
-    np.testing.assert_array_equal(found[30:119], 0.3)
-    np.testing.assert_array_equal(found[121:], 1.1)
-
-
-def test_commands_are_clamped() -> None:
-    """By ctrlrange, by the parameters' own range, and by both; ctrlrange has its flag."""
-    both = {"command_min": 0.6, "command_max": 1.5}
-    cases: tuple[tuple[Mapping[str, float], str, float, float], ...] = (
-        ({}, "", -3.0, 5.0),
-        ({}, 'ctrllimited="true" ctrlrange="0 2"', 0.0, 2.0),
-        (both, "", 0.6, 1.5),
-        (both, 'ctrllimited="true" ctrlrange="0 1"', 0.6, 1.0),
-        ({"command_max": 1.5}, "", -1.5, 1.5),
-        ({"command_min": 0.6}, "", 0.6, 5.0),
-    )
-    for setting, more, low, high in cases:
-        found = commanded(setting, more, step_at(0.01, -3.0, 5.0), 0.02)
-        assert (found[5], found[15]) == (low, high), (setting, more)
-    model, data = compiled(
-        document(
-            slider(HEAVY), [Damper("bingham", BINGHAM, more='ctrllimited="true" ctrlrange="0 2"')], signals()
-        )
-    )
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
-    data.ctrl[0] = 5.0
-    mujoco.mj_forward(model, data)
-    assert data.sensor("current").data[0] == 5.0
-
-
-@pytest.mark.parametrize(
-    "effect",
-    [{}, {"driver_lag_tau": 0.01}, {"saturation_i_s": 0.8}, {"remanence_b": 0.1, "remanence_d": 0.3}],
-)
-def test_the_sign_of_a_current_does_not_matter_to_the_fluid(effect: Mapping[str, float]) -> None:
-    """(c0a + c0b |i|) v + (fya + fyb |i|) tanh(v / v_ref); with a least command the sign counts."""
-
-    def force(u: float, more: Mapping[str, float]) -> float:
-        model, data = compiled(
-            document(slider(HEAVY), [Damper("bingham", {**BINGHAM, **effect, **more})], signals())
-        )
-        data.qvel[0], data.ctrl[0] = 0.1, u
-        mujoco.mj_step(model, data, 200)
-        return float(data.sensor("true_force").data[0])
-
-    assert force(-0.5, {}) == pytest.approx(force(0.5, {}), rel=1e-9)
-    if not effect:
-        assert force(-0.5, {}) == pytest.approx((150 + 40) * 0.1 + (40 + 30), rel=1e-6)
-        assert force(-0.5, {"command_min": -1.0}) == pytest.approx((150 - 40) * 0.1 + (40 - 30), rel=1e-6)
-        assert force(-0.5, {"command_min": 0.0}) == pytest.approx(150 * 0.1 + 40, rel=1e-6)
-
-
-def test_a_current_that_changes_its_sign_passes_zero() -> None:
-    """From 1 to -1 A behind a lag: |2 exp(-t / tau) - 1|."""
-    found = commanded(
-        {"driver_lag_tau": 0.02, "command_start": 1.0}, "", step_at(0.05, 1.0, -1.0), 0.2, "field"
-    )
-    since = np.maximum(np.arange(len(found)) * 1e-3 - 0.05, 0.0)
-    np.testing.assert_allclose(found, np.abs(2.0 * np.exp(-since / 0.02) - 1.0), atol=1e-9)
-
-
-def test_sensor_does_not_keep_an_old_force_without_actuation() -> None:
-    """With the engine's actuation off the damper gives nothing: at rest the sensor reads nothing either."""
-    model, data = compiled(document(slider(3.0), [Damper("bingham", BINGHAM)]))
-    data.qvel[0] = 0.3
-    mujoco.mj_step(model, data)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    data.qvel[0] = 0.0
-    mujoco.mj_step(model, data)
-    assert data.actuator_force[0] == 0.0
-    assert data.sensor("force").data[0] == 0.0
-
-
-def test_disabled_group_gives_no_force() -> None:
-    text = document(
-        slider(2.0, name="j0") + slider(2.0, name="j1"),
-        [
-            Damper("bingham", BINGHAM, "one", more='group="3"'),
-            Damper("bingham", BINGHAM, "two", 'joint="j1"'),
-        ],
-        (),
-        options='<flag contact="disable"/>',
-    ).replace("<option ", '<option actuatorgroupdisable="3" ')
-    model, data = compiled(text)
-    data.qvel[:] = 0.5
-    track = step_through(model, data, 50)
-    np.testing.assert_allclose(track.v[:, 0], 0.5, rtol=1e-12)
-    assert track.v[-1, 1] < 0.01
-    assert data.actuator_force[0] == 0.0

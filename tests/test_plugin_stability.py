@@ -19,15 +19,13 @@ from storage import hysteretic_energy
 from twin_laws import value, z_limit
 
 INTEGRATORS = ("Euler", "implicitfast")
-TIMESTEPS = (1e-4, 1e-3, 2e-3, 5e-3)  # s
 
 
 def viscous(c: float) -> dict[str, float]:
     return {"c0a": c, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize(("timestep", "integrator"), [(1e-4, "Euler"), (5e-3, "implicitfast")])
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 1.0, 3.0, 10.0, 30.0])
 def test_linear_damper_decays_exactly(ratio: float, timestep: float, integrator: str) -> None:
     """m v' = -c v: v falls by exp(-c h / m) in every step, however large c h / m is."""
@@ -85,9 +83,9 @@ def most_stored(law: str, p: Mapping[str, float], u: float, force: float) -> flo
     return value(p, "alpha_", u) * float(hysteretic_energy(softer, z)[0])
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("ratio", [1.0, 10.0, 30.0])
-@pytest.mark.parametrize("level", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("level", "ratio", "integrator"), [(1.0, 1.0, "Euler"), (0.0, 10.0, "implicitfast"), (1.0, 30.0, "implicitfast")]
+)
 @pytest.mark.parametrize("id", sets.names())
 def test_light_mass_is_stopped(id: str, level: float, ratio: float, integrator: str) -> None:
     """A body so light that c h / m = ratio: it is stopped, and does not swing from step to step."""
@@ -115,8 +113,7 @@ def test_light_mass_is_stopped(id: str, level: float, ratio: float, integrator: 
     assert rise < 1.02 * most_stored(law, p, u, 1.5 * force) + 0.01 * energy[0]
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("timestep", [2e-4, 1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize(("timestep", "integrator"), [(1e-3, "Euler"), (5e-3, "implicitfast")])
 @pytest.mark.parametrize("id", sets.names())
 def test_light_structure_comes_to_rest(id: str, timestep: float, integrator: str) -> None:
     """A light mass on a spring, plucked: its energy falls for 1e4 steps."""

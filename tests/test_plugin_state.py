@@ -195,6 +195,7 @@ def test_saved_models_move_alike(whole: Track, kind: str, tmp_path: Path) -> Non
     equal(step_through(again, data, STEPS, controls()), whole)
 
 
+@pytest.mark.slow
 def test_spawned_worker_moves_alike() -> None:
     """A new interpreter that imports the package on its own."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -41,6 +41,7 @@ def table(program: Path, *arguments: str, text: str = "") -> Array:
     return np.array([[float(cell) for cell in line.split()] for line in done.stdout.splitlines()])
 
 
+@pytest.mark.slow
 def test_bingham_from_standard_input_is_the_closed_form(program: Path) -> None:
     time = 1e-3 * np.arange(400)
     x, v, u = 0.01 * np.sin(20 * time), 0.2 * np.cos(20 * time), 1.0 + np.cos(3 * time)
@@ -53,6 +54,7 @@ def test_bingham_from_standard_input_is_the_closed_form(program: Path) -> None:
     np.testing.assert_allclose(got[:, 4], force, rtol=1e-6, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_built_in_sine_is_the_modified_bouc_wen_law_of_spencer_1997(program: Path) -> None:
     got = table(program, "-n", "600")
     volt, omega, amplitude = 1.5, 2 * np.pi * 2.5, 0.015
@@ -74,6 +76,7 @@ def test_built_in_sine_is_the_modified_bouc_wen_law_of_spencer_1997(program: Pat
     assert error < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "text", "named"),
     [

@@ -251,6 +251,7 @@ def test_a_polyline_in_steps_is_the_same_line() -> None:
     assert report._short("M 0 0 \nQ 1 2 3 4 \nz \n") == "M 0 0 Q 1 2 3 4 z"
 
 
+@pytest.mark.slow
 def test_pictures_leave_no_global_state() -> None:
     code = (
         "import sys, numpy as np, matplotlib\n"

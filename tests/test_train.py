@@ -53,6 +53,7 @@ def small(seed: int = 0, *overrides: str) -> Options:
 
 
 # --- several models -----------------------------------------------------------------------
+@pytest.mark.slow
 def test_several_models_share_the_loads_of_a_search(tmp_path: Path) -> None:
     """The same model twice is one model; a softer frame beside it makes another policy."""
     nominal = frame_model()

@@ -178,6 +178,7 @@ def test_a_step_changes_the_weights_and_is_the_same_again(tmp_path: Path) -> Non
     assert 0 < slopes < 0.5 * 2 * 2001  # before the near-peaks alone
 
 
+@pytest.mark.slow
 def test_a_training_leaves_its_files_and_goes_on(tmp_path: Path) -> None:
     result = train(options(steps=10_000), tmp_path)
     begin, end = (row["timesteps"] for row in result.curve)

@@ -254,6 +254,7 @@ def ppo(timesteps: int = 512) -> Options:
     return Options(timesteps=timesteps, overrides=(*SMALL, "n_steps=32", "batch_size=64", "freeze=128"), evaluations=2)
 
 
+@pytest.mark.slow
 def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
     def stop(what: str, share: float) -> None:
         if share > 0.6:
@@ -269,6 +270,7 @@ def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
     assert list((tmp_path / "tensorboard").rglob("events.*"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["recurrent", "sac", "td3"])
 def test_every_learner_trains_from_its_teacher(algorithm: str, tmp_path: Path) -> None:
     own = {

@@ -26,7 +26,7 @@ FILE = ROOT / "docs" / "pictures" / "packages.svg"
 
 #: Group -> its packages and modules right below `mrdamp`.
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "command line": ("__main__", "cli", "commands", "demo"),
+    "command line": ("__main__", "api", "cli", "commands", "demo"),
     "diagnosis": ("diagnosis", "gap", "blindtest"),
     "learning, comparison": ("envs", "train", "compare"),
     "control": ("control", "inverse"),
@@ -35,7 +35,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "simulation": ("simulation", "models_xml", "motions"),
     "model": ("model", "sets", "structures"),
     "records": ("records", "datasets"),
-    "shared": ("errors", "files", "interrupts", "parallel", "library", "registration"),
+    "shared": ("errors", "files", "interrupts", "parallel", "library", "registration", "shown"),
 }
 #: Centre and size of each box, in units of the drawing.
 BOXES: Mapping[str, tuple[float, float, float, float]] = {

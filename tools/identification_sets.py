@@ -121,18 +121,16 @@ _UTFSM = Page(
     (
         Table(
             "Laws and network",
-            "All laws miss their marks on these held-out records. The marks come from a quick independent "
-            "fit, quadratic in the current, evaluated on other tests of the rig, which are not "
-            "available. The nearest protocol here leaves one motion out (next table). The difference to the marks"
-            " comes from the state of the damper on that day, not from the form of a law. The sweep of "
-            "another day is stronger at .5 A than the laws of the training day by 1.16 to 1.21, in each of"
-            " its eight inner tenths, at any speed. Its force is as large in one direction as in the other"
-            " (990 N); the training day's tests differ by 96 to 122 N. The slow sines, at half the least "
-            "training speed, need 1.28, .89, .91 and 1.03 of the modified Bouc-Wen law's force at 0, .25, "
-            ".5 and 1 A. With a gain for each record that law's error would be .110. With a fit for each "
-            "current it is .136 (hyperbolic tangent .137). The force follows the current in an S, which "
-            "`quadratic_saturating` can follow. It lowers the error on both halves, by far less than the "
-            "state of the day raises it.",
+            "All laws miss their marks here because the damper was in another state on the day of the sweep, "
+            "not because of a law's form. On the sweep it is 1.16 to 1.21 times as strong at .5 A as on the "
+            "training day, in each of ten parts and at any speed. Its force is as large in one direction as "
+            "in the other (990 N); the training day's tests differ by 96 to 122 N. The slow sines, at half "
+            "the lowest training speed, need 1.28, .89, .91 and 1.03 times the force of the modified "
+            "Bouc-Wen law at 0, .25, .5 and 1 A. With one gain for each record its error would be .110; with "
+            "a fit for each current it is .136 (hyperbolic tangent .137). Marks: a quick independent fit, "
+            "quadratic in the current, on other tests of the rig, which are not available. The nearest "
+            "protocol here leaves one motion out (next table). Rows with S (`quadratic_saturating`) follow "
+            "the S-shaped dependence on the current, which lowers both errors a little.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -169,13 +167,13 @@ _UTFPR = Page(
     (
         Table(
             "As recorded",
-            "The table gives the errors with and without the tests at 0 V named 50Hz. Their displacement "
-            "carries 50 to 100 um of noise, ten times that of the others, as clock jitter would cause."
-            " A law turns this noise into force through its damping and stiffness, the hyperbolic tangent "
-            "most. The plain Bouc-Wen law's error is the limit of the law: its loop is rounded over a "
-            "displacement, this damper's over a velocity. One fit per voltage has .157 without 50Hz. At "
-            "3.21 V, in bounds ten times wider, each of the eight best of 150 starts ends in the same "
-            "optimum, .149 on the training records (the hyperbolic tangent's held-out ones: .054 to .070).",
+            "Errors are given with and without the tests at 0 V named 50Hz. Their displacement carries 50 to "
+            "100 um of noise, ten times that of the others, as a jittering clock would cause; damping and "
+            "stiffness of a law turn this noise into force. The plain Bouc-Wen law cannot fit better: its "
+            "loop turns over a displacement, this damper's over a velocity. With one fit for each voltage it "
+            "has .157 without 50Hz. At 3.21 V the eight best of 150 starts, within bounds ten times as wide, "
+            "end in the same optimum, .149 on the training records (hyperbolic tangent, held out: .054 to "
+            ".070).",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -217,10 +215,10 @@ _NEES = Page(
     (
         Table(
             "Plain laws",
-            "Laws without effects. The modified Bouc-Wen law has a preload k1 x0. It is not searched, as "
-            "the offset of the force is the same parameter. The last row has it and is quadratic in the "
-            "command, as the marks are. Without the preload that dependence and more starts change nothing"
-            " (.353): k0 and k1 end at zero.",
+            "Laws without effects. The preload k1 x0 of the modified Bouc-Wen law is not searched: an offset "
+            "of the force is the same parameter. The last row has this offset, and is quadratic in the "
+            "command as the marks are. Without it, that dependence and more starts change nothing (.353): k0 "
+            "and k1 end at zero.",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -233,12 +231,11 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "Offset, stiffness of the accumulator and lag of the command are fitted with the law; in one "
-            "row the delay of the displacement against the force as well. The network runs at 300 Hz and "
-            "reads velocities that are low-passed for that rate. At 3 kHz the velocities hold all the "
-            "noise of the measured displacement, mains lines among it. All models are therefore evaluated at 300 Hz "
-            "too, on the same low-passed channels. Mark of the network: an independent quick one at 300 "
-            "Hz.",
+            "An offset, the stiffness of the accumulator and a lag of the command are fitted with the law; "
+            "in one row also a delay between displacement and force. At 3 kHz the velocities contain all "
+            "noise of the measured displacement, mains lines included. The network therefore runs at 300 Hz "
+            "on velocities that are low-passed for that rate, and all models are evaluated there too, on the "
+            "same channels. Mark of the network: a quick independent one at 300 Hz.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),

@@ -10,7 +10,6 @@ summary (README.md) is put together from the pages' figures, which are stored wi
 from __future__ import annotations
 
 import argparse
-import contextlib
 import io
 import json
 import shlex
@@ -54,7 +53,7 @@ def command(name: str, row: Row, cutoff: float | None, folder: str) -> list[str]
 
 
 def run(name: str, row: Row, cutoff: float | None, data: Path | None) -> Model:
-    """The row's model, fitted where its file is missing; the output of the command is stored with it."""
+    """The row's model, fitted where its file is missing."""
     folder = WORK / name
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{row.file}.json"
@@ -63,13 +62,8 @@ def run(name: str, row: Row, cutoff: float | None, data: Path | None) -> Model:
         arguments[-1] = str(path)
         arguments = [str(folder / a) if a.endswith(".png") else a for a in arguments]
         print("mrdamp", shlex.join(arguments), flush=True)
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
-            code = mrdamp(arguments)
-        if code:
+        if code := mrdamp(arguments):
             raise SystemExit(code)
-        lines = [line for line in said.getvalue().splitlines() if not line.startswith(("model:", "picture:"))]
-        path.with_suffix(".txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return Model.read(path)
 
 
@@ -220,9 +214,9 @@ def write(name: str, data: Path | None) -> None:
         lines += [f"Record {record}{said}:", "", loops(path, measured, models, names), ""]
     for file in page.shown:
         row = next(row for t in page.tables for row in t.rows if row.file == file)
-        lines += [f"## {row.name}: output of the command", "", "```"]
-        lines += [(WORK / name / f"{file}.txt").read_text(encoding="utf-8").rstrip(), "```", ""]
-        for picture in sorted((WORK / name).glob(f"{file}*.png")):
+        pictures = sorted((WORK / name).glob(f"{file}*.png"))
+        lines += [f"## {row.name}", ""] if pictures else []
+        for picture in pictures:
             shrink(picture, PAGES / f"{name}-{picture.name}")
             lines += [f"![{row.name}: {picture.stem.split('-')[-1]}]({name}-{picture.name})", ""]
     (PAGES / f"{name}.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")

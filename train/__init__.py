@@ -5,3 +5,11 @@ from mrdamp.train.settings import Options
 
 train(Options(environment="mrdamp/Frame-v0", algorithm="ppo", seed=1), "out/frame")
 """
+
+from __future__ import annotations
+
+import sys
+
+from mrdamp.shown import CalledPackage
+
+sys.modules[__name__].__class__ = CalledPackage  # `mrdamp.train(...)` is `mrdamp.api.train`

@@ -12,6 +12,11 @@ from mrdamp.train.run import Result
 
 
 @style.styled
+def curve(result: Result) -> Figure:
+    """Of one training."""
+    return curves([result])
+
+
 def curves(results: Sequence[Result]) -> Figure:
     """One thin line a seed, a thick one their mean at the evaluations that all have."""
     fig = style.figure(0.55 * style.WIDTH)

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from mrdamp.control.policy import VELOCITY, Policy, velocities
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
 from mrdamp.train.settings import Options, Settings
@@ -37,10 +38,11 @@ _LEAST = ("level", "fade", "full", "rise")
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(Shown):
     """folder: policy.json (the best on the validation loads), training.json; curve: one row an evaluation, its
     `timesteps`, `score` and the means of the world's measures; seconds: of process time, whole."""
 
+    picture: ClassVar[str] = "mrdamp.train.curves:curve"
     folder: Path
     curve: tuple[dict[str, float], ...]
     seconds: float

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,17 +14,12 @@ from mrdamp.errors import InputError
 from mrdamp.files import together, write_atomic
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from mrdamp.compare.bench import Bench
     from mrdamp.compare.comparison import Comparison
     from mrdamp.compare.tuning import Setting
 
-_ENVIRONMENTS = {
-    name: kind
-    for kind, identity in (("frame", "Frame-v0"), ("cable", "Cable-v0"), ("car", "QuarterCar-v0"))
-    for name in (kind, identity, f"mrdamp/{identity}")
-}
 _PRESETS = "dyke1996", "cable"
 
 
@@ -93,12 +87,11 @@ def run(a: argparse.Namespace) -> int:
         return _dyke1996(a)
     if a.preset == "cable":
         return _cable_reference(a)
-    if a.environment not in _ENVIRONMENTS:
-        raise InputError(f"environment {a.environment!r} is unknown; there are {', '.join(_ENVIRONMENTS)}")
-    return _compare(a, _ENVIRONMENTS[a.environment])
+    return _compare(a)
 
 
-def _compare(a: argparse.Namespace, environment: str) -> int:
+def _compare(a: argparse.Namespace) -> int:
+    from mrdamp.compare.benches import bench_of
     from mrdamp.compare.bound import with_bounds
     from mrdamp.compare.comparison import compare
     from mrdamp.compare.contenders import contenders, shipped_policies
@@ -106,9 +99,16 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     from mrdamp.compare.output import write_comparison
     from mrdamp.compare.page import paths_picture, shares_picture
     from mrdamp.compare.tables import mean_rows, share_columns, share_note, share_rows, to_json
+    from mrdamp.compare.tuning import settings_for
     from mrdamp.simulation.roads import read_road
 
-    bench = {"frame": _frame_bench, "cable": _cable_bench, "car": _car_bench}[environment](a)
+    period = None if a.period is None else 1e-3 * a.period
+    bench = bench_of(
+        a.environment, a.model, command_unit=a.command_unit, period=period, engine=a.engine, compression=a.compression
+    )
+    environment = bench.environment
+    if a.motions and environment == "cable":
+        raise InputError("a cable has no ground motion; leave --motions out")
     loads: Sequence[Any] = bench.unseen_loads()
     if a.motions:
         loads = (
@@ -121,7 +121,10 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     # Tuning takes minutes: what is wrong with a file or a name is said before.
     contenders(bench, [name for name in names if name.rpartition("=")[2] not in bench.tuned], {}, shipped)
     with progress_bar() as progress:
-        settings = _settings(a, bench, names, progress)
+        settings = settings_for(
+            bench, names, anew=a.tune, needed=bool(a.controllers), file=a.out and a.out / "tuned.json",
+            jobs=a.jobs, keep=keep, progress=progress,
+        )  # fmt: skip
         if not settings and not a.controllers:
             names = [name for name in names if name not in bench.tuned]
         rows = contenders(bench, names, settings, shipped)
@@ -154,75 +157,6 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
     if a.out:
         print(f"page: {page}")
     return 0
-
-
-def _frame_bench(a: argparse.Namespace) -> Bench:
-    from mrdamp.compare.dyke1996 import frame_model
-    from mrdamp.compare.frame import FrameBench
-    from mrdamp.model import Model
-    from mrdamp.structures import dyke1996
-
-    model = frame_model() if a.model is None else Model.read(a.model)
-    if model.rig == "damper":
-        model = replace(model, rig="frame", structure=dyke1996())
-    unit = a.command_unit or ("V" if a.model is None else "A")
-    return FrameBench(model, unit, a.compression, _period(a, 1.0), engine=a.engine)
-
-
-def _period(a: argparse.Namespace, default: float) -> float:
-    """s, of an option and a default in ms."""
-    return 1e-3 * (default if a.period is None else a.period)
-
-
-def _cable_bench(a: argparse.Namespace) -> Bench:
-    from mrdamp.compare.cable import CableBench
-    from mrdamp.model import Model
-
-    if a.motions:
-        raise InputError("a cable has no ground motion; leave --motions out")
-    period = _period(a, 5.0)
-    if a.model is None:
-        return CableBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
-    return CableBench(
-        model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine
-    )
-
-
-def _car_bench(a: argparse.Namespace) -> Bench:
-    from mrdamp.compare.car import CarBench
-    from mrdamp.model import Model
-
-    period = _period(a, 5.0)
-    if a.model is None:
-        return CarBench(command_unit=a.command_unit or "V", period=period, engine=a.engine)
-    return CarBench(
-        model=Model.read(a.model), command_unit=a.command_unit or "A", period=period, engine=a.engine
-    )
-
-
-def _settings(
-    a: argparse.Namespace, bench: Bench, names: Sequence[str], progress: Callable[[str, float], None]
-) -> dict[str, Setting]:
-    """Of the tuned controllers among the names: as shipped, as an earlier run left them, or tuned now."""
-    from mrdamp.compare import tuning
-
-    wanted = [name for name in names if name.rpartition("=")[2] in bench.tuned]
-    if not wanted:
-        return {}
-    own = a.out / "tuned.json" if a.out else None
-    if not a.tune:
-        found = tuning.shipped(bench)
-        if found is None and own is not None:
-            found = tuning.read_settings(own, bench)
-        if found is None and a.controllers:
-            raise InputError(
-                f"{wanted[0]}: not tuned for this model yet; add --tune (some minutes, kept in -o OUT)"
-            )
-        return found or {}
-    found = tuning.tune(bench, jobs=a.jobs, keep=_keep(a.out), progress=progress)
-    if own is not None:
-        write_atomic(own, json.dumps(tuning.to_dict(found, bench), indent=1) + "\n")
-    return found
 
 
 def _keep(out: Path | None) -> Path | None:

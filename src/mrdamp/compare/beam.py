@@ -8,12 +8,17 @@ good or better.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.compare.bench import UNCONTROLLED, Bench
+from mrdamp.compare.shares import least
+from mrdamp.control.base import Controller
+from mrdamp.control.replay import Replay
 from mrdamp.simulation.rows import ChainRows
 
 Array = NDArray[np.float64]
@@ -80,3 +85,29 @@ def _one(
         commands[k] = levels[chosen[k][at]]
         at = parents[k][at]
     return commands, float(so_far[best])
+
+
+class Driven(Bench, Protocol):
+    """A bench whose controllers act every `period` s, and that runs any of them under a load."""
+
+    @property
+    def period(self) -> float: ...
+
+    def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run."""
+
+
+def judged(
+    bench: Driven, name: str, start: str, load: Any, amplitude: float, commands: Array, values: Sequence[float]
+) -> dict[str, Any]:
+    """A bound's entry of what a search gives: found commands (periods,) in the bench's engine, or a better run.
+
+    start: spec of a controller; values: what was made small after every step of the search.
+    """
+    uncontrolled = bench.run(UNCONTROLLED, load, amplitude)
+    replayed = bench.driven(Replay(commands, bench.period, name), load, amplitude)
+    runs = replayed, bench.run(start, load, amplitude)
+    return {
+        "values": dict(least([bench.values(run, uncontrolled) for run in runs], bench.bounds[name])),
+        "paths": [{"start": "beam", "values": list(values), "ended": "widest beam"}],
+    }

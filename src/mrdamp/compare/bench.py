@@ -156,13 +156,6 @@ class Bench(Protocol):
     def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a run, for JSON; spec: UNCONTROLLED or a controller's."""
 
-    def bound(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
-        """Clairvoyant runs, for JSON: bound -> `values`, as below, and `paths`, one a start.
-
-        starts: bound -> specs, the best first. Of a path: the name of its `start`, what was made small after every step
-        (`values`), and why it `ended`.
-        """
-
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         """Every measure by key, from what is kept of a run and of the uncontrolled one; NaN where it has no value."""
 

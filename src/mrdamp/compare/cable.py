@@ -83,11 +83,6 @@ class CableBench(PlantBench):
         """What is kept of a controller's run."""
         return self._kept(run_plant(self.plant, load.scaled(amplitude), controller, self.period))
 
-    def bound(self, starts: Mapping[str, Sequence[str]], load: CableLoad, amplitude: float) -> dict[str, Any]:
-        from mrdamp.compare.cable_bound import cable_bound
-
-        return cable_bound(self, starts, load, amplitude)
-
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         return {**kept, "motion": kept["motion"] / uncontrolled["motion"]}
 

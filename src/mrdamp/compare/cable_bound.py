@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
-from mrdamp.compare.beam import search
+from mrdamp.compare.beam import judged, search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import judged
+from mrdamp.compare.cable import CableBench
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_task import default_places
 from mrdamp.envs.chain_rows import CableChain
 from mrdamp.simulation.rows import ChainRows, Stepping
 from mrdamp.structures.cables import StayCable
-
-if TYPE_CHECKING:
-    from mrdamp.compare.cable import CableBench
 
 Array = NDArray[np.float64]
 
@@ -37,7 +34,7 @@ _RATIO = 0.05
 def cable_bound(
     bench: CableBench, starts: Mapping[str, Sequence[str]], load: CableLoad, amplitude: float
 ) -> dict[str, Any]:
-    """See `mrdamp.compare.bench.Bench.bound`. The best start takes the place of a found run that is worse."""
+    """For `mrdamp.compare.bound`. The best start takes the place of a found run that is worse."""
     scaled, whole = load.scaled(amplitude), bench.cable.mass * bench.cable.length
     uncontrolled = bench.run(UNCONTROLLED, load, amplitude)
     largest = bench.site.command_max

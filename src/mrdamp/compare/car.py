@@ -155,11 +155,6 @@ class CarBench(PlantBench):
     def plant(self, period: float) -> CarPlant:
         return CarPlant(self.car, self.model, period=period, timestep=self.timestep, engine=self.engine)
 
-    def bound(self, starts: Mapping[str, Sequence[str]], load: Road, amplitude: float) -> dict[str, Any]:
-        from mrdamp.compare.car_bound import car_bound
-
-        return car_bound(self, starts, load, amplitude)
-
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         ratios = {key: math.sqrt(kept[key] / uncontrolled[key]) for key in PERIOD[:3]}
         own = {"acceleration": math.sqrt(kept["comfort"]), "load_share": math.sqrt(kept["load"])}

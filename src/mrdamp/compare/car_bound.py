@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_lyapunov
 
-from mrdamp.compare.beam import Beam, search
+from mrdamp.compare.beam import Beam, judged, search
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import judged
+from mrdamp.compare.car import CarBench
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.chain_rows import CarChain
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import ChainRows, Stepping
 from mrdamp.structures.cars import QuarterCar
-
-if TYPE_CHECKING:
-    from mrdamp.compare.car import CarBench
 
 Array = NDArray[np.float64]
 
@@ -38,7 +35,7 @@ _COLUMNS = {key: PERIOD.index(key) for key in ("comfort", "load")}
 def car_bound(
     bench: CarBench, starts: Mapping[str, Sequence[str]], road: Road, amplitude: float
 ) -> dict[str, Any]:
-    """See `mrdamp.compare.bench.Bench.bound`. The best start takes the place of a found run that is worse.
+    """For `mrdamp.compare.bound`. The best start takes the place of a found run that is worse.
 
     A bound's weights are of ratios of RMS values, a beam's cost is a sum of squares: it is that of the slopes at the
     ratios that were found before.

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,16 +17,18 @@ from mrdamp.compare.summary import Summary, difference, summarise
 from mrdamp.compare.tuning import run_grid
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
+from mrdamp.shown import Shown
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Shown):
     """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value.
 
     Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds and base, as of a bench, and paths, how
-    they were found: (load, amplitude) -> bound -> results of `Bench.bound` for each start.
+    they were found: (load, amplitude) -> bound -> results of the searches, one a start.
     """
 
+    picture: ClassVar[str] = "mrdamp.compare.page:means_picture"
     contenders: tuple[Contender, ...]
     measures: tuple[Measure, ...]
     loads: tuple[str, ...]
@@ -35,6 +37,10 @@ class Comparison:
     bounds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     base: str = "passive-on"
     paths: Mapping[tuple[str, float], Mapping[str, Sequence[Mapping[str, Any]]]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        counts = (self.contenders, "controllers"), (self.loads, "loads"), (self.amplitudes, "amplitudes")
+        return f"Comparison({', '.join(f'{len(some)} {what}' for some, what in counts)})"
 
     def summary(self, contender: str, measure: str) -> Summary:
         """Mean, worst and the mean's interval over seeds and loads."""

@@ -143,13 +143,6 @@ class FrameBench:
         )
         return {"criteria": kept, "coil": Coil.of(self.command_unit).use(mean, square, c.duration)}
 
-    def bound(
-        self, starts: Mapping[str, Sequence[str]], load: GroundMotion, amplitude: float
-    ) -> dict[str, Any]:
-        from mrdamp.compare.frame_bound import frame_bound
-
-        return frame_bound(self, starts, load, amplitude)
-
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]
         ratios = vars(c.relative_to(_criteria(uncontrolled)))

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mrdamp.compare.bench import UNCONTROLLED
-from mrdamp.compare.bound import least
 from mrdamp.compare.clairvoyant import Array, Path, Peaks, search
+from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.rollouts import Rollouts
+from mrdamp.compare.shares import least
 from mrdamp.control.replay import Replay
 from mrdamp.envs.chain_rows import FrameChain
 from mrdamp.model import FLOOR_SENSOR_EFFECTS
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.rows import Stepping
 from mrdamp.simulation.stepping import FrameRun
-
-if TYPE_CHECKING:
-    from mrdamp.compare.frame import FrameBench
 
 #: s, of the clairvoyant command at most.
 PERIOD = 1e-3
@@ -35,7 +33,7 @@ _EXTRA = "passive-off"  # a start besides the given ones: far from all of them
 def frame_bound(
     bench: FrameBench, starts: Mapping[str, Sequence[str]], load: GroundMotion, amplitude: float
 ) -> dict[str, Any]:
-    """See `mrdamp.compare.bench.Bench.bound`.
+    """For `mrdamp.compare.bound`.
 
     The first bound is searched for from its starts and from passive-off, the others from what the first one found and
     from their starts but the best. None is worse than the best of its starts, whose run takes its place otherwise.

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamp.compare.bench import Bench
-from mrdamp.compare.bound import by_load, share
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
+from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.tables import (
     claim_rows,
     columns,
@@ -112,6 +112,11 @@ def _add_bounds(page: Page, result: Comparison) -> None:
         "All searches: paths.csv. Searches that end apart show local optima.",
         "Value of the objective over steps, a line a start.",
     )
+
+
+def means_picture(result: Comparison) -> Figure:
+    """The means of the ratios by controller."""
+    return ranking({_words(m.key, m.title): _bars(result, m.key) for m in result.measures if m.ratio})
 
 
 def shares_picture(result: Comparison) -> Figure:

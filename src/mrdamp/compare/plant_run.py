@@ -59,9 +59,6 @@ class PlantBench(ABC):
         registry.parse(spec, self.options)
         at_rest(self.controller(spec), self.plant(self.period).rows.names)
 
-    def bound(self, starts: Mapping[str, Sequence[str]], load: Any, amplitude: float) -> dict[str, Any]:
-        raise InputError("compare: there is no clairvoyant command for this plant")
-
     @property
     def command_max(self) -> float:
         """A or V. Raises InputError where the model has none."""

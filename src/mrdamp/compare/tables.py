@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrdamp.compare.bench import WITHOUT, Bench
-from mrdamp.compare.bound import by_load, share
 from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import Summary
 
 Row = tuple[str, ...]

@@ -14,6 +14,8 @@ import numpy as np
 
 from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
 from mrdamp.compare.runner import Progress, run_all
+from mrdamp.errors import InputError
+from mrdamp.files import write_atomic
 
 
 class Run(NamedTuple):
@@ -112,3 +114,34 @@ def _of(data: Mapping[str, Any], bench: Bench) -> dict[str, Setting] | None:
     if data["identity"] != bench.identity():
         return None
     return {name: Setting(**setting) for name, setting in data["settings"].items()}
+
+
+def settings_for(
+    bench: Bench,
+    names: Sequence[str],
+    *,
+    anew: bool = False,
+    needed: bool = True,
+    file: Path | None = None,
+    jobs: int = 1,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Setting]:
+    """Of the tuned controllers among names: as shipped, as they are in a file, or (anew) tuned now and written there.
+
+    needed: without any it is an error, else the answer is empty. Raises InputError.
+    """
+    wanted = [name for name in names if name.rpartition("=")[2] in bench.tuned]
+    if not wanted:
+        return {}
+    if anew:
+        found = tune(bench, jobs=jobs, keep=keep, progress=progress)
+        if file is not None:
+            write_atomic(file, json.dumps(to_dict(found, bench), indent=1) + "\n")
+        return found
+    settings = shipped(bench)
+    if settings is None and file is not None:
+        settings = read_settings(file, bench)
+    if settings is None and needed:
+        raise InputError(f"{wanted[0]}: not tuned for this model yet; add --tune (some minutes, kept in -o OUT)")
+    return settings or {}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from mrdamp.identify.fit import (
     Fit,
     Problem,
@@ -15,6 +17,7 @@ from mrdamp.identify.fit import (
     pooled,
     simulate,
 )
+from mrdamp.shown import CalledPackage
 
 __all__ = [
     "Fit",
@@ -29,3 +32,5 @@ __all__ = [
     "pooled",
     "simulate",
 ]
+
+sys.modules[__name__].__class__ = CalledPackage  # `mrdamp.identify(...)` is `mrdamp.api.identify`

@@ -23,7 +23,7 @@ from mrdamp.narx import FitNarx, Network, lagged, train_narx
 from mrdamp.narx.data import series
 from mrdamp.narx.evaluation import one_step_force
 from mrdamp.narx.splits import of_records
-from mrdamp.pictures.damper import LoopData, overview
+from mrdamp.pictures.damper import LoopData, error_bars, overview
 from mrdamp.pictures.identification import model_loops
 from mrdamp.records import Record, RecordSet
 
@@ -72,6 +72,13 @@ def overview_of(model: Model, records: Sequence[Record], command_unit: str = "A"
                  command_unit, f"free run: {error(model, r).rmse:.1f} N")
         for r in records
     ])  # fmt: skip
+
+
+def errors_picture(fit: Fit) -> Figure:
+    """The errors of a fit by record."""
+    errors = [*fit.held_out, *fit.train]
+    apart = [k < len(fit.held_out) for k in range(len(errors))]
+    return error_bars([e.record for e in errors], [e.nrmse for e in errors], apart)
 
 
 @dataclass(frozen=True)

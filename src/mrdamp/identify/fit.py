@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
@@ -23,6 +23,7 @@ from mrdamp.records import Record
 from mrdamp.records.checks import check_channels, check_clipping, check_size
 from mrdamp.records.log_filter import held, rings_before_jumps
 from mrdamp.records.motion import slowness
+from mrdamp.shown import Shown
 from mrdamp.simulation.predict import free_run, motion
 
 Progress = Callable[[str, float], None]
@@ -49,9 +50,10 @@ class RecordError(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Shown):
     """A fitted law: the model, its errors by record on what it was fitted to and on what was held out."""
 
+    picture: ClassVar[str] = "mrdamp.identify.comparison:errors_picture"
     model: Model
     train: tuple[RecordError, ...]
     held_out: tuple[RecordError, ...]

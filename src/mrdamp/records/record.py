@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from mrdamp.errors import LARGEST, InputError
 from mrdamp.files import SUFFIXES, decode, files_in, read_bytes, write_atomic
 from mrdamp.records import csv_file, division, motion, sampling
 from mrdamp.records.channels import check_header, is_channel
+from mrdamp.shown import Shown
 
 Array = NDArray[np.float64]
 
@@ -24,7 +26,7 @@ PACKAGED = ("embedded", "self_sensing", "foam")
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(Shown):
     """One test: channels (n,) on a uniform clock.
 
     Attributes:
@@ -39,6 +41,7 @@ class Record:
         InputError: not a channel name, unequal lengths, fewer than 3 samples, a number that is not finite.
     """
 
+    picture: ClassVar[str] = "mrdamp.pictures.record:channels"
     name: str
     path: Path | None
     sample_time: float

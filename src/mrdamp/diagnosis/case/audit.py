@@ -15,9 +15,9 @@ from mrdamp.records.checks import clipped
 #: Shares of samples above which repeated samples and coarse quantisation are reported.
 _HELD, _COARSE = 0.05, 0.02
 #: Longest window of a moving average (samples; below 5 it has one zero), depth (dB) of all its zeros; fall of the
-#: spectrum (dB) towards the Nyquist frequency from .65 of it, and within a tenth of it. Averages of 5 and 12 samples have
-#: 39 and 35 dB; a low-pass filter at .24 of that frequency falls by 15 dB. The channels of three measured rigs that were
-#: logged as they are have up to 15, 10 and 14 dB.
+#: spectrum (dB) towards the Nyquist frequency from .65 of it, and within a tenth of it. Averages of 5 and 12 samples
+#: have 39 and 35 dB; a low-pass filter at .24 of that frequency falls by 15 dB. The channels of three measured rigs,
+#: logged as they are, have up to 15, 10 and 14 dB.
 _LONGEST, _ZEROS, _FALL, _EDGE = 40, 20.0, 12.0, 25.0
 
 

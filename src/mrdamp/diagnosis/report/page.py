@@ -9,6 +9,7 @@ import numpy as np
 from mrdamp import __version__
 from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.diagnosis.report.changes import changes, unit_of
+from mrdamp.diagnosis.report.picture import chain_picture
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import share
 from mrdamp.model import Model
@@ -61,7 +62,7 @@ def _stages(out: Page, found: Diagnosis) -> None:
     of = "correction" if found.verdict == "effect" else "gap"
     out.figure(
         "Where in the chain",
-        pictures.chain(stages, found.where.intervals, named, of),
+        chain_picture(found),
         f"The chain from command to sensor, with each stage's share of the {of} and its 95 % interval"
         + (f"; green: {', '.join(s for s in stages if s in named)}." if named else ".")
         + (" What the corrected simulator still misses is in no stage." if named and found.remainder else ""),

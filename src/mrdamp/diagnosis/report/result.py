@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
 from mrdamp.diagnosis.signatures.loops import Signature
 from mrdamp.model import Model
 from mrdamp.model.core import Array
+from mrdamp.shown import Shown
 
 #: Resamples of a bar's interval, and their seed.
 _RESAMPLES, _SEED = 2000, 3
@@ -142,9 +143,10 @@ class Remainder:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """The answer for a case. `pictures`: arrays by name, for the page."""
 
+    picture: ClassVar[str] = "mrdamp.diagnosis.report.picture:chain_picture"
     case: str
     rig: str
     question: str  # changed, missed or either: see Case.question
@@ -187,6 +189,9 @@ class Diagnosis:
         default=(), repr=False
     )  # the corrected model with jointly drawn parameters
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def __str__(self) -> str:
+        return self.sentence
 
     def with_sentence(self, text: str) -> Diagnosis:
         """The same answer with its sentence."""

@@ -1,6 +1,6 @@
 """Policies on the real frames of `mrdamp gap`: the score less passive-on's, with 95 % intervals over motions and seeds.
 
-    python tools/policy_robustness.py [--as-trained | --sensor-lag S] [--effects NAME ...] [--loads N] POLICY.json ...
+    python studies/policy_robustness.py [--as-trained | --sensor-lag S] [--effects NAME ...] [--loads N] POLICY.json ...
 
 The rig shares no code with the plugin, has no driver lag but with `driver_lag`, and one effect at a time. --as-trained:
 without the lag that a policy is given on a faster driver (`Policy.matched`). --sensor-lag: that of the force sensor, as

@@ -1,7 +1,7 @@
-"""Figures of scored benches with 95 % intervals, as a table: `python tools/bench_table.py ROWS.json|FOLDER ...`.
+"""Figures of scored benches with 95 % intervals, as a table: `python studies/bench_table.py ROWS.json|FOLDER ...`.
 
-ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of tools/spike_bench.py with the answers of
-`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. docs/diagnosis/rows/another_law.json
+ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of studies/spike_bench.py with the answers of
+`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. studies/rows/another_law.json
 holds rows of docs/diagnosis/README.md.
 """
 

@@ -1,4 +1,4 @@
-"""Does the proposed test resolve what the records leave open? `python tools/next_test_study.py -o out/next_test`.
+"""Does the proposed test resolve what the records leave open? `python studies/next_test_study.py -o out/next_test`.
 
 Makes cases on the reference rig (`mrdamp.blindtest`, which shares no code with the simulator), cut down to their sines
 at constant command, and diagnoses them. Where the cause is left open, that rig runs the proposed test and tests drawn

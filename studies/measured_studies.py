@@ -1,8 +1,8 @@
-"""Diagnoses simulators that lack something on measured records: `python tools/measured_studies.py [NAME ...]`.
+"""Diagnoses simulators that lack something on measured records: `python studies/measured_studies.py [NAME ...]`.
 
 Each study identifies a law without an effect that its rig has, diagnoses it on the training records, and evaluates
 the corrected simulator on the validation records, which neither step used. Writes out/measured/NAME/ (model, case,
-diagnosis, page) and docs/diagnosis/measured.json. The data are read from ../shared/data or the folder MRDAMP_DATA.
+diagnosis, page) and studies/measured.json. The data are read from ../shared/data or the folder MRDAMP_DATA.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mrdamp.records import Record, RecordSet, embedded, read_records
 from mrdamp.records.csv_file import render
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "docs" / "diagnosis" / "measured.json"
+RESULTS = ROOT / "studies" / "measured.json"
 OUT = ROOT / "out" / "measured"
 _SKIP = 0.1  # s that do not count, as in the diagnosis
 

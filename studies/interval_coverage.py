@@ -1,8 +1,8 @@
-"""How often the 95 % interval of a named cause contains the true value: `python tools/interval_coverage.py OUT ...`.
+"""How often 95 % intervals of named causes contain the true value: `python studies/interval_coverage.py OUT ...`.
 
-OUT: folder of a bench (`mrdamp blindtest --misfit`, `tools/spike_bench.py`) with labels.json and answers/. Counted are
-parameters of answers with the right single cause that mean the same in the bench's rig and in the catalogue. The error
-is the median of |estimate - true| / |true|.
+OUT: folder of a bench (`mrdamp blindtest --misfit`, `studies/spike_bench.py`) with labels.json and answers/. Counted
+are parameters of answers with the right single cause that mean the same in the bench's rig and in the catalogue. The
+error is the median of |estimate - true| / |true|.
 """
 
 from __future__ import annotations

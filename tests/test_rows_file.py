@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modules import TOOLS, loaded
+from modules import STUDIES, loaded
 from mrdamp.blindtest import rows_file
 from mrdamp.blindtest.score import Row
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 
-tool = loaded(TOOLS / "bench_table.py")
+tool = loaded(STUDIES / "bench_table.py")
 
 LAG = ("driver_lag", None)
 RIGHT = Row(
