@@ -10,6 +10,7 @@ from mrdamp.envs.car_task import CarTask
 from mrdamp.envs.car_view import CarView
 from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.view import View
+from mrdamp.simulation.roads import Road
 
 
 class CarEnv(PlantEnv[CarTask]):
@@ -101,7 +102,8 @@ class CarEnv(PlantEnv[CarTask]):
         task = self.task
 
         def ahead(places: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-            road, plants = task.car_rows.roads[0], task.car_rows.plants
+            road: Road = task.rows.of(0).roads[0]
+            plants = task.rows.plants
             return road.at(plants.timestep * plants.step[0] + places / road.speed)
 
         return CarView(task.car, task.model, ahead, camera, size)

@@ -18,7 +18,7 @@ from mrdamp.envs.chain_rows import CARS
 from mrdamp.envs.frame_task import largest_force
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, check_options
+from mrdamp.envs.task import Task, check_options
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
 from mrdamp.simulation.roads import Road, read_road
@@ -71,16 +71,15 @@ class CarTask(Task):
         require_kind("a source of roads", RoadSource, roads=roads)
         self.car = QuarterCar(**car) if isinstance(car, Mapping) else car or QuarterCar()
         self.model = model_of(model, car_damper)
-        self.car_rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
-        self._references = References[Array]()
+        rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
         self.roads = IsoRoads() if roads is None else roads
         self.weights = CarReward.of(reward)
         self.car_score = CarScore(self.weights, n)
-        maximum = self.car_rows.command_max
+        maximum = rows.command_max
         observer = given.observes(
             lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum
         )
-        super().__init__(self.car_rows, self.car_score, observer, maximum, given.noise)
+        super().__init__(rows, self.car_score, observer, maximum, given.noise)
 
     drawn_size = 0.05
 
@@ -88,11 +87,13 @@ class CarTask(Task):
         """RMS stroke, m."""
         return math.sqrt(self.car_score.values[row, 2])
 
-    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
+    def begin(
+        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
+    ) -> dict[str, Any]:
         road = self._road(rng, options)
-        heights = self.car_rows.start(row, road)
-        step = self.car_rows.plants.timestep
-        reference = self._references.of(heights, lambda: reference_run(self.car, heights, step))
+        heights, car = self.rows.start(row, road), self.rows.of(row).car
+        step = self.rows.plants.timestep
+        reference = self._references.of(heights, drawn, lambda: reference_run(car, heights, step))
         self.car_score.start(row, reference)
         acceleration, load, stroke = np.sqrt(reference).tolist()
         return {

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.chain_rows import Kind, of_engine
+from mrdamp.envs.loads import Range
+from mrdamp.envs.randomise import DrawnRows
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.simulation.rows import Stepping
@@ -61,6 +63,7 @@ class TaskOptions(RowOptions):
     peaks: Mapping[str, float] | None = None
     full_state: bool = False
     noise: Mapping[str, float] | None = None
+    randomise: Mapping[str, Range] | None = None
 
     def __post_init__(self) -> None:
         require_kind("an Observer, or a mapping", (Observer, Mapping), observer=self.observer)
@@ -69,6 +72,18 @@ class TaskOptions(RowOptions):
         require_kind("a number by name", Mapping, peaks=self.peaks, noise=self.noise)
         own = {name: getattr(self, name) for name in ("action_in_observation", "full_state")}
         require_kind("True, False", bool, **own)
+
+    def rows(
+        self,
+        engines: Mapping[str, tuple[type[Kind], float]],
+        dampers: Sequence[Model],
+        *structure: Any,
+        n: int = 1,
+    ) -> Any:
+        """As `RowOptions.rows`; where parameters are drawn, each row has a structure of its own."""
+        if self.randomise is None:
+            return super().rows(engines, dampers, *structure, n=n)
+        return DrawnRows(super().rows(engines, dampers, *structure), structure, self.randomise, n)
 
     def observes(
         self, sensors: Callable[[bool], tuple[Sequence[str], Mapping[str, float]]], command_max: Array

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import mujoco.batch
@@ -180,6 +180,16 @@ class EngineRows:
     def position(self, row: int) -> Array:
         """The coordinates of its drawing."""
         return np.asarray(self.plants.position(row))
+
+    def of(self, row: int) -> Self:
+        """The rows that the row's structure is of: all have the same."""
+        return self
+
+    def draw(self, row: int, rng: np.random.Generator, given: Any) -> Mapping[str, float]:
+        """Nothing: no parameter is drawn here. Raises InputError where one is given."""
+        if given:
+            raise InputError(f"reset: drawn is {given!r}; allowed: with randomise, see its environment")
+        return {}
 
     def add_noise(self, deviation: Array) -> bool:
         """True if the rows add noise themselves; the engine's do not."""

@@ -23,6 +23,7 @@ from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
+from mrdamp.train.loads import VALIDATION_SEED
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 
@@ -77,7 +78,8 @@ class Run(ABC):
         if self.least() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
-        self.judge = Judge(self.worlds, self.world.validation())
+        validation = self.world.validation()
+        self.judge = Judge(self.sharing(np.random.default_rng(VALIDATION_SEED), len(validation)), validation)
         self.curve: list[dict[str, float]] = []
         self._before, self._start = 0.0, time.process_time()
         if self.state_file.is_file():
@@ -88,6 +90,10 @@ class Run(ABC):
         """The world with another model, seen by the same observer."""
         other = world(self.options.environment, self.chosen.env_kwargs, model, self.chosen.score)
         return other.observing(self.world.task(1).observer) if self.chosen.estimator or self.chosen.ground else other
+
+    def sharing(self, rng: np.random.Generator, loads: int) -> list[World]:
+        """The worlds that take so many loads in turn."""
+        return [drawn for w in self.worlds for drawn in w.drawn(rng, loads // len(self.worlds))]
 
     @property
     def inputs(self) -> int:
