@@ -17,6 +17,8 @@ from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 
+_STEP = 1e-3  # s
+
 #: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
 PARTS = ("motion", "acceleration", "current", "power", "energy")
 
@@ -44,31 +46,42 @@ class CableReward(Weights):
     parts: ClassVar[tuple[str, ...]] = PARTS
 
 
-def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
+def free_run(cable: StayCable, forces: Array, sample_time: float) -> Array:
     """(3,) of the cable without a damper, from rest, under loads (samples, modes) N on its natural coordinates.
 
-    Means of int v^2 dx / L (m2) and int (v'')^2 dx / L (m2/s4), and the largest energy held (J). The coordinates are
-    oscillators of their own: exact for loads held from sample to sample. Raises InputError where there is no load.
+    Means of int v^2 dx / L (m2) and int (v'')^2 dx / L (m2/s4), and the largest energy held (J), at steps of 1 ms at
+    most. The coordinates are oscillators of their own: exact for loads that are straight from sample to sample
+    (sample_time, s). Raises InputError where there is no load.
     """
-    squares, energies = np.zeros(2), np.zeros(len(pushes))
-    for w, push in zip(cable.natural, pushes.T, strict=True):
-        damping = 2 * cable.ratio * w
-        system = (
-            np.array([[0.0, 1.0], [-w * w, -damping]]),
-            np.array([[0.0], [1.0]]),
-            np.eye(2),
-            np.zeros((2, 1)),
-        )
-        a, b = signal.cont2discrete(system, dt)[:2]
-        poles = np.array([1.0, -np.trace(a), np.linalg.det(a)])
-        # Cramer's rule for (z - a)^-1 b, row by row.
-        q = signal.lfilter([0.0, b[0, 0], a[0, 1] * b[1, 0] - a[1, 1] * b[0, 0]], poles, push)
-        v = signal.lfilter([0.0, b[1, 0], a[1, 0] * b[0, 0] - a[0, 0] * b[1, 0]], poles, push)
+    inner = math.ceil(sample_time / _STEP - 1e-9)
+    dt, samples = sample_time / inner, np.arange(len(forces))
+    at = np.arange((len(forces) - 1) * inner + 1) / inner
+    squares, energies = np.zeros(2), np.zeros(len(at))
+    for w, force in zip(cable.natural, forces.T, strict=True):
+        push, damping = np.interp(at, samples, force), 2 * cable.ratio * w
+        a, held, rise = _moved(w, cable.ratio, dt)
+        given = held[:, None] * push[:-1] + rise[:, None] * np.diff(push)  # (2, steps): coordinate and rate
+        poles, state = [1.0, -np.trace(a), np.linalg.det(a)], np.zeros((2, len(at)))
+        # (1 - a / z)^-1 by Cramer's rule.
+        state[:, 1:] = given
+        state[:, 2:] += np.array([[-a[1, 1], a[0, 1]], [a[1, 0], -a[0, 0]]]) @ given[:, :-1]
+        q, v = signal.lfilter([1.0], poles, state, axis=1)
         squares += [np.mean(q * q), np.mean((push - damping * v - w * w * q) ** 2)]
         energies += 0.5 * (v * v + w * w * q * q)
     if not squares[0] > 0:
         raise InputError("the load is zero throughout; there is nothing to control")
     return np.array([*squares / (cable.mass * cable.length), energies.max()])
+
+
+def _moved(w: float, ratio: float, dt: float) -> tuple[Array, Array, Array]:
+    """What becomes of coordinate and rate of an oscillator (rad/s) over dt, (2, 2), and what a force of 1 N adds that
+    is held, and one that rises to it from zero, (2,) each."""
+    damped, fall = w * math.sqrt(1 - ratio**2), ratio * w
+    c, s = math.exp(-fall * dt) * math.cos(damped * dt), math.exp(-fall * dt) * math.sin(damped * dt) / damped
+    a = np.array([[c + fall * s, s], [-w * w * s, c - fall * s]])
+    back = np.linalg.inv(np.array([[0.0, 1.0], [-w * w, -2 * fall]]))
+    held = back @ (a - np.eye(2))[:, 1]
+    return a, held, back @ (held - [0.0, dt]) / dt
 
 
 class CableScore(PartScore[CableReward]):

@@ -114,8 +114,8 @@ class CableTask(Task):
             load = self.loads.draw(rng, self.cable.length)
         require_kind("a CableLoad", CableLoad, load=load)
         load = load.scaled(amplitude)
-        pushes, cable = self.rows.start(row, load), self.rows.of(row).cable
-        free = self._references.of(pushes, drawn, lambda: free_run(cable, pushes, self.rows.plants.timestep))
+        forces, cable = self.rows.start(row, load), self.rows.of(row).cable
+        free = self._references.of(forces, drawn, lambda: free_run(cable, forces, load.sample_time))
         self.cable_score.start(row, free)
         return {
             "load": load.name,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import json
 import math
+import tracemalloc
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -260,10 +261,13 @@ def test_both_models_move_alike(kind: str, sag: float, strength: float, limits: 
 def test_the_input_is_kinetic_strain_and_dissipated_energy(strength: float) -> None:
     """At every step, within 0.5 % of the largest input; with a damper that sticks, and one that slips."""
     plant = CablePlant(period=5e-3)
-    plant.reset(WindLoads(duration=8.0).draw(np.random.default_rng(0), 12.65).scaled(strength))
+    load = WindLoads(duration=8.0).draw(np.random.default_rng(0), 12.65).scaled(strength)
+    plant.reset(load)
     rows, h = plant.rows, plant.rows.plants.timestep
     rng = np.random.default_rng(1)
-    pushes = rows.plants.save(0).load
+    forces, time = rows.forces(load), load.sample_time * np.arange(len(load.force))
+    steps = h * np.arange(rows.steps[0] * rows.plants.inner)
+    pushes = np.stack([np.interp(steps, time, force) for force in forces.T], axis=1)
     at = rows.plants.sensors
     parts = []
     for _ in range(int(rows.steps[0])):
@@ -442,3 +446,31 @@ def test_what_an_accelerometer_with_a_bandwidth_reads_does_not_hang_on_the_modes
             rms.setdefault(bandwidth, []).append(float(np.std(found)))
     assert rms[15.0][1] == pytest.approx(rms[15.0][0], rel=0.05)
     assert rms[None][1] != pytest.approx(rms[None][0], rel=0.2)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_a_load_is_kept_at_its_own_samples(engine: str) -> None:
+    """Not at the engine's 160,000 steps: 20 s of wind below 15 Hz are 60 samples a second in 11 coordinates."""
+    plant = CablePlant(engine=engine)
+    load = WindLoads(duration=20.0).draw(np.random.default_rng(0), 12.65)
+    tracemalloc.start()
+    plant.reset(load)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert plant.rows.plants.save(0).load.shape == (1201, 11)
+    assert peak < 2e6
+
+
+def test_every_engine_step_is_pushed_along_the_loads_lines() -> None:
+    """Also behind its end, where it stays as it is to the end of the control period and is none afterwards."""
+    plant = CablePlant(period=5e-3, timestep=1e-3)
+    force = np.random.default_rng(1).normal(size=(7, 1))
+    plant.reset(CableLoad("drawn", 1 / 60, np.array([0.5]), force))
+    plants, pushes = plant.rows.plants, []
+    for _ in range(23):
+        pushes.append(plants._at(np.arange(1), plants.step[:, None] + np.arange(5))[0])
+        plant.step(1.0)
+    time = 1e-3 * np.arange(5 * len(pushes))
+    expected = np.interp(time, np.arange(7) / 60, force[:, 0]) * (time < 0.1049)
+    per_newton = StayCable().load_matrix(np.array([0.5]))[0]
+    np.testing.assert_allclose(np.concatenate(pushes), expected[:, None] * per_newton, atol=1e-9)

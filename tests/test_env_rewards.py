@@ -6,6 +6,7 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
@@ -38,6 +39,26 @@ def test_a_free_cable_holds_the_work_of_its_load() -> None:
     assert motion * of == pytest.approx(1.5 * (push / w**2) ** 2, rel=1e-3)
     assert acceleration * of == pytest.approx(0.5 * push**2, rel=1e-3)
     assert energy == pytest.approx(2 * push**2 / w**2, rel=1e-3)
+
+
+def test_a_free_cable_follows_a_load_along_its_lines() -> None:
+    """Against SciPy's integrator, of a load with 60 samples a second that is straight between them."""
+    cable, step = StayCable(modes=3), 1 / 60
+    forces = np.random.default_rng(0).normal(size=(60, 4))
+    time, fine = step * np.arange(60), np.linspace(0, 59 * step, 20001)
+    squares, energy = np.zeros(2), np.zeros(len(fine))
+    for w, force in zip(cable.natural, forces.T, strict=True):
+
+        def rates(t: float, x: np.ndarray, w: float = w, force: np.ndarray = force) -> list[float]:
+            return [x[1], np.interp(t, time, force) - 2 * cable.ratio * w * x[1] - w * w * x[0]]
+
+        solved = solve_ivp(rates, (0, time[-1]), [0, 0], t_eval=fine, rtol=1e-9, atol=1e-12, max_step=step / 20).y
+        acceleration = [rates(t, x)[1] for t, x in zip(fine, solved.T, strict=True)]
+        squares += [np.mean(solved[0] ** 2), np.mean(np.square(acceleration))]
+        energy += 0.5 * (solved[1] ** 2 + w * w * solved[0] ** 2)
+    motion, shaking, held = free_run(cable, forces, step)
+    of = cable.mass * cable.length
+    assert (motion * of, shaking * of, held) == pytest.approx((*squares, energy.max()), rel=1e-3)
 
 
 def test_each_part_of_a_frames_reward() -> None:
