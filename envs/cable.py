@@ -57,7 +57,8 @@ class CableEnv(PlantEnv[CableTask]):
 
     The sum of the parts of `mrdamp.envs.cable_reward.CableReward`. Each is in `info` as `reward_motion`,
     `reward_acceleration`, `reward_current`, `reward_power`, `reward_energy`. Motion is relative to its RMS under
-    the same load without the damper. `info` also has, since the episode's start: `rms_motion` (m, over time and
+    the same load without the damper: by default an episode's return is -100 times the square of that ratio, and the
+    current is free. `info` also has, since the episode's start: `rms_motion` (m, over time and
     length), `motion_ratio` (the same over the run without the damper), `mean_current` (A or V), `mean_power` (over
     that at the largest current), `dissipated_energy` (J). The `info` of `reset`: `load`, `load_rms` (N/m),
     `duration` (s), `reference_motion` (m).

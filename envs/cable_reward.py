@@ -30,13 +30,15 @@ class CableReward(Weights):
     With m and a the RMS of motion and acceleration over the cable's length and the control period, each over its RMS
     in the whole of the same load's run without a damper, and i the coil current over the largest command:
 
-    | part | per control period |
-    |---|---|
-    | motion | -motion m^exponent |
-    | acceleration | -acceleration a^exponent |
-    | current | -current mean(i) |
-    | power | -power mean(i^2), the coil's heat over that at the largest current |
-    | energy | +energy times the energy taken in by the damper over the largest that the free cable held |
+    | part | of a control period | over an episode of T |
+    |---|---|---|
+    | motion | m^exponent / T | -100 motion mean(m^exponent) |
+    | acceleration | a^exponent / T | -100 acceleration mean(a^exponent) |
+    | current | i / T | -100 current mean(i) |
+    | power | i^2 / T, the coil's heat over that at the largest current | -100 power mean(i^2) |
+    | energy | what the damper takes in over the largest that the free cable held | +100 energy times the sum |
+
+    The default return is -100 times the square of `motion_ratio`, what `mrdamp compare` reports: -100 without a damper.
     """
 
     motion: float = 1.0
@@ -87,8 +89,9 @@ def _moved(w: float, ratio: float, dt: float) -> tuple[Array, Array, Array]:
 class CableScore(PartScore[CableReward]):
     """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 8) are its whole state: the free run's mean squares of motion and acceleration and its energy; sums of
-    mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods.
+    values (n, 9) are its whole state: the free run's mean squares of motion and acceleration and its energy; sums of
+    mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods so far, and
+    of the load.
     """
 
     NAMES = (
@@ -97,7 +100,7 @@ class CableScore(PartScore[CableReward]):
         "motion_ratio",
         *DAMPER,
     )
-    kept = 8
+    kept = 9
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
@@ -107,7 +110,7 @@ class CableScore(PartScore[CableReward]):
         info[:, 0:2] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
         info[:, 2:4] = period[:, 2:4]
         np.divide(period[:, 5], v[:, 2], out=info[:, 4])
-        info[:, :5] *= self._signed
+        info[:, :5] *= self._weights()
         v[:, 3] += period[:, 0]
         v[:, 4:7] += period[:, 3:6]
         v[:, 7] += 1.0
@@ -119,15 +122,15 @@ class CableScore(PartScore[CableReward]):
 
     def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
         """`of` for a single row in plain numbers, bit-identical, and its `info` by name."""
-        of_motion, of_acceleration, energy, squares, power, current, work, periods = self.values[0].tolist()
+        of_motion, of_acceleration, energy, squares, power, current, work, periods, _ = self.values[0].tolist()
         motion, acceleration = period[0] / of_motion, period[1] / of_acceleration
         if self.weights.exponent != 2.0:
             motion, acceleration = np.power((motion, acceleration), 0.5 * self.weights.exponent).tolist()
         parts = motion, acceleration, period[2], period[3], period[5] / energy
-        rewards = [part * sign for part, sign in zip(parts, self._signs, strict=True)]
+        rewards = self._weighed(parts)
         squares, power, current = squares + period[0], power + period[3], current + period[4]
         work, periods = work + period[5], periods + 1.0
-        self.values[0, 3:] = squares, power, current, work, periods
+        self.values[0, 3:8] = squares, power, current, work, periods
         rms = math.sqrt(squares / periods)
         info = (*rewards, rms, rms / math.sqrt(of_motion), power / periods, current / periods, work)
         self._parts[:] = rewards

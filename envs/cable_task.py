@@ -116,7 +116,7 @@ class CableTask(Task):
         load = load.scaled(amplitude)
         forces, cable = self.rows.start(row, load), self.rows.of(row).cable
         free = self._references.of(forces, drawn, lambda: free_run(cable, forces, load.sample_time))
-        self.cable_score.start(row, free)
+        self.cable_score.start(row, free, int(self.rows.steps[row]))
         return {
             "load": load.name,
             "load_rms": load.rms,

@@ -58,8 +58,8 @@ class CarEnv(PlantEnv[CarTask]):
     The sum of the parts of `mrdamp.envs.car_reward.CarReward`. Each is in `info` as `reward_comfort`,
     `reward_holding`, `reward_stroke`, `reward_airborne`, `reward_current`, `reward_power`. Comfort is the body's
     acceleration weighted by Wk of ISO 2631-1, holding the dynamic load on the tyre. Both are relative to their RMS on
-    the same road with a linear suspension (a dashpot of .3 of critical), so that rewards on smooth and rough roads are
-    comparable.
+    the same road with a linear suspension (a dashpot of .3 of critical), whose return is -100: by default the return is
+    -50 times the sum of the squares of both ratios, and the current is free.
 
     `info` also has, since the episode's start: `weighted_acceleration` (RMS, m/s2), `rms_load` (of the dynamic tyre
     load, over the weight), `rms_stroke`, `peak_stroke` (m), `comfort_ratio`, `load_ratio`, `stroke_ratio` (over the

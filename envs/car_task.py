@@ -94,7 +94,7 @@ class CarTask(Task):
         heights, car = self.rows.start(row, road), self.rows.of(row).car
         step = self.rows.plants.timestep
         reference = self._references.of(heights, drawn, lambda: reference_run(car, heights, step))
-        self.car_score.start(row, reference)
+        self.car_score.start(row, reference, int(self.rows.steps[row]))
         acceleration, load, stroke = np.sqrt(reference).tolist()
         return {
             "road": road.name,

@@ -83,7 +83,7 @@ class FrameTask(Task):
         reference = self._references.of(
             ground, drawn, lambda: reference_run(model, ground, dt, self.weights.reference, largest)
         )
-        self.frame_score.start(row, astuple(reference))
+        self.frame_score.start(row, astuple(reference), int(self.rows.steps[row]))
         return {
             "motion": motion.name,
             "pga": motion.pga,
