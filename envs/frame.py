@@ -56,8 +56,8 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     The sum of the parts of `mrdamp.envs.reward.FrameReward`. Each is in `info` as `reward_drift`,
     `reward_acceleration`, `reward_drift_peak`, `reward_acceleration_peak`, `reward_current`, `reward_power`,
-    `reward_energy`. Drift and acceleration are relative to their peaks in the same motion without dampers: by default an
-    episode's return is -50 (J1 + J2), -100 without dampers, and the current is free.
+    `reward_energy`. Drift and acceleration are relative to their peaks in the same motion without dampers: by default
+    an episode's return is -50 (J1 + J2), -100 without dampers, and the current is free.
 
     `info` also has, since the episode's start: `peak_drift` (m), `peak_acceleration` (m/s2), both over all steps of
     the engine; `drift_ratio` and `acceleration_ratio`, the same over the reference run (J1 and J2 of the benchmark
