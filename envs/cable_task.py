@@ -23,6 +23,8 @@ from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 
+#: RMS over the scales under the default loads and commands that change evenly between none and the largest.
+_TYPICAL = {"acceleration_1": 10.0, "acceleration": 2.8, "force": 0.5, "true_force": 0.5, "current": 0.6}
 _LARGE = 0.002  # of the length: motion at mid-span that the scales of the observation belong to
 
 
@@ -95,7 +97,7 @@ class CableTask(Task):
         self.cable_score = CableScore(self.weights, n)
         maximum = rows.command_max
         observer = given.observes(
-            lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum
+            lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum, _TYPICAL
         )
         super().__init__(rows, self.cable_score, observer, maximum, given.noise)
 

@@ -29,7 +29,7 @@ class CarEnv(PlantEnv[CarTask]):
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`.
+    `Box(-1, 1, (1,), float32)`. Action 0 is half of the largest current.
 
     | Num | Action | Control Min | Control Max | Name (in the XML file) | Joint | Unit |
     |-----|--------|-------------|-------------|------------------------|-------|------|

@@ -26,6 +26,11 @@ from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 
+#: RMS over the scales under the default loads and commands that change evenly between none and the largest.
+_TYPICAL = {
+    "acceleration": 0.65, "displacement": 0.5, "drift": 0.45, "stroke": 0.4, "stroke_velocity": 0.5, "force": 0.6,
+    "true_force": 0.6, "current": 0.6,
+}  # fmt: skip
 # Sizes that the scales of the observation belong to, those on a rough road (class D): m/s2, m/s, m.
 _BODY, _WHEEL, _VELOCITY, _STROKE, _TYRE = 3.0, 30.0, 0.5, 0.03, 0.01
 
@@ -77,7 +82,7 @@ class CarTask(Task):
         self.car_score = CarScore(self.weights, n)
         maximum = rows.command_max
         observer = given.observes(
-            lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum
+            lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum, _TYPICAL
         )
         super().__init__(rows, self.car_score, observer, maximum, given.noise)
 

@@ -24,7 +24,7 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     ## Action Space
 
-    `Box(-1, 1, (m,), float32)`, one number for each of m dampers.
+    `Box(-1, 1, (m,), float32)`, one number for each of m dampers. Action 0 is half of the largest current.
 
     | Num | Action | Control Min | Control Max | Name (in the XML file) | Transmission | Unit |
     |-----|--------|-------------|-------------|------------------------|--------------|------|
@@ -45,7 +45,8 @@ class FrameEnv(PlantEnv[FrameTask]):
     | 4 | force of the damper, by its own sensor | -20 | 20 | force | storey1 | N |
     | 5 | command held in the period that ended | 0 | 1 | damper | storey1 | A or V |
 
-    `history=h` stacks the last h control periods, the newest first. Other `signals` to choose from:
+    The scales are those of a strong motion; under the default motions the RMS is .1 to .3, with `normalise=True` about
+    1. `history=h` stacks the last h control periods, the newest first. Other `signals` to choose from:
     `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity` (m/s), `current`
     (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` gives
     all displacements, velocities and currents. Sensors have the effects of the model (`sensor_gain`,

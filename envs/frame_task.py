@@ -25,6 +25,11 @@ from mrdamp.structures import ShearFrame
 
 Array = NDArray[np.float64]
 
+#: RMS over the scales under the default loads and commands that change evenly between none and the largest.
+_TYPICAL = {
+    "acceleration": 0.25, "displacement": 0.2, "velocity": 0.2, "drift": 0.1, "stroke": 0.1, "stroke_velocity": 0.1,
+    "force": 0.13, "true_force": 0.13, "current": 0.6,
+}  # fmt: skip
 _STRONG = 5.0  # m/s2: floor acceleration that the scales of the observation belong to
 
 
@@ -59,7 +64,7 @@ class FrameTask(Task):
         self.motions = SyntheticMotions() if motions is None else motions
         self.frame_score = Score(self.weights, n)
         maximum = rows.command_max
-        observer = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum)
+        observer = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum, _TYPICAL)
         super().__init__(rows, self.frame_score, observer, maximum, given.noise)
 
     @property
