@@ -186,7 +186,20 @@ def test_a_training_leaves_its_files_and_goes_on(tmp_path: Path) -> None:
     again = made(tmp_path)  # from the checkpoint
     assert again.timesteps == end
     with pytest.raises(InputError, match="other options"):
-        train(options(steps=60_000), tmp_path)
+        train(options("loads=3", steps=60_000), tmp_path)
+
+
+def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> None:
+    """Its states, their sizes and Adam's moments are kept: the next steps give the same weights."""
+    whole = made(tmp_path / "whole")
+    whole.step()
+    whole.out.mkdir()
+    whole.save()
+    resumed = made(tmp_path / "whole")
+    for run in (whole, resumed):
+        run.step()
+    for one, other in zip(whole.soft.parameters(), resumed.soft.parameters(), strict=True):
+        assert torch.equal(one, other)
 
 
 @pytest.mark.parametrize(

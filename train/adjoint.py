@@ -170,7 +170,7 @@ class AdjointRun(Run):
             self.tell(progress)
             if self.due():
                 self.evaluate()
-            self.step()
+            self.board({"train/score": self.step()})
         if self.curve[-1]["timesteps"] < self.timesteps:
             self.evaluate()
 

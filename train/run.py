@@ -81,6 +81,7 @@ class Run(ABC):
         validation = self.world.validation()
         self.judge = Judge(self.sharing(np.random.default_rng(VALIDATION_SEED), len(validation)), validation)
         self.curve: list[dict[str, float]] = []
+        self._board: Any = None
         self._before, self._start = 0.0, time.process_time()
         if self.state_file.is_file():
             kept = json.loads(self.state_file.read_text())
@@ -187,9 +188,22 @@ class Run(ABC):
         self.curve.append({"timesteps": float(self.timesteps), "score": score, **means})
         if score < best:
             policy.write(self.out / "policy.json")
+        self.board({f"validation/{name}": v for name, v in self.curve[-1].items() if name != "timesteps"})
         self.save()
         write_atomic(self.state_file, json.dumps({"curve": self.curve, "seconds": self.seconds()}) + "\n")
         return self.curve[-1]
+
+    def board(self, values: Mapping[str, float]) -> None:
+        """Numbers of now, for TensorBoard; nothing where it is not installed."""
+        if self._board is None:
+            try:
+                from tensorboard.summary import Writer
+            except ImportError:
+                return
+            self._board = Writer(str(self.out / "tensorboard"))
+        for name, value in values.items():
+            self._board.add_scalar(name, value, self.timesteps)
+        self._board.flush()
 
     def policy(self) -> Policy:
         """What has been learned so far, for export."""

@@ -68,7 +68,9 @@ class EvolutionRun(Run):
             self.tell(progress)
             if self.due():
                 self.evaluate()
-            self.cma.tell(self._scores(self.cma.ask()))
+            scores = self._scores(self.cma.ask())
+            self.cma.tell(scores)
+            self.board({"train/score": float(scores.mean())})
         if self.curve[-1]["timesteps"] < self.timesteps:
             self.evaluate()
 
