@@ -94,18 +94,17 @@ class CableTask(Task):
         rows = given.rows(CABLES, [self.model], self.cable, self.model, places, bandwidth, n=n)
         self.loads = WindLoads() if loads is None else loads
         self.weights = CableReward.of(reward)
-        self.cable_score = CableScore(self.weights, n)
         maximum = rows.command_max
         observer = given.observes(
             lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum, _TYPICAL
         )
-        super().__init__(rows, self.cable_score, observer, maximum, given.noise)
+        super().__init__(rows, CableScore(self.weights, n), observer, maximum, given.noise)
 
     drawn_size = 0.45
 
     def reference_motion(self, row: int) -> float:
         """RMS over time and length, m."""
-        return math.sqrt(self.cable_score.values[row, 0])
+        return math.sqrt(self.score.values[row, 0])
 
     def begin(
         self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
@@ -118,7 +117,7 @@ class CableTask(Task):
         load = load.scaled(amplitude)
         forces, cable = self.rows.start(row, load), self.rows.of(row).cable
         free = self._references.of(forces, drawn, lambda: free_run(cable, forces, load.sample_time))
-        self.cable_score.start(row, free, int(self.rows.steps[row]))
+        self.score.start(row, free, int(self.rows.steps[row]))
         return {
             "load": load.name,
             "load_rms": load.rms,

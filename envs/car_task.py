@@ -79,18 +79,17 @@ class CarTask(Task):
         rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
         self.roads = IsoRoads() if roads is None else roads
         self.weights = CarReward.of(reward)
-        self.car_score = CarScore(self.weights, n)
         maximum = rows.command_max
         observer = given.observes(
             lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum, _TYPICAL
         )
-        super().__init__(rows, self.car_score, observer, maximum, given.noise)
+        super().__init__(rows, CarScore(self.weights, n), observer, maximum, given.noise)
 
     drawn_size = 0.05
 
     def reference_motion(self, row: int) -> float:
         """RMS stroke, m."""
-        return math.sqrt(self.car_score.values[row, 2])
+        return math.sqrt(self.score.values[row, 2])
 
     def begin(
         self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
@@ -99,7 +98,7 @@ class CarTask(Task):
         heights, car = self.rows.start(row, road), self.rows.of(row).car
         step = self.rows.plants.timestep
         reference = self._references.of(heights, drawn, lambda: reference_run(car, heights, step))
-        self.car_score.start(row, reference, int(self.rows.steps[row]))
+        self.score.start(row, reference, int(self.rows.steps[row]))
         acceleration, load, stroke = np.sqrt(reference).tolist()
         return {
             "road": road.name,

@@ -62,10 +62,9 @@ class FrameTask(Task):
         if self.weights.reference == "passive-on" and len(self.models) > 1:
             raise InputError("reward: reference passive-on is for one damper; allowed here: uncontrolled")
         self.motions = SyntheticMotions() if motions is None else motions
-        self.frame_score = Score(self.weights, n)
         maximum = rows.command_max
         observer = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum, _TYPICAL)
-        super().__init__(rows, self.frame_score, observer, maximum, given.noise)
+        super().__init__(rows, Score(self.weights, n), observer, maximum, given.noise)
 
     @property
     def structure(self) -> ShearFrame:
@@ -76,7 +75,7 @@ class FrameTask(Task):
 
     def reference_motion(self, row: int) -> float:
         """Peak drift, m."""
-        return float(self.frame_score.values[row, 0])
+        return float(self.score.values[row, 0])
 
     def begin(
         self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
@@ -88,7 +87,7 @@ class FrameTask(Task):
         reference = self._references.of(
             ground, drawn, lambda: reference_run(model, ground, dt, self.weights.reference, largest)
         )
-        self.frame_score.start(row, astuple(reference), int(self.rows.steps[row]))
+        self.score.start(row, astuple(reference), int(self.rows.steps[row]))
         return {
             "motion": motion.name,
             "pga": motion.pga,

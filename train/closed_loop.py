@@ -87,7 +87,7 @@ class ClosedLoop:
 
     def references(self) -> Array:
         """(n, 2) peak drift and acceleration of the frame alone under the loads of the last run."""
-        return np.asarray(self.task.frame_score.values[: self.n, :2], dtype=np.float64)
+        return np.asarray(self.task.score.values[: self.n, :2], dtype=np.float64)
 
     def run(self, loads: Sequence[Any], act: Act, noise: float, rng: np.random.Generator) -> Trajectory:
         """Under n loads; act: commands (n,) from observations; noise: on the signals, over the observer's units."""
