@@ -51,8 +51,8 @@ class PythonPlants(Plants):
         self.law = law.control(self.data, 1, self.bare.opt.timestep)
         self.after = np.zeros((1, len(self._record["sensordata"][0, 0])))
 
-    def start(self, row: int, load: Array) -> None:
-        super().start(row, load)
+    def start(self, row: int, load: Array, sample_time: float, steps: int) -> None:
+        super().start(row, load, sample_time, steps)
         mujoco.mj_resetData(self.bare, self.data)
 
     def _own(self) -> tuple[float, ...]:
@@ -67,7 +67,8 @@ class PythonPlants(Plants):
         if self.step[0] == 0:
             self.law = damper.control(data, 1, model.opt.timestep)
             self.law(model, data)
-        load, law, record = self._coming()[0, :, 0].tolist(), self.law, self._record["sensordata"][0]
+        law, record = self.law, self._record["sensordata"][0]
+        load = self._at(np.zeros(1, np.int64), self.step[:, None] + self._ahead)[0, :, 0].tolist()
         push, sensors, own = data.ctrl, data.sensordata, []
         frame = record[:, : len(sensors)]
         for k in range(self.inner):

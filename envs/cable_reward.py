@@ -17,6 +17,8 @@ from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 
+_STEP = 1e-3  # s
+
 #: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
 PARTS = ("motion", "acceleration", "current", "power", "energy")
 
@@ -28,13 +30,15 @@ class CableReward(Weights):
     With m and a the RMS of motion and acceleration over the cable's length and the control period, each over its RMS
     in the whole of the same load's run without a damper, and i the coil current over the largest command:
 
-    | part | per control period |
-    |---|---|
-    | motion | -motion m^exponent |
-    | acceleration | -acceleration a^exponent |
-    | current | -current mean(i) |
-    | power | -power mean(i^2), the coil's heat over that at the largest current |
-    | energy | +energy times the energy taken in by the damper over the largest that the free cable held |
+    | part | of a control period | over an episode of T |
+    |---|---|---|
+    | motion | m^exponent / T | -100 motion mean(m^exponent) |
+    | acceleration | a^exponent / T | -100 acceleration mean(a^exponent) |
+    | current | i / T | -100 current mean(i) |
+    | power | i^2 / T, the coil's heat over that at the largest current | -100 power mean(i^2) |
+    | energy | what the damper takes in over the largest that the free cable held | +100 energy times the sum |
+
+    The default return is -100 times the square of `motion_ratio`, what `mrdamp compare` reports: -100 without a damper.
     """
 
     motion: float = 1.0
@@ -44,26 +48,26 @@ class CableReward(Weights):
     parts: ClassVar[tuple[str, ...]] = PARTS
 
 
-def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
+def free_run(cable: StayCable, forces: Array, sample_time: float) -> Array:
     """(3,) of the cable without a damper, from rest, under loads (samples, modes) N on its natural coordinates.
 
-    Means of int v^2 dx / L (m2) and int (v'')^2 dx / L (m2/s4), and the largest energy held (J). The coordinates are
-    oscillators of their own: exact for loads held from sample to sample. Raises InputError where there is no load.
+    Means of int v^2 dx / L (m2) and int (v'')^2 dx / L (m2/s4), and the largest energy held (J), at steps of 1 ms at
+    most. The coordinates are oscillators of their own: exact for loads that are straight from sample to sample
+    (sample_time, s). Raises InputError where there is no load.
     """
-    squares, energies = np.zeros(2), np.zeros(len(pushes))
-    for w, push in zip(cable.natural, pushes.T, strict=True):
-        damping = 2 * cable.ratio * w
-        system = (
-            np.array([[0.0, 1.0], [-w * w, -damping]]),
-            np.array([[0.0], [1.0]]),
-            np.eye(2),
-            np.zeros((2, 1)),
-        )
-        a, b = signal.cont2discrete(system, dt)[:2]
-        poles = np.array([1.0, -np.trace(a), np.linalg.det(a)])
-        # Cramer's rule for (z - a)^-1 b, row by row.
-        q = signal.lfilter([0.0, b[0, 0], a[0, 1] * b[1, 0] - a[1, 1] * b[0, 0]], poles, push)
-        v = signal.lfilter([0.0, b[1, 0], a[1, 0] * b[0, 0] - a[0, 0] * b[1, 0]], poles, push)
+    inner = math.ceil(sample_time / _STEP - 1e-9)
+    dt, samples = sample_time / inner, np.arange(len(forces))
+    at = np.arange((len(forces) - 1) * inner + 1) / inner
+    squares, energies = np.zeros(2), np.zeros(len(at))
+    for w, force in zip(cable.natural, forces.T, strict=True):
+        push, damping = np.interp(at, samples, force), 2 * cable.ratio * w
+        a, held, rise = _moved(w, cable.ratio, dt)
+        given = held[:, None] * push[:-1] + rise[:, None] * np.diff(push)  # (2, steps): coordinate and rate
+        poles, state = [1.0, -np.trace(a), np.linalg.det(a)], np.zeros((2, len(at)))
+        # (1 - a / z)^-1 by Cramer's rule.
+        state[:, 1:] = given
+        state[:, 2:] += np.array([[-a[1, 1], a[0, 1]], [a[1, 0], -a[0, 0]]]) @ given[:, :-1]
+        q, v = signal.lfilter([1.0], poles, state, axis=1)
         squares += [np.mean(q * q), np.mean((push - damping * v - w * w * q) ** 2)]
         energies += 0.5 * (v * v + w * w * q * q)
     if not squares[0] > 0:
@@ -71,11 +75,23 @@ def free_run(cable: StayCable, pushes: Array, dt: float) -> Array:
     return np.array([*squares / (cable.mass * cable.length), energies.max()])
 
 
+def _moved(w: float, ratio: float, dt: float) -> tuple[Array, Array, Array]:
+    """What becomes of coordinate and rate of an oscillator (rad/s) over dt, (2, 2), and what a force of 1 N adds that
+    is held, and one that rises to it from zero, (2,) each."""
+    damped, fall = w * math.sqrt(1 - ratio**2), ratio * w
+    c, s = math.exp(-fall * dt) * math.cos(damped * dt), math.exp(-fall * dt) * math.sin(damped * dt) / damped
+    a = np.array([[c + fall * s, s], [-w * w * s, c - fall * s]])
+    back = np.linalg.inv(np.array([[0.0, 1.0], [-w * w, -2 * fall]]))
+    held = back @ (a - np.eye(2))[:, 1]
+    return a, held, back @ (held - [0.0, dt]) / dt
+
+
 class CableScore(PartScore[CableReward]):
     """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 8) are its whole state: the free run's mean squares of motion and acceleration and its energy; sums of
-    mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods.
+    values (n, 9) are its whole state: the free run's mean squares of motion and acceleration and its energy; sums of
+    mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods so far, and
+    of the load.
     """
 
     NAMES = (
@@ -84,7 +100,7 @@ class CableScore(PartScore[CableReward]):
         "motion_ratio",
         *DAMPER,
     )
-    kept = 8
+    kept = 9
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
@@ -94,7 +110,7 @@ class CableScore(PartScore[CableReward]):
         info[:, 0:2] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
         info[:, 2:4] = period[:, 2:4]
         np.divide(period[:, 5], v[:, 2], out=info[:, 4])
-        info[:, :5] *= self._signed
+        info[:, :5] *= self._weights()
         v[:, 3] += period[:, 0]
         v[:, 4:7] += period[:, 3:6]
         v[:, 7] += 1.0
@@ -106,15 +122,15 @@ class CableScore(PartScore[CableReward]):
 
     def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
         """`of` for a single row in plain numbers, bit-identical, and its `info` by name."""
-        of_motion, of_acceleration, energy, squares, power, current, work, periods = self.values[0].tolist()
+        of_motion, of_acceleration, energy, squares, power, current, work, periods, _ = self.values[0].tolist()
         motion, acceleration = period[0] / of_motion, period[1] / of_acceleration
         if self.weights.exponent != 2.0:
             motion, acceleration = np.power((motion, acceleration), 0.5 * self.weights.exponent).tolist()
         parts = motion, acceleration, period[2], period[3], period[5] / energy
-        rewards = [part * sign for part, sign in zip(parts, self._signs, strict=True)]
+        rewards = self._weighed(parts)
         squares, power, current = squares + period[0], power + period[3], current + period[4]
         work, periods = work + period[5], periods + 1.0
-        self.values[0, 3:] = squares, power, current, work, periods
+        self.values[0, 3:8] = squares, power, current, work, periods
         rms = math.sqrt(squares / periods)
         info = (*rewards, rms, rms / math.sqrt(of_motion), power / periods, current / periods, work)
         self._parts[:] = rewards

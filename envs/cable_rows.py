@@ -74,19 +74,14 @@ class CableRows(EngineRows):
         self._sums = DamperSums(inner, self.command_max, self.plants.timestep)
 
     def start(self, row: int, load: CableLoad) -> Array:
-        """Row at rest under a load; returns the load on the natural coordinates (samples, modes), N."""
-        pushes = self._pushes(row, load, self.forces(load))
-        self.plants.start(row, pushes)
-        return pushes
+        """Row at rest under a load; returns `forces` of it."""
+        forces = self.forces(load)
+        self._begin(row, forces, load.sample_time, load.duration)
+        return forces
 
     def forces(self, load: CableLoad) -> Array:
         """(samples, modes) N, a load on the natural coordinates at its own samples."""
         return np.asarray(load.force @ self.cable.load_matrix(load.places))
-
-    def _pushes(self, row: int, load: CableLoad, forces: Array) -> Array:
-        time = self._step_times(row, load.duration)
-        samples = load.sample_time * np.arange(len(forces))
-        return np.stack([np.interp(time, samples, column) for column in forces.T], axis=1)
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) sensor readings of rows that have just started."""
@@ -160,8 +155,4 @@ class CableRows(EngineRows):
         if self.accelerometers is not None:
             state, self.accelerometers.state[row] = state
         self.plants.restore(row, state)
-        self.steps[row] = self._periods(state)
-
-    def _periods(self, moment: Any) -> int:
-        """Control periods of a saved row's load."""
-        return len(moment.load) // self.plants.inner - 1
+        self.steps[row] = state.steps // self.plants.inner

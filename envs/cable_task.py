@@ -16,13 +16,15 @@ from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.chain_rows import CABLES
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, check_options
+from mrdamp.envs.task import Task, check_options
 from mrdamp.errors import require_kind
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
 
 Array = NDArray[np.float64]
 
+#: RMS over the scales under the default loads and commands that change evenly between none and the largest.
+_TYPICAL = {"acceleration_1": 10.0, "acceleration": 2.8, "force": 0.5, "true_force": 0.5, "current": 0.6}
 _LARGE = 0.002  # of the length: motion at mid-span that the scales of the observation belong to
 
 
@@ -89,45 +91,39 @@ class CableTask(Task):
         if given.full_state:  # as many places as the sines can be distinguished at, between the anchorages
             measured_at = tuple(np.arange(1, self.cable.modes + 1) / (self.cable.modes + 1))
         places = tuple(measured_at or default_places(self.cable))
-        self.cable_rows = given.rows(CABLES, [self.model], self.cable, self.model, places, bandwidth, n=n)
-        self._references = References[Array]()
+        rows = given.rows(CABLES, [self.model], self.cable, self.model, places, bandwidth, n=n)
         self.loads = WindLoads() if loads is None else loads
         self.weights = CableReward.of(reward)
-        self.cable_score = CableScore(self.weights, n)
-        maximum = self.cable_rows.command_max
+        maximum = rows.command_max
         observer = given.observes(
-            lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum
+            lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum, _TYPICAL
         )
-        super().__init__(self.cable_rows, self.cable_score, observer, maximum, given.noise)
+        super().__init__(rows, CableScore(self.weights, n), observer, maximum, given.noise)
 
     drawn_size = 0.45
 
     def reference_motion(self, row: int) -> float:
         """RMS over time and length, m."""
-        return math.sqrt(self.cable_score.values[row, 0])
+        return math.sqrt(self.score.values[row, 0])
 
-    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
+    def begin(
+        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
+    ) -> dict[str, Any]:
         amplitude = check_options(options, "load")
         load = options.get("load")
         if load is None:
             load = self.loads.draw(rng, self.cable.length)
         require_kind("a CableLoad", CableLoad, load=load)
         load = load.scaled(amplitude)
-        pushes = self.cable_rows.start(row, load)
-        free = self.reference(pushes)
-        self.cable_score.start(row, free)
+        forces, cable = self.rows.start(row, load), self.rows.of(row).cable
+        free = self._references.of(forces, drawn, lambda: free_run(cable, forces, load.sample_time))
+        self.score.start(row, free, int(self.rows.steps[row]))
         return {
             "load": load.name,
             "load_rms": load.rms,
             "duration": load.duration,
             "reference_motion": math.sqrt(free[0]),
         }
-
-    def reference(self, pushes: Array) -> Array:
-        """(3,) reference of the reward for loads (samples, modes) N at the engine's steps; see `free_run`."""
-        return self._references.of(
-            pushes, lambda: free_run(self.cable, pushes, self.cable_rows.plants.timestep)
-        )
 
 
 def cable_sensors(

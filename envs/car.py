@@ -10,6 +10,7 @@ from mrdamp.envs.car_task import CarTask
 from mrdamp.envs.car_view import CarView
 from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.view import View
+from mrdamp.simulation.roads import Road
 
 
 class CarEnv(PlantEnv[CarTask]):
@@ -28,7 +29,7 @@ class CarEnv(PlantEnv[CarTask]):
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`.
+    `Box(-1, 1, (1,), float32)`. Action 0 is half of the largest current.
 
     | Num | Action | Control Min | Control Max | Name (in the XML file) | Joint | Unit |
     |-----|--------|-------------|-------------|------------------------|-------|------|
@@ -57,8 +58,8 @@ class CarEnv(PlantEnv[CarTask]):
     The sum of the parts of `mrdamp.envs.car_reward.CarReward`. Each is in `info` as `reward_comfort`,
     `reward_holding`, `reward_stroke`, `reward_airborne`, `reward_current`, `reward_power`. Comfort is the body's
     acceleration weighted by Wk of ISO 2631-1, holding the dynamic load on the tyre. Both are relative to their RMS on
-    the same road with a linear suspension (a dashpot of .3 of critical), so that rewards on smooth and rough roads are
-    comparable.
+    the same road with a linear suspension (a dashpot of .3 of critical), whose return is -100: by default the return is
+    -50 times the sum of the squares of both ratios, and the current is free.
 
     `info` also has, since the episode's start: `weighted_acceleration` (RMS, m/s2), `rms_load` (of the dynamic tyre
     load, over the weight), `rms_stroke`, `peak_stroke` (m), `comfort_ratio`, `load_ratio`, `stroke_ratio` (over the
@@ -101,7 +102,8 @@ class CarEnv(PlantEnv[CarTask]):
         task = self.task
 
         def ahead(places: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-            road, plants = task.car_rows.roads[0], task.car_rows.plants
+            road: Road = task.rows.of(0).roads[0]
+            plants = task.rows.plants
             return road.at(plants.timestep * plants.step[0] + places / road.speed)
 
         return CarView(task.car, task.model, ahead, camera, size)

@@ -31,18 +31,21 @@ class CarReward(Weights):
     tyre load and of the stroke, each over its RMS on the whole of the same road with a linear suspension (a dashpot of
     .3 of critical, a tyre that never lifts off), and i the coil current over the largest command:
 
-    | part | per control period |
-    |---|---|
-    | comfort | -comfort a^exponent |
-    | holding | -holding l^exponent |
-    | stroke | -stroke s^exponent |
-    | airborne | -airborne times the share of the period without contact |
-    | current | -current mean(i) |
-    | power | -power mean(i^2), the coil's heat over that at the largest current |
+    | part | of a control period | over an episode of T |
+    |---|---|---|
+    | comfort | a^exponent / T | -100 comfort mean(a^exponent) |
+    | holding | l^exponent / T | -100 holding mean(l^exponent) |
+    | stroke | s^exponent / T | -100 stroke mean(s^exponent) |
+    | airborne | the share of it without contact / T | -100 airborne mean(share) |
+    | current | i / T | -100 current mean(i) |
+    | power | i^2 / T, the coil's heat over that at the largest current | -100 power mean(i^2) |
+
+    The default return is -50 times the sum of the squares of `comfort_ratio` and `load_ratio`, which `mrdamp compare`
+    reports: -100 with the linear suspension.
     """
 
-    comfort: float = 1.0
-    holding: float = 1.0
+    comfort: float = 0.5
+    holding: float = 0.5
     stroke: float = 0.0
     airborne: float = 0.0
 
@@ -83,16 +86,16 @@ def reference_run(car: QuarterCar, heights: Array, step: float) -> Array:
 class CarScore(PartScore[CarReward]):
     """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 12) are its whole state: the reference's mean squares of weighted acceleration, load and stroke; sums of
+    values (n, 13) are its whole state: the reference's mean squares of weighted acceleration, load and stroke; sums of
     the row's own three; the largest stroke; sums of the shares without contact, of power shares, of currents (A or V)
-    and of dissipated energy (J); periods.
+    and of dissipated energy (J); periods so far, and of the load.
     """
 
     NAMES = (
         *(f"reward_{part}" for part in PARTS), "weighted_acceleration", "rms_load", "rms_stroke",
         "comfort_ratio", "load_ratio", "stroke_ratio", "peak_stroke", "airborne", *DAMPER,
     )  # fmt: skip
-    kept = 12
+    kept = 13
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 9), and the columns of `info`, (n, names)."""
@@ -101,17 +104,17 @@ class CarScore(PartScore[CarReward]):
         ratio = period[:, :3] / v[:, :3]
         info[:, :3] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
         info[:, 3:parts] = period[:, 4:7]
-        info[:, :parts] *= self._signed
+        info[:, :parts] *= self._weights()
         v[:, 3:6] += period[:, :3]
         np.maximum(v[:, 6], period[:, 3], out=v[:, 6])
         v[:, 7] += period[:, 4]
         v[:, 8:11] += period[:, 6:9]
         v[:, 11] += 1.0
-        own = np.sqrt(v[:, 3:6] / v[:, 11:])
+        own = np.sqrt(v[:, 3:6] / v[:, 11:12])
         info[:, parts : parts + 3] = own
         info[:, parts + 3 : parts + 6] = own / np.sqrt(v[:, :3])
         info[:, parts + 6] = v[:, 6]
-        info[:, parts + 7 : parts + 10] = v[:, 7:10] / v[:, 11:]
+        info[:, parts + 7 : parts + 10] = v[:, 7:10] / v[:, 11:12]
         info[:, parts + 10] = v[:, 10]
         return np.add.reduce(info[:, :parts], axis=1), info
 

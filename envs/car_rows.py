@@ -58,15 +58,22 @@ class CarRows(FrameRows):
 
     def start(self, row: int, motion: Any) -> Array:
         """Row at rest at the start of a road; returns the heights (samples,) at the engine's steps, m."""
-        heights = self._heights(row, motion)
-        self.plants.start(row, road_acceleration(heights, self.plants.timestep)[:, None])
-        self.weighted[row] = 0.0
+        self.roads[row] = motion
+        heights = self._heights(motion)
+        self._begin(row, self._load(heights)[:, None], self.plants.timestep, motion.duration)
         return heights[:-1]
 
-    def _heights(self, row: int, road: Road) -> Array:
+    def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:
+        super()._begin(row, load, sample_time, duration)
+        self.weighted[row] = 0.0
+
+    def _load(self, heights: Array) -> Array:
+        """(samples,) m/s2 at the steps."""
+        return road_acceleration(heights, self.plants.timestep)
+
+    def _heights(self, road: Road) -> Array:
         """(samples + 1,) m."""
-        self.roads[row] = road
-        time = self._step_times(row, road.duration)
+        time = self._times(road.duration)
         time = np.append(time, time[-1] + self.plants.timestep)
         # Straight on within the last period: a stop would be a blow at the road's end.
         beyond, last = np.maximum(time - road.duration, 0.0), np.array([road.duration - 1e-6, road.duration])

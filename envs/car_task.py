@@ -18,7 +18,7 @@ from mrdamp.envs.chain_rows import CARS
 from mrdamp.envs.frame_task import largest_force
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import References, Task, check_options
+from mrdamp.envs.task import Task, check_options
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
 from mrdamp.simulation.roads import Road, read_road
@@ -26,6 +26,11 @@ from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 
+#: RMS over the scales under the default loads and commands that change evenly between none and the largest.
+_TYPICAL = {
+    "acceleration": 0.65, "displacement": 0.5, "drift": 0.45, "stroke": 0.4, "stroke_velocity": 0.5, "force": 0.6,
+    "true_force": 0.6, "current": 0.6,
+}  # fmt: skip
 # Sizes that the scales of the observation belong to, those on a rough road (class D): m/s2, m/s, m.
 _BODY, _WHEEL, _VELOCITY, _STROKE, _TYRE = 3.0, 30.0, 0.5, 0.03, 0.01
 
@@ -71,29 +76,29 @@ class CarTask(Task):
         require_kind("a source of roads", RoadSource, roads=roads)
         self.car = QuarterCar(**car) if isinstance(car, Mapping) else car or QuarterCar()
         self.model = model_of(model, car_damper)
-        self.car_rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
-        self._references = References[Array]()
+        rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
         self.roads = IsoRoads() if roads is None else roads
         self.weights = CarReward.of(reward)
-        self.car_score = CarScore(self.weights, n)
-        maximum = self.car_rows.command_max
+        maximum = rows.command_max
         observer = given.observes(
-            lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum
+            lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum, _TYPICAL
         )
-        super().__init__(self.car_rows, self.car_score, observer, maximum, given.noise)
+        super().__init__(rows, CarScore(self.weights, n), observer, maximum, given.noise)
 
     drawn_size = 0.05
 
     def reference_motion(self, row: int) -> float:
         """RMS stroke, m."""
-        return math.sqrt(self.car_score.values[row, 2])
+        return math.sqrt(self.score.values[row, 2])
 
-    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
+    def begin(
+        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
+    ) -> dict[str, Any]:
         road = self._road(rng, options)
-        heights = self.car_rows.start(row, road)
-        step = self.car_rows.plants.timestep
-        reference = self._references.of(heights, lambda: reference_run(self.car, heights, step))
-        self.car_score.start(row, reference)
+        heights, car = self.rows.start(row, road), self.rows.of(row).car
+        step = self.rows.plants.timestep
+        reference = self._references.of(heights, drawn, lambda: reference_run(car, heights, step))
+        self.score.start(row, reference, int(self.rows.steps[row]))
         acceleration, load, stroke = np.sqrt(reference).tolist()
         return {
             "road": road.name,

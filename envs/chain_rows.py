@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.envs.cable_rows import CableRows
 from mrdamp.envs.car_rows import CarRows
 from mrdamp.envs.frame_rows import FrameRows
+from mrdamp.envs.plants import periods
 from mrdamp.errors import InputError
-from mrdamp.motions import GroundMotion
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import ChainRows
 
@@ -34,6 +33,7 @@ class Chained:
     """Base of rows on the chain. Attributes: plants, seeds (n,) of the rows' noise."""
 
     plants: Any
+    period: float
     seeds: NDArray[np.int64]
     steps: NDArray[np.int64]
 
@@ -49,6 +49,11 @@ class Chained:
     def seed(self, row: int, rng: np.random.Generator) -> None:
         """Of the noise of the row's next start."""
         self.seeds[row] = rng.integers(_SEEDS)
+
+    def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:
+        self.steps[row] = periods(duration, self.period)
+        steps = int(self.steps[row] * self.plants.inner)
+        self.plants.start(row, load, sample_time, steps, int(self.seeds[row]))
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) sensor readings of rows that have just started."""
@@ -82,14 +87,6 @@ class FrameChain(Chained, FrameRows):
         instants = max(1, round(self.period / self.stepping.inner / _INSTANT))
         self._hold(ChainRows.frame(self.models[0].frame, self.models, damper_floors, self.stepping, instants))
 
-    def start(self, row: int, motion: GroundMotion) -> Array:
-        """As `FrameRows.start`."""
-        ground = self._ground(row, motion)
-        self.plants.start(
-            row, motion.acceleration[:, None], motion.sample_time, len(ground), int(self.seeds[row])
-        )
-        return ground
-
     def position(self, row: int) -> Array:
         """(1 + storeys,) m: the ground, which stays, and the drifts."""
         return np.diff(self.plants.position(row), prepend=[0.0, 0.0])
@@ -104,13 +101,6 @@ class CableChain(Chained, CableRows):
         self._hold(
             ChainRows.modes(cable.natural, cable.ratio, here, self._at, mass, self.damper, self.stepping)
         )
-
-    def start(self, row: int, load: CableLoad) -> Array:
-        """As `CableRows.start`."""
-        forces = self.forces(load)
-        pushes = self._pushes(row, load, forces)
-        self.plants.start(row, forces, load.sample_time, len(pushes), int(self.seeds[row]))
-        return pushes
 
     def add_noise(self, deviation: Array) -> bool:
         """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""
@@ -132,9 +122,6 @@ class CableChain(Chained, CableRows):
 
     save, restore = CableRows.save, CableRows.restore
 
-    def _periods(self, moment: Any) -> int:
-        return int(moment.steps // self.plants.inner)
-
 
 class CarChain(Chained, CarRows):
     """`CarRows` on the chain."""
@@ -142,16 +129,9 @@ class CarChain(Chained, CarRows):
     def _build(self) -> None:
         self._hold(ChainRows.car(self.car, self.models[0], self.stepping))
 
-    def start(self, row: int, motion: Any) -> Array:
-        """As `CarRows.start`."""
-        heights = self._heights(row, motion)
-        load = self._load(heights)
-        self.plants.start(row, load[:, None], self.plants.timestep, len(load), int(self.seeds[row]))
-        return heights[:-1]
-
     def pushes(self, road: Road) -> Array:
-        """(steps,) m/s2, the acceleration of a road under row 0, means over the steps."""
-        load = self._load(self._heights(0, road))
+        """(steps,) m/s2, the acceleration of a road, means over the steps."""
+        load = self._load(self._heights(road))
         return np.asarray((load[:-1] + load[1:]) / 2)
 
     def _load(self, heights: Array) -> Array:

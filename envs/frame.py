@@ -24,7 +24,7 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     ## Action Space
 
-    `Box(-1, 1, (m,), float32)`, one number for each of m dampers.
+    `Box(-1, 1, (m,), float32)`, one number for each of m dampers. Action 0 is half of the largest current.
 
     | Num | Action | Control Min | Control Max | Name (in the XML file) | Transmission | Unit |
     |-----|--------|-------------|-------------|------------------------|--------------|------|
@@ -45,7 +45,8 @@ class FrameEnv(PlantEnv[FrameTask]):
     | 4 | force of the damper, by its own sensor | -20 | 20 | force | storey1 | N |
     | 5 | command held in the period that ended | 0 | 1 | damper | storey1 | A or V |
 
-    `history=h` stacks the last h control periods, the newest first. Other `signals` to choose from:
+    The scales are those of a strong motion; under the default motions the RMS is .1 to .3, with `normalise=True` about
+    1. `history=h` stacks the last h control periods, the newest first. Other `signals` to choose from:
     `displacement_j`, `velocity_j` (floor to ground, m and m/s), `drift_j` (m), `stroke_velocity` (m/s), `current`
     (A or V), `true_force` (N, an ideal load cell); those of a second damper end in `_2`. `full_state=True` gives
     all displacements, velocities and currents. Sensors have the effects of the model (`sensor_gain`,
@@ -56,8 +57,8 @@ class FrameEnv(PlantEnv[FrameTask]):
 
     The sum of the parts of `mrdamp.envs.reward.FrameReward`. Each is in `info` as `reward_drift`,
     `reward_acceleration`, `reward_drift_peak`, `reward_acceleration_peak`, `reward_current`, `reward_power`,
-    `reward_energy`. Drift and acceleration are relative to their peaks in the same motion without dampers, so
-    that rewards for weak and strong motions are comparable.
+    `reward_energy`. Drift and acceleration are relative to their peaks in the same motion without dampers: by default
+    an episode's return is -50 (J1 + J2), -100 without dampers, and the current is free.
 
     `info` also has, since the episode's start: `peak_drift` (m), `peak_acceleration` (m/s2), both over all steps of
     the engine; `drift_ratio` and `acceleration_ratio`, the same over the reference run (J1 and J2 of the benchmark

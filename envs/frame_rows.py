@@ -84,12 +84,8 @@ class FrameRows(EngineRows):
 
         The motion is linear between its samples, also within the control period.
         """
-        ground = self._ground(row, motion)
-        self.plants.start(row, ground[:, None])
-        return ground
-
-    def _ground(self, row: int, motion: Any) -> Array:
-        return np.asarray(np.interp(self._step_times(row, motion.duration), motion.time, motion.acceleration))
+        self._begin(row, motion.acceleration[:, None], motion.sample_time, motion.duration)
+        return np.asarray(np.interp(self._times(motion.duration), motion.time, motion.acceleration))
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) sensor readings of rows that have just started."""
@@ -159,7 +155,7 @@ class FrameRows(EngineRows):
     def restore(self, row: int, state: RowState) -> None:
         self.plants.restore(row, state.moment)
         self.sensors.restore(row, state.sensors)
-        self.steps[row] = len(state.moment.load) // self.plants.inner - 1
+        self.steps[row] = state.moment.steps // self.plants.inner
 
 
 def moved_on(before: Array, after: Array) -> Array:

@@ -16,8 +16,8 @@ from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.plant import placed
-from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
-from mrdamp.envs.task import References, Task, check_options
+from mrdamp.envs.reward import FrameReward, Score, reference_run
+from mrdamp.envs.task import Task, check_options
 from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model, core
 from mrdamp.motions import GroundMotion
@@ -25,6 +25,11 @@ from mrdamp.structures import ShearFrame
 
 Array = NDArray[np.float64]
 
+#: RMS over the scales under the default loads and commands that change evenly between none and the largest.
+_TYPICAL = {
+    "acceleration": 0.25, "displacement": 0.2, "velocity": 0.2, "drift": 0.1, "stroke": 0.1, "stroke_velocity": 0.1,
+    "force": 0.13, "true_force": 0.13, "current": 0.6,
+}  # fmt: skip
 _STRONG = 5.0  # m/s2: floor acceleration that the scales of the observation belong to
 
 
@@ -52,34 +57,37 @@ class FrameTask(Task):
         if isinstance(model, str | Path):
             model = Model.read(model)
         self.models = placed(model, structure, damper_between)
-        self.frame_rows = given.rows(FRAMES, self.models, self.models, n=n)
-        self._references = References[Reference]()
+        rows = given.rows(FRAMES, self.models, self.models, n=n)
         self.weights, self.duration = FrameReward.of(reward), duration
         if self.weights.reference == "passive-on" and len(self.models) > 1:
             raise InputError("reward: reference passive-on is for one damper; allowed here: uncontrolled")
         self.motions = SyntheticMotions() if motions is None else motions
-        self.frame_score = Score(self.weights, n)
-        maximum = self.frame_rows.command_max
-        observer = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum)
-        super().__init__(self.frame_rows, self.frame_score, observer, maximum, given.noise)
+        maximum = rows.command_max
+        observer = given.observes(lambda full: frame_sensors(self.models, maximum, full), maximum, _TYPICAL)
+        super().__init__(rows, Score(self.weights, n), observer, maximum, given.noise)
 
     @property
     def structure(self) -> ShearFrame:
-        return self.frame_rows.structure
+        assert self.models[0].structure is not None
+        return self.models[0].structure
 
     drawn_size = 0.10
 
     def reference_motion(self, row: int) -> float:
         """Peak drift, m."""
-        return float(self.frame_score.values[row, 0])
+        return float(self.score.values[row, 0])
 
-    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
+    def begin(
+        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
+    ) -> dict[str, Any]:
         motion = self._motion(rng, options)
-        ground = self.frame_rows.start(row, motion)
-        dt = self.frame_rows.plants.timestep
-        every = max(1, round(1e-3 / dt))
-        reference = self.reference(ground[::every].copy(), every * dt)
-        self.frame_score.start(row, astuple(reference))
+        every = max(1, round(1e-3 / self.rows.plants.timestep))
+        ground, dt = self.rows.start(row, motion)[::every].copy(), every * self.rows.plants.timestep
+        model, largest = self.rows.of(row).models[0], float(self.command_max[0])
+        reference = self._references.of(
+            ground, drawn, lambda: reference_run(model, ground, dt, self.weights.reference, largest)
+        )
+        self.score.start(row, astuple(reference), int(self.rows.steps[row]))
         return {
             "motion": motion.name,
             "pga": motion.pga,
@@ -88,13 +96,6 @@ class FrameTask(Task):
             "reference_drift": reference.drift,
             "reference_acceleration": reference.acceleration,
         }
-
-    def reference(self, ground: Array, dt: float) -> Reference:
-        """Reference of the reward for ground acceleration (samples,) m/s2 every dt."""
-        return self._references.of(
-            ground,
-            lambda: reference_run(self.models[0], ground, dt, self.weights.reference, self.command_max[0]),
-        )
 
     def _motion(self, rng: np.random.Generator, options: Mapping[str, Any]) -> GroundMotion:
         amplitude = check_options(options, "motion", "compression")

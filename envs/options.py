@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observer
 from mrdamp.envs.chain_rows import Kind, of_engine
+from mrdamp.envs.loads import Range
+from mrdamp.envs.randomise import DrawnRows
+from mrdamp.envs.sensors import stem
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.simulation.rows import Stepping
@@ -60,24 +63,44 @@ class TaskOptions(RowOptions):
     memory: Sequence[float] = ()
     peaks: Mapping[str, float] | None = None
     full_state: bool = False
+    normalise: bool = False
     noise: Mapping[str, float] | None = None
+    randomise: Mapping[str, Range] | None = None
 
     def __post_init__(self) -> None:
         require_kind("an Observer, or a mapping", (Observer, Mapping), observer=self.observer)
         require_kind("a list of names", (list, tuple), signals=self.signals)
         require_kind("a list of numbers", (list, tuple, np.ndarray), memory=self.memory)
         require_kind("a number by name", Mapping, peaks=self.peaks, noise=self.noise)
-        own = {name: getattr(self, name) for name in ("action_in_observation", "full_state")}
+        own = {name: getattr(self, name) for name in ("action_in_observation", "full_state", "normalise")}
         require_kind("True, False", bool, **own)
 
+    def rows(
+        self,
+        engines: Mapping[str, tuple[type[Kind], float]],
+        dampers: Sequence[Model],
+        *structure: Any,
+        n: int = 1,
+    ) -> Any:
+        """As `RowOptions.rows`; where parameters are drawn, each row has a structure of its own."""
+        if self.randomise is None:
+            return super().rows(engines, dampers, *structure, n=n)
+        return DrawnRows(super().rows(engines, dampers, *structure), structure, self.randomise, n)
+
     def observes(
-        self, sensors: Callable[[bool], tuple[Sequence[str], Mapping[str, float]]], command_max: Array
+        self,
+        sensors: Callable[[bool], tuple[Sequence[str], Mapping[str, float]]],
+        command_max: Array,
+        typical: Mapping[str, float],
     ) -> Observer:
         """The observer that is given, one of its `to_dict`, or one of the structure's sensors.
 
         sensors: of `full_state`, the default signals, and the scale of every measurement. command_max:
-        (m,) A or V. Raises InputError for a signal without a scale.
+        (m,) A or V. typical: RMS of signals over their scales, by name or the name without its number, that
+        `normalise` takes out. Raises InputError for a signal without a scale.
         """
+        if self.observer is not None and self.normalise:
+            raise InputError("normalise is for the environment's own observer; allowed: that, or an observer")
         if isinstance(self.observer, Observer):
             return self.observer
         if self.observer is not None:
@@ -87,6 +110,8 @@ class TaskOptions(RowOptions):
         unknown = [name for name in signals if name not in scale]
         if unknown:
             raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")
+        if self.normalise:
+            scale = {name: v * typical.get(name, typical.get(stem(name), 1.0)) for name, v in scale.items()}
         return Observer(
             signals,
             tuple(scale[name] for name in signals),

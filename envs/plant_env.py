@@ -39,7 +39,9 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
     | `peaks` | name: number | none | time constants, in control periods, of leaky peaks of signals, last of all |
     | `observer` | `Observer`, mapping | from those | takes their place |
     | `full_state` | bool | False | observes the state, see the environment |
+    | `normalise` | bool | False | signals over their typical RMS, which then is about 1 |
     | `noise` | mapping | none | standard deviation by measurement, SI: `{"acceleration": 0.05, "force": 5.0}` |
+    | `randomise` | name: (low, high) | none | drawn for each episode, see `mrdamp.envs.randomise.Randomise` |
     | `period` | s | 0.005 | of control; the load goes on within it |
     | `engine` | str | mujoco | `mujoco`, or `chain`: the C++ chain without it, many rows at little cost |
     | `timestep` | s | the engine's, see the environment | the largest of the engine |

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import mujoco.batch
@@ -25,15 +25,17 @@ _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 @dataclass(frozen=True)
 class Moment:
-    """State of one row: engine state, load (samples, loads) and the step it is at."""
+    """State of one row: engine state, load (samples, loads) every sample_time (s), its steps, and the step it is at."""
 
     state: Array
     load: Array
+    sample_time: float
+    steps: int
     step: int
 
 
 class Plants:
-    """n copies of a MuJoCo model whose inputs are loads (given at every step) and dampers (held over a period).
+    """n copies of a MuJoCo model whose inputs are loads (straight between samples) and dampers (held over a period).
 
     xml: MJCF with its timestep set. loads, dampers: names of actuators. inner: steps in a control period. fields:
     of MjData, what is read. Attributes: sensors, name -> slice of the sensor data; step (n,), of the engine since
@@ -66,10 +68,11 @@ class Plants:
         self._bind()
         self._pushes = np.zeros((n, inner, m.nu))
         self._record = {name: np.zeros((n, inner, a.shape[1])) for name, a in self._now.items()}
-        # Loads (n, samples, loads) at the engine's steps, and each row's last sample, from which on there is none.
-        self._load = np.zeros((n, inner, len(loads)))
-        self._last = np.full(n, inner - 1)
-        self._row, self._ahead = np.arange(n)[:, None], np.arange(inner + 1)
+        # Loads (n, samples, loads); each row's sample time, last sample, and steps, from which on there is none.
+        self._load = np.zeros((n, 1, len(loads)))
+        self._sample_time, self._last = np.ones(n), np.zeros(n, dtype=np.int64)
+        self._steps = np.zeros(n, dtype=np.int64)
+        self._ahead = np.arange(inner + 1)
         self.step = np.zeros(n, dtype=np.int64)
 
     def _bind(self) -> None:
@@ -94,19 +97,23 @@ class Plants:
         """Of the engine, s."""
         return float(self.model.opt.timestep)
 
-    def start(self, row: int, load: Array) -> None:
-        """Row at rest at time 0, to run under a load (samples, loads) at the engine's steps; none after its end."""
+    def start(self, row: int, load: Array, sample_time: float, steps: int) -> None:
+        """Row at rest under a load (samples, loads) every sample_time (s), straight between samples.
+
+        Behind its end it stays as it is, and is none from step `steps` on.
+        """
         self.batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE)
-        rest = np.zeros((-len(load) % self.inner + self.inner, load.shape[1]))
-        self._give(row, np.concatenate([load, rest]))
+        if load.shape[1] == 1:  # at the engine's steps: quicker, and of many loads it would be much memory
+            time = self.timestep * np.arange(steps)
+            load, sample_time = np.interp(time, sample_time * np.arange(len(load)), load[:, 0])[:, None], self.timestep
+        self._give(row, load, sample_time, steps)
         self.step[row] = 0
 
     def measure(self, rows: Sequence[int] | None = None) -> dict[str, Array]:
         """The fields, (rows, size) each, at the present state, under the present load and the last commands."""
         some = list(range(self.n) if rows is None else rows)
-        now = self._load[some, np.minimum(self.step[some], self._last[some])]
-        for row, load in zip(some, now, strict=True):
-            self._control[row, self.loads] = load
+        for row, load in zip(some, self._at(np.array(some), self.step[some, None]), strict=True):
+            self._control[row, self.loads] = load[0]
         self.batch.forward(rows)
         return {name: value[some] for name, value in self._now.items()}
 
@@ -119,7 +126,7 @@ class Plants:
         """
         pushes, inner = self._pushes, self.inner
         pushes[:, :, self.dampers] = finite("command", commands, (self.n, self._many))[:, None, :]
-        load = self._coming()
+        load = self._at(np.arange(self.n), self.step[:, None] + self._ahead)
         pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
         self.step += inner
@@ -127,14 +134,22 @@ class Plants:
         self.batch.forward()
         return self._record, self._now
 
-    def _coming(self) -> Array:
-        """(n, inner + 1, loads) at the steps of this period and the one after it."""
-        if self.n == 1:
-            begin = int(self.step[0])
-            if begin + self.inner <= self._last[0]:
-                return self._load[:, begin : begin + self.inner + 1]
-        at = np.minimum(self.step[:, None] + self._ahead, self._last[:, None])
-        return np.asarray(self._load[self._row, at])
+    def _at(self, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
+        """(rows, k, loads) of rows at steps (rows, k) since their start."""
+        if len(rows) == 1:
+            begin, end = int(steps[0, 0]), int(steps[0, -1])
+            if self._sample_time[rows[0]] == self.timestep and end <= self._last[rows[0]]:
+                return self._load[rows, begin : end + 1]
+        time = steps * (self.timestep / self._sample_time[rows, None])
+        last, row = self._last[rows, None], rows[:, None]
+        before = np.minimum(time.astype(np.int64), last)
+        # Behind the last sample the load stays: there the two are the same.
+        first, second = self._load[row, before], self._load[row, np.minimum(before + 1, last)]
+        found = first + (time - before)[:, :, None] * (second - first)
+        over = steps >= self._steps[rows, None]
+        if over[:, -1].any():
+            found[over] = 0.0
+        return np.asarray(found)
 
     def position(self, row: int) -> Array:
         """(nq,) of a row, for drawing."""
@@ -142,21 +157,21 @@ class Plants:
 
     def save(self, row: int) -> Moment:
         """The row's state."""
-        load = self._load[row, : self._last[row] + 1].copy()
-        return Moment(np.array(self.batch.state[row]), load, int(self.step[row]))
+        load, span = self._load[row, : self._last[row] + 1].copy(), (self._sample_time[row], self._steps[row])
+        return Moment(np.array(self.batch.state[row]), load, float(span[0]), int(span[1]), int(self.step[row]))
 
     def restore(self, row: int, moment: Moment) -> None:
         """Restores a saved state exactly."""
         self.batch.state[row] = moment.state
-        self._give(row, moment.load)
+        self._give(row, moment.load, moment.sample_time, moment.steps)
         self.step[row] = moment.step
 
-    def _give(self, row: int, load: Array) -> None:
+    def _give(self, row: int, load: Array, sample_time: float, steps: int) -> None:
         n, samples, width = self._load.shape
         if len(load) > samples:
             self._load = np.concatenate([self._load, np.zeros((n, len(load) - samples, width))], axis=1)
         self._load[row, : len(load)] = load
-        self._last[row] = len(load) - 1
+        self._last[row], self._sample_time[row], self._steps[row] = len(load) - 1, sample_time, steps
 
 
 class EngineRows:
@@ -181,6 +196,16 @@ class EngineRows:
         """The coordinates of its drawing."""
         return np.asarray(self.plants.position(row))
 
+    def of(self, row: int) -> Self:
+        """The rows that the row's structure is of: all have the same."""
+        return self
+
+    def draw(self, row: int, rng: np.random.Generator, given: Any) -> Mapping[str, float]:
+        """Nothing: no parameter is drawn here. Raises InputError where one is given."""
+        if given:
+            raise InputError(f"reset: drawn is {given!r}; allowed: with randomise, see its environment")
+        return {}
+
     def add_noise(self, deviation: Array) -> bool:
         """True if the rows add noise themselves; the engine's do not."""
         return False
@@ -188,10 +213,19 @@ class EngineRows:
     def seed(self, row: int, rng: np.random.Generator) -> None:
         """Ignored: the engine's rows have no noise of their own."""
 
-    def _step_times(self, row: int, duration: float) -> Array:
-        """(samples,) s, the engine's steps in the whole control periods of a load, which are the row's `steps`."""
-        self.steps[row] = math.floor(duration / self.period + 1e-9) + 1
-        return self.plants.timestep * np.arange(self.steps[row] * self.plants.inner)
+    def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:
+        """Row at rest under a load, as of `Plants.start`, for its whole control periods: the row's `steps`."""
+        self.steps[row] = periods(duration, self.period)
+        self.plants.start(row, load, sample_time, int(self.steps[row] * self.plants.inner))
+
+    def _times(self, duration: float) -> Array:
+        """(samples,) s, the engine's steps in the whole control periods of a load."""
+        return np.asarray(self.plants.timestep * np.arange(periods(duration, self.period) * self.plants.inner))
+
+
+def periods(duration: float, period: float) -> int:
+    """Whole control periods (s) of a load, the one that it ends in included."""
+    return math.floor(duration / period + 1e-9) + 1
 
 
 def _columns(ids: Sequence[int]) -> slice | NDArray[np.intp]:

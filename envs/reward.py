@@ -27,40 +27,36 @@ class FrameReward(Weights):
     the steps of the engine, each over the same motion's peak in the `reference` run, and i the coil current over
     the largest command, averaged over the period and the dampers:
 
-    | part | per control period |
-    |---|---|
-    | drift | -drift d^exponent |
-    | acceleration | -acceleration a^exponent |
-    | drift_peak | -drift_peak times the rise of d's maximum so far: an episode's sum is the peak ratio |
-    | acceleration_peak | -acceleration_peak times the rise of a's maximum so far |
-    | current | -current mean(i) |
-    | power | -power mean(i^2), the coil's heat over that at the largest current |
-    | energy | +energy times the energy taken in by the dampers over the reference run's peak strain energy |
+    | part | of a control period | over an episode of T |
+    |---|---|---|
+    | drift_peak | the rise of d's maximum so far | -100 drift_peak J1 |
+    | acceleration_peak | the rise of a's maximum so far | -100 acceleration_peak J2 |
+    | drift | d^exponent / T | -100 drift mean(d^exponent) |
+    | acceleration | a^exponent / T | -100 acceleration mean(a^exponent) |
+    | current | i / T | -100 current mean(i) |
+    | power | i^2 / T, the coil's heat over that at the largest current | -100 power mean(i^2) |
+    | energy | what the dampers take in over the reference run's peak strain energy | +100 energy times the sum |
+
+    The default return is -50 (J1 + J2), what `mrdamp compare` reports: -100 without dampers.
 
     reference: `uncontrolled`, the frame without dampers, or `passive-on`, the largest command all the time (of one
     damper; it costs more at every reset).
     """
 
-    drift: float = 1.0
-    acceleration: float = 1.0
-    drift_peak: float = 0.0
-    acceleration_peak: float = 0.0
+    drift: float = 0.0
+    acceleration: float = 0.0
+    drift_peak: float = 0.5
+    acceleration_peak: float = 0.5
     energy: float = 0.0
     reference: Literal["uncontrolled", "passive-on"] = "uncontrolled"
 
     parts: ClassVar[tuple[str, ...]] = PARTS
+    summed: ClassVar[tuple[str, ...]] = ("drift_peak", "acceleration_peak", "energy")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.reference not in ("uncontrolled", "passive-on"):
             raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
-
-    @classmethod
-    def peaks(cls) -> FrameReward:
-        """Weights for peak drift and peak acceleration: their increases, and powers of the motion as shaping."""
-        return cls(
-            drift=1.0, acceleration=1.0, drift_peak=20.0, acceleration_peak=20.0, current=0.01, exponent=4.0
-        )
 
 
 @dataclass(frozen=True)
@@ -102,9 +98,9 @@ def reference_run(
 class Score(PartScore[FrameReward]):
     """Rewards of n rows, and their totals since each row's start.
 
-    values (n, 9) are its whole state: the reference's drift, acceleration and strain energy; the largest drift and
+    values (n, 10) are its whole state: the reference's drift, acceleration and strain energy; the largest drift and
     acceleration so far over the reference's; sums of power shares, of currents (A or V) and of dissipated energy (J);
-    periods.
+    periods so far, and of the load.
     """
 
     NAMES = (
@@ -115,7 +111,7 @@ class Score(PartScore[FrameReward]):
         "acceleration_ratio",
         *DAMPER,
     )
-    kept = 9
+    kept = 10
 
     def of(self, period: Array) -> tuple[Array, Array]:
         """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
@@ -130,7 +126,7 @@ class Score(PartScore[FrameReward]):
         np.maximum(ratio - best, 0.0, out=info[:, 2:4])
         info[:, 4:6] = period[:, 2:4]
         np.divide(period[:, 5], v[:, 2], out=info[:, 6])
-        info[:, :7] *= self._signed
+        info[:, :7] *= self._weights()
         np.maximum(best, ratio, out=best)
         v[:, 5:8] += period[:, 3:6]
         v[:, 8] += 1.0
@@ -152,11 +148,11 @@ class Score(PartScore[FrameReward]):
             d_power, a_power, max(d - best_drift, 0.0), max(a - best_acceleration, 0.0), period[2], period[3],
             period[5] / energy,
         )  # fmt: skip
-        rewards = [part * sign for part, sign in zip(parts, self._signs, strict=True)]
+        rewards = self._weighed(parts)
         best_drift, best_acceleration = max(best_drift, d), max(best_acceleration, a)
         power, current, work = rest[0] + period[3], rest[1] + period[4], rest[2] + period[5]
         periods = rest[3] + 1.0
-        self.values[0, 3:] = best_drift, best_acceleration, power, current, work, periods
+        self.values[0, 3:9] = best_drift, best_acceleration, power, current, work, periods
         info = (
             *rewards, best_drift * of_drift, best_acceleration * of_acceleration, best_drift, best_acceleration,
             power / periods, current / periods, work,

@@ -142,6 +142,11 @@ class FloorSensors:
             each.past[row] = values
 
 
+def stem(name: str) -> str:
+    """A measurement's name without its number."""
+    return name.rstrip("0123456789").rstrip("_")
+
+
 class Noise:
     """White noise on measurements; deviation: name, or the name without its number -> standard deviation, SI.
 
@@ -151,7 +156,7 @@ class Noise:
     def __init__(self, deviation: Mapping[str, float], names: Sequence[str]) -> None:
         self.where: list[int] = []
         found: list[float] = []
-        stems = {name: name.rstrip("0123456789").rstrip("_") for name in names}
+        stems = {name: stem(name) for name in names}
         for key, value in deviation.items():
             if key not in stems and key not in stems.values():
                 raise InputError(f"noise on {key!r}: no such measurement; there are: {', '.join(names)}")

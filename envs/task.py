@@ -51,12 +51,20 @@ class Rows(Protocol):
 
     def seed(self, row: int, rng: np.random.Generator) -> None: ...
 
+    def of(self, row: int) -> Any: ...
+
+    def draw(self, row: int, rng: np.random.Generator, given: Any) -> Mapping[str, float]: ...
+
+    def start(self, row: int, load: Any) -> Array: ...
+
 
 class RowScore(Protocol):
     """Rewards of n rows; values (n, ...) are its whole state; NAMES of the columns of `info`."""
 
     NAMES: tuple[str, ...]
     values: Array
+
+    def start(self, row: int, reference: Any, periods: int) -> None: ...
 
     def of(self, period: Array) -> tuple[Array, Array]: ...
 
@@ -88,14 +96,15 @@ _KEPT = 256  # references of loads
 
 
 class References(Generic[Kept]):
-    """Reference responses of loads without a damper; each is computed once and shared by rows with the same load."""
+    """Reference responses of loads without a damper; each is computed once and shared by rows of a structure with the
+    same load."""
 
     def __init__(self) -> None:
         self._kept: dict[bytes, Kept] = {}
 
-    def of(self, load: Array, found: Callable[[], Kept]) -> Kept:
-        """Result of `found` for a load, from the cache if it is recent."""
-        key = hashlib.blake2b(load.tobytes(), digest_size=16).digest()
+    def of(self, load: Array, drawn: Mapping[str, float], found: Callable[[], Kept]) -> Kept:
+        """Result of `found` for a load and what was drawn of the structure, from the cache if it is recent."""
+        key = hashlib.blake2b(load.tobytes() + repr(drawn).encode(), digest_size=16).digest()
         if key not in self._kept:
             if len(self._kept) >= _KEPT:
                 self._kept.clear()
@@ -152,6 +161,7 @@ class Task(ABC):
         self._stack = Stack(observer, self.n)
         self._command: Array = np.zeros((self.n, len(command_max)))
         self._rngs: list[np.random.Generator | None] = [None] * self.n
+        self._references = References[Any]()
         self.observation_space = Box(-observer.limit, observer.limit, (observer.size,), np.float32)
         self.action_space = Box(-1.0, 1.0, (len(command_max),), np.float32)
 
@@ -172,8 +182,11 @@ class Task(ABC):
         return (self._measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
 
     @abstractmethod
-    def begin(self, row: int, rng: np.random.Generator, options: Mapping[str, Any]) -> dict[str, Any]:
-        """Draws the row's load and sets structure and score to its start; returns its entries of `info`."""
+    def begin(
+        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
+    ) -> dict[str, Any]:
+        """Draws the row's load and sets its structure, with what was drawn of it, and score to their start; returns its
+        entries of `info`."""
 
     def commands(self, actions: Any) -> Array:
         """(n, m) commands from actions (n, m) in [-1, 1]; clipped to the range. Raises InputError."""
@@ -187,10 +200,13 @@ class Task(ABC):
         options: Mapping[str, Any] | None = None,
     ) -> tuple[Observation, list[dict[str, Any]]]:
         """Starts rows anew: observations (rows, size) and one info each. rngs: a generator for each of all n rows."""
-        if self._own_noise:
-            for row in rows:
+        given = dict(options or {})
+        fixed, infos = given.pop("drawn", None), []
+        for row in rows:
+            drawn = self.rows.draw(row, rngs[row], fixed)
+            if self._own_noise:
                 self.rows.seed(row, rngs[row])
-        infos = [self.begin(row, rngs[row], options or {}) for row in rows]
+            infos.append(self.begin(row, rngs[row], given, drawn) | ({"drawn": dict(drawn)} if drawn else {}))
         values = self.rows.measure(rows)
         for k, row in enumerate(rows):
             self.noise.add(values, k, rngs[row])

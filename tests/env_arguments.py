@@ -13,5 +13,5 @@ TWO_DAMPERS: Mapping[str, Any] = {
     "noise": {"acceleration": 0.05, "force": 2.0},
     "history": 3,
     "damper_between": [(0, 1), (1, 3)],
-    "reward": FrameReward.peaks(),
+    "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
 }

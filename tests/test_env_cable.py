@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from typing import Any
@@ -49,11 +50,13 @@ def test_a_point_load_pushes_as_much_as_it_should() -> None:
 def test_without_force_the_motion_is_the_reference() -> None:
     env = CableEnv(model=dashpot(0.0), command_max=1.0, loads=AmbientLoads(duration=6.0))
     env.reset(seed=1)
-    over = False
+    over, total = False, 0.0
     info: dict[str, Any] = {}
     while not over:
-        _, _, _, over, info = env.step(np.zeros(1, np.float32))
+        _, reward, _, over, info = env.step(np.zeros(1, np.float32))
+        total += reward
     assert info["motion_ratio"] == pytest.approx(1.0, abs=5e-3)
+    assert total == pytest.approx(-100, rel=1e-2)
     assert info["dissipated_energy"] == 0.0
 
 
@@ -67,7 +70,8 @@ def test_the_parts_are_the_reward() -> None:
         _, reward, _, _, info = env.step(np.array([math.sin(0.1 * k)], np.float32))
         assert reward == pytest.approx(sum(info[f"reward_{part}"] for part in PARTS), abs=1e-12)
         motion -= info["reward_motion"]
-    assert info["motion_ratio"] == pytest.approx(math.sqrt(motion / 400))
+    periods = math.floor(start["duration"] / 0.005 + 1e-9) + 1
+    assert info["motion_ratio"] == pytest.approx(math.sqrt(motion * periods / 100 / 400))
     assert info["rms_motion"] == pytest.approx(info["motion_ratio"] * start["reference_motion"])
     assert info["dissipated_energy"] > 0
 
@@ -175,3 +179,31 @@ def test_what_an_accelerometer_with_a_bandwidth_reads_does_not_hang_on_the_modes
             rms.setdefault(bandwidth, []).append(float(np.std(found)))
     assert rms[15.0][1] == pytest.approx(rms[15.0][0], rel=0.05)
     assert rms[None][1] != pytest.approx(rms[None][0], rel=0.2)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_a_load_is_kept_at_its_own_samples(engine: str) -> None:
+    """Not at the engine's 160,000 steps: 20 s of wind below 15 Hz are 60 samples a second in 11 coordinates."""
+    plant = CablePlant(engine=engine)
+    load = WindLoads(duration=20.0).draw(np.random.default_rng(0), 12.65)
+    tracemalloc.start()
+    plant.reset(load)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert plant.rows.plants.save(0).load.shape == (1201, 11)
+    assert peak < 2e6
+
+
+def test_every_engine_step_is_pushed_along_the_loads_lines() -> None:
+    """Also behind its end, where it stays as it is to the end of the control period and is none afterwards."""
+    plant = CablePlant(period=5e-3, timestep=1e-3)
+    force = np.random.default_rng(1).normal(size=(7, 1))
+    plant.reset(CableLoad("drawn", 1 / 60, np.array([0.5]), force))
+    plants, pushes = plant.rows.plants, []
+    for _ in range(23):
+        pushes.append(plants._at(np.arange(1), plants.step[:, None] + np.arange(5))[0])
+        plant.step(1.0)
+    time = 1e-3 * np.arange(5 * len(pushes))
+    expected = np.interp(time, np.arange(7) / 60, force[:, 0]) * (time < 0.1049)
+    per_newton = StayCable().load_matrix(np.array([0.5]))[0]
+    np.testing.assert_allclose(np.concatenate(pushes), expected[:, None] * per_newton, atol=1e-9)

@@ -17,10 +17,13 @@ from mrdamp.envs import (
     AmbientLoads,
     CableEnv,
     CablePlant,
+    CableTask,
     CarEnv,
     CarPlant,
+    CarTask,
     FrameEnv,
     FramePlant,
+    FrameTask,
     IsoRoads,
     RecordedMotions,
     SyntheticMotions,
@@ -81,8 +84,6 @@ def test_commands_that_are_no_numbers_are_refused(plant: Make, engine: str) -> N
 
 def test_trainers_rows_refuse_them() -> None:
     sb3 = pytest.importorskip("mrdamp.envs.sb3", reason="needs the extra train")
-    from mrdamp.envs import CarTask
-
     env = sb3.PlantVecEnv(CarTask(2, **CAR))
     env.reset()
     refuses(lambda: env.step(np.array([[0.0], [np.nan]])), "action holds NaN")
@@ -192,3 +193,20 @@ def test_spawned_workers_find_an_environment_by_its_package_and_name() -> None:
         np.testing.assert_array_equal(seen[0], FrameEnv().reset(seed=3)[0])
     finally:
         workers.close()
+
+
+@pytest.mark.parametrize(("make", "given"), [(FrameTask, {}), (CableTask, {"timestep": 2.5e-4}), (CarTask, {})])
+def test_normalised_observations_are_about_one(make: Make, given: Mapping[str, Any]) -> None:
+    """RMS of each signal under the default loads and random commands, the stroke's velocity among them."""
+    signals = (*make(1).observer.signals, "stroke_velocity")
+    task = make(8, engine="chain", signals=signals, normalise=True, **given)
+    rngs = [np.random.default_rng(k) for k in range(8)]
+    task.reset(range(8), rngs)
+    seen = []
+    for k in range(950):
+        if k % 20 == 0:
+            actions = rngs[0].uniform(-1, 1, (8, 1))
+        seen.append(task.step(actions).observation[:, : len(signals)])
+    rms = np.sqrt(np.mean(np.concatenate(seen) ** 2, axis=0))
+    assert ((rms > 0.4) & (rms < 2.5)).all(), dict(zip(signals, rms.tolist(), strict=True))
+    refuses(lambda: make(1, normalise=True, observer=task.observer), "normalise is for")

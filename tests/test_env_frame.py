@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -146,7 +147,7 @@ def test_state_is_saved_and_restored_exactly() -> None:
     model = Model(base.law, base.parameters, (*base.effects, *effects), "frame", dyke1996())
     arguments: dict[str, Any] = {
         "model": model, "motions": SHORT, "noise": {"acceleration": 0.1}, "history": 4,
-        "reward": FrameReward.peaks(),
+        "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
     }  # fmt: skip
     env, other = FrameEnv(**arguments), FrameEnv(**arguments)
     env.reset(seed=2)
@@ -221,10 +222,11 @@ def test_the_parts_are_the_reward_and_follow_the_weights() -> None:
         now = np.array([infos["drift_ratio"], infos["acceleration_ratio"]])
         assert (now >= peaks).all()
         peaks = now
-    assert total == pytest.approx(-3.0 * peaks[0])
+    assert total == pytest.approx(-300 * peaks[0])
     assert infos["peak_drift"] == pytest.approx(peaks[0] * start["reference_drift"])
     assert infos["peak_acceleration"] == pytest.approx(peaks[1] * start["reference_acceleration"])
-    assert current == pytest.approx(-0.5 * 120 * infos["mean_current"] / 2.25)
+    periods = math.floor(start["duration"] / 0.005 + 1e-9) + 1
+    assert current == pytest.approx(-50 * 120 / periods * infos["mean_current"] / 2.25)
     assert 0.2 < peaks[0] < 1.0
 
 
@@ -244,8 +246,12 @@ def test_the_uncontrolled_run_is_the_reference() -> None:
     nothing = Model("bingham", {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01})
     env = FrameEnv(model=nothing, command_max=1.0)
     env.reset(options={"motion": STRONG})
-    for _ in range(400):
-        info = env.step(np.array([1.0], np.float32))[4]
+    info: dict[str, Any] = {}
+    total, over = 0.0, False
+    while not over:
+        _, reward, _, over, info = env.step(np.array([1.0], np.float32))
+        total += reward
+    assert total == pytest.approx(-100, rel=1e-2)
     assert info["drift_ratio"] == pytest.approx(1.0, abs=5e-3)
     assert info["acceleration_ratio"] == pytest.approx(1.0, abs=1e-2)
     assert info["dissipated_energy"] == 0.0

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.stats import spearmanr
 
+from mrdamp.control.passive import Constant
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
+from mrdamp.train.worlds import world
 
 NOTHING = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
 
@@ -40,18 +45,39 @@ def test_a_free_cable_holds_the_work_of_its_load() -> None:
     assert energy == pytest.approx(2 * push**2 / w**2, rel=1e-3)
 
 
+def test_a_free_cable_follows_a_load_along_its_lines() -> None:
+    """Against SciPy's integrator, of a load with 60 samples a second that is straight between them."""
+    cable, step = StayCable(modes=3), 1 / 60
+    forces = np.random.default_rng(0).normal(size=(60, 4))
+    time, fine = step * np.arange(60), np.linspace(0, 59 * step, 20001)
+    squares, energy = np.zeros(2), np.zeros(len(fine))
+    for w, force in zip(cable.natural, forces.T, strict=True):
+
+        def rates(t: float, x: np.ndarray, w: float = w, force: np.ndarray = force) -> list[float]:
+            return [x[1], np.interp(t, time, force) - 2 * cable.ratio * w * x[1] - w * w * x[0]]
+
+        solved = solve_ivp(rates, (0, time[-1]), [0, 0], t_eval=fine, rtol=1e-9, atol=1e-12, max_step=step / 20).y
+        acceleration = [rates(t, x)[1] for t, x in zip(fine, solved.T, strict=True)]
+        squares += [np.mean(solved[0] ** 2), np.mean(np.square(acceleration))]
+        energy += 0.5 * (solved[1] ** 2 + w * w * solved[0] ** 2)
+    motion, shaking, held = free_run(cable, forces, step)
+    of = cable.mass * cable.length
+    assert (motion * of, shaking * of, held) == pytest.approx((*squares, energy.max()), rel=1e-3)
+
+
 def test_each_part_of_a_frames_reward() -> None:
     """Two periods by hand: costs are negative, the energy taken in is not, and a peak counts by its rise."""
     weights = FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
                           energy=11.0, exponent=2.0)  # fmt: skip
     score = Score(weights, 1)
-    score.start(0, astuple(Reference(drift=0.01, acceleration=4.0, strain_energy=8.0)))
+    score.start(0, astuple(Reference(drift=0.01, acceleration=4.0, strain_energy=8.0)), 50)
     first, info = score.of(np.array([[0.004, 2.0, 0.6, 0.5, 1.2, 0.4]]))
-    expected = [-2 * 0.4**2, -3 * 0.5**2, -5 * 0.4, -7 * 0.5, -0.5 * 0.6, -0.25 * 0.5, 11 * 0.4 / 8]
+    # A hundred times the weight: of sums, and of means over 50 periods.
+    expected = [-4 * 0.4**2, -6 * 0.5**2, -500 * 0.4, -700 * 0.5, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
     np.testing.assert_allclose(info[0, :7], expected)
     np.testing.assert_allclose(first, sum(expected))
     second, info = score.of(np.array([[0.006, 1.0, 0.0, 0.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(second, -2 * 0.6**2 - 3 * 0.25**2 - 5 * 0.2)
+    np.testing.assert_allclose(second, -4 * 0.6**2 - 6 * 0.25**2 - 500 * 0.2)
     named = dict(zip(Score.NAMES, info[0], strict=True))
     assert named["peak_drift"] == pytest.approx(0.006)
     assert named["acceleration_ratio"] == pytest.approx(0.5)
@@ -62,11 +88,48 @@ def test_each_part_of_a_frames_reward() -> None:
 def test_each_part_of_a_cables_reward() -> None:
     weights = CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=2.0)
     score = CableScore(weights, 1)
-    score.start(0, np.array([1e-4, 4.0, 8.0]))
+    score.start(0, np.array([1e-4, 4.0, 8.0]), 50)
     reward, info = score.of(np.array([[2.5e-5, 1.0, 0.6, 0.5, 1.2, 0.4]]))
-    expected = [-2 * 0.25, -3 * 0.25, -0.5 * 0.6, -0.25 * 0.5, 11 * 0.4 / 8]
+    expected = [-4 * 0.25, -6 * 0.25, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
     np.testing.assert_allclose(info[0, :5], expected)
     np.testing.assert_allclose(reward, sum(expected))
     named = dict(zip(CableScore.NAMES, info[0], strict=True))
     assert named["motion_ratio"] == pytest.approx(0.5)
     assert named["rms_motion"] == pytest.approx(5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("environment", "arguments", "measures", "specs"),
+    [
+        ("mrdamp/Frame-v0", {}, ("drift_ratio", "acceleration_ratio"), ("clipped-optimal", "skyhook")),
+        ("mrdamp/Cable-v0", {"timestep": 5e-4}, ("motion_ratio",), ("clipped-optimal", "lyapunov", "skyhook")),
+        ("mrdamp/QuarterCar-v0", {}, ("comfort_ratio", "load_ratio"), ("skyhook", "add", "clipped-lq")),
+    ],
+)
+def test_default_returns_rank_as_the_reported_criteria(
+    environment: str, arguments: dict[str, Any], measures: tuple[str, ...], specs: tuple[str, ...]
+) -> None:
+    """Constant commands and classical controllers, by the mean of what `mrdamp compare` reports of each."""
+    given = world(environment, arguments)
+    task = given.task(1)
+    loads, largest = given.draw(np.random.default_rng(5), 4), float(task.command_max[0])
+    constants: list[Any] = [Constant(value=u * largest) for u in (0.0, 0.1, 0.25, 0.5, 1.0)]
+    returns, criteria = [], []
+    for controller in (*constants, *(given.stage(task, spec).controller for spec in specs)):
+        total, found = 0.0, np.zeros(len(measures))
+        for load in loads:
+            task.reset([0], [np.random.default_rng(0)], {given.option: load})
+            controller.reset()
+            over = False
+            while not over:
+                measured = dict(zip(task.rows.names, task.measured[0].tolist(), strict=True))
+                time = float(task.rows.plants.step[0] * task.rows.plants.timestep)
+                command = controller.command(time, measured)
+                _, reward, over, info = task.step_one(np.array([2.0 * command / largest - 1.0]))
+                total += reward
+            found += [info[name] for name in measures]
+        returns.append(total / len(loads))
+        criteria.append(found.mean() / len(loads))
+    assert spearmanr(returns, criteria).statistic < -0.95
+    assert -500 < min(returns) < max(returns) < -1

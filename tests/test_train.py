@@ -21,6 +21,7 @@ from mrdamp.control.policy import Policy
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
+from mrdamp.structures import dyke1996
 from mrdamp.train import loads
 from mrdamp.train.evaluate import Act, Judge, episodes, forces
 from mrdamp.train.imitation import imitated
@@ -66,13 +67,27 @@ def test_several_models_share_the_loads_of_a_search(tmp_path: Path) -> None:
 
     def weights(*models: str) -> Array:
         first, *others = (files[name] for name in models)
-        options = replace(small(3, "n_timesteps=2000"), model=first, others=tuple(others))
+        options = replace(small(3, "n_timesteps=2000", "env_kwargs.randomise=null"), model=first, others=tuple(others))
         folder = train(options, tmp_path / "-".join(models)).folder
         return Policy.read(folder / "policy.json").network.layers[0][0]
 
     alone = weights("nominal")
     np.testing.assert_allclose(weights("nominal", "nominal"), alone, rtol=1e-9)
     assert np.abs(weights("nominal", "softer") - alone).max() > 1e-3 * np.abs(alone).max()
+
+
+def test_loads_are_shared_by_frames_that_fill_the_ranges() -> None:
+    """A stiffness in each sixth of its range, times the frame's own; all seen by the observer of the frame as named."""
+    ranges = {"stiffness": (0.7, 1.3), "mass": (0.9, 1.1)}
+    given = world(FRAME, {"randomise": ranges})
+    frame, observer = dyke1996(), given.task(1).observer
+    found: list[Any] = [w.task(1) for w in given.drawn(np.random.default_rng(1), 84)]
+    for name, (low, high) in ranges.items():
+        factors = sorted(float(getattr(t.structure, name)[0] / getattr(frame, name)[0]) for t in found)
+        assert np.floor(6 * (np.array(factors) - low) / (high - low)).tolist() == [0, 1, 2, 3, 4, 5]
+    assert all(t.observer.to_dict() == observer.to_dict() for t in found)
+    assert len(given.drawn(np.random.default_rng(1), 2)) == 2
+    assert world(FRAME, {}).drawn(np.random.default_rng(1), 84) == (world(FRAME, {}),)
 
 
 def test_a_policy_is_judged_on_every_model(tmp_path: Path) -> None:
@@ -253,7 +268,7 @@ def test_candidates_of_a_search_command_at_least_the_least(tmp_path: Path) -> No
     run = EvolutionRun(small(0, override, "noise=0"), settings(small(0, override, "noise=0")), tmp_path)
     loads = run.world.draw(np.random.default_rng(0), run.loads_count)
     layers = run.shape.layers(np.zeros((run.population, run.shape.size)))
-    found = run._measures(run.world, run.task, loads, layers, np.random.default_rng(0))
+    found = run._measures(run.world, loads, layers, np.random.default_rng(0))
     assert found["mean_current"] == pytest.approx(0.5 * run.command_max, rel=0.05)
 
 
@@ -279,7 +294,7 @@ def acting(policy: Policy, task: Task) -> Act:
 
 
 def test_candidates_are_scored_as_the_policies_they_become(tmp_path: Path) -> None:
-    exact = small(0, "current=0", "noise=0")
+    exact = small(0, "current=0", "noise=0", "env_kwargs.randomise=null")
     run = EvolutionRun(exact, settings(exact), tmp_path)
     candidates = run.cma.ask()
     scores = run._scores(candidates)

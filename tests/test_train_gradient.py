@@ -14,7 +14,10 @@ pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed")
 import sb3_contrib
 import stable_baselines3
 import torch
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.util.tensor_util import make_ndarray
 
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
@@ -268,6 +271,54 @@ def test_ppo_trains_checkpoints_and_goes_on(tmp_path: Path) -> None:
     assert policy.about["timesteps"] == result.best["timesteps"]
     assert policy.command(0.0, dict.fromkeys(policy.observer.signals, 0.1)) >= 0
     assert list((tmp_path / "tensorboard").rglob("events.*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("algorithm", "own"),
+    [
+        ("ppo", ("n_steps=32", "batch_size=64", "freeze=128", "renew=200")),
+        ("recurrent", ("n_steps=16", "batch_size=32", "freeze=0")),
+        ("sac", ("learning_starts=64", "buffer_size=1000")),
+        ("td3", ("learning_starts=64", "buffer_size=1000")),
+    ],
+)
+def test_what_is_stopped_goes_on_as_if_it_had_not(algorithm: str, own: tuple[str, ...], tmp_path: Path) -> None:
+    """The same weights to the last bit, whose loads, noise, memories and drawn numbers are the same therefore."""
+    options = Options(algorithm=algorithm, timesteps=512, overrides=(*SMALL, *own), evaluations=4)
+
+    def weights(folder: Path) -> dict[str, Any]:
+        found: dict[str, Any] = load_from_zip_file(folder / "checkpoint.zip", device="cpu")[1]["policy"]
+        return found
+
+    def stop(what: str, share: float) -> None:
+        if share > 0.7:
+            raise KeyboardInterrupt
+
+    whole = train(options, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        train(options, tmp_path / "stopped", stop)
+    begun = weights(tmp_path / "stopped")
+    resumed = train(options, tmp_path / "stopped")
+    assert resumed.curve == whole.curve
+    expected, found = weights(tmp_path / "whole"), weights(tmp_path / "stopped")
+    assert all(torch.equal(found[name], expected[name]) for name in expected)
+    assert not all(torch.equal(begun[name], expected[name]) for name in expected)
+
+
+@pytest.mark.slow
+def test_a_finished_training_is_extended(tmp_path: Path) -> None:
+    """Its curve goes on from its end; a shorter one, or one of other options, is refused."""
+    first = train(ppo(512), tmp_path)
+    longer = train(ppo(1024), tmp_path)
+    assert longer.curve[: len(first.curve)] == first.curve
+    assert longer.curve[-1]["timesteps"] == 1024
+    with pytest.raises(InputError, match="or a longer one"):
+        train(ppo(512), tmp_path)
+    board = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    seen = [(e.step, float(make_ndarray(e.tensor_proto))) for e in board.Tensors("validation/score")]
+    assert [step for step, _ in seen] == [row["timesteps"] for row in longer.curve]
+    np.testing.assert_allclose([score for _, score in seen], [row["score"] for row in longer.curve], rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -97,6 +97,7 @@ class AdjointRun(Run):
         self._periods = self._steps = 0
         if self._checkpoint.is_file():
             kept = torch.load(self._checkpoint, weights_only=True)
+            self.loop.moving, self.loop.scale = kept["moving"].numpy(), kept["scale"].numpy()
             self.soft.load_state_dict(kept["policy"])
             self._adam.load_state_dict(kept["adam"])
             self._periods, self._steps = kept["periods"], kept["steps"]
@@ -159,7 +160,8 @@ class AdjointRun(Run):
     def save(self) -> None:
         kept = {
             "policy": self.soft.state_dict(), "adam": self._adam.state_dict(), "periods": self._periods,
-            "steps": self._steps,
+            "steps": self._steps, "moving": torch.from_numpy(self.loop.moving),
+            "scale": torch.from_numpy(self.loop.scale),
         }  # fmt: skip
         write_atomic(self._checkpoint, lambda file: torch.save(kept, file))
 
@@ -168,13 +170,13 @@ class AdjointRun(Run):
             self.tell(progress)
             if self.due():
                 self.evaluate()
-            self.step()
+            self.board({"train/score": self.step()})
         if self.curve[-1]["timesteps"] < self.timesteps:
             self.evaluate()
 
     def foresee(self, ahead: Sequence[float]) -> None:
         """For studies: from now on the ground's acceleration these s later is known, and no policy can be exported."""
-        self.loop = ClosedLoop(self.loop.world, self._loads, ahead)
+        self.loop = ClosedLoop(self.loop.world, self.loop.n, ahead)
         self.soft.extend(len(ahead))
         self._adam = torch.optim.Adam(self.soft.parameters(), lr=self._rate, betas=(0.9, 0.98))
 
@@ -183,10 +185,18 @@ class AdjointRun(Run):
         key = (*self.draws.spawn_key, self._steps)
         rng = np.random.default_rng(np.random.SeedSequence(self.draws.entropy, spawn_key=key))
         loads = self.world.draw(rng, self._loads)
-        before = self.loop.periods
-        run = self.loop.run(loads, self.soft.commands, self._noise, rng)
-        value, by_channel = self.value(run)
-        self.backward(run, by_channel)
+        worlds = self.sharing(rng, self._loads)
+        value, periods = 0.0, 0
+        self._adam.zero_grad()
+        for k, world in enumerate(worlds):
+            some = loads[k :: len(worlds)]
+            if world is not self.loop.world:
+                self.loop = ClosedLoop(world, len(some), like=self.loop)
+            before = self.loop.periods
+            run = self.loop.run(some, self.soft.commands, self._noise, rng)
+            part, by_channel = self.value(run)
+            self.backward(run, by_channel)
+            value, periods = value + part, periods + self.loop.periods - before
         torch.nn.utils.clip_grad_norm_(self.soft.parameters(), 1.0)
         share = min(1.0, self._periods / self.chosen.n_timesteps)
         fallen = _LEAST_RATE + (1 - _LEAST_RATE) * 0.5 * (1 + math.cos(math.pi * share))
@@ -194,11 +204,14 @@ class AdjointRun(Run):
             group["lr"] = self._rate * fallen
         self._adam.step()
         self._steps += 1
-        self._periods += self.loop.periods - before
+        self._periods += periods
         return value
 
     def value(self, run: Trajectory) -> tuple[float, Array]:
-        """The score with norms over time in place of peaks, without the current, and its slopes by channel."""
+        """What the loop's run adds to a step's score, and its slopes by channel.
+
+        Norms over time stand in place of peaks, and the current is left out.
+        """
         by_channel = np.zeros(run.channels.shape)
         references = self.loop.references()
         alive = np.arange(len(run.channels))[:, None] <= run.lasts
@@ -209,14 +222,14 @@ class AdjointRun(Run):
             near = (size / largest) ** _NORM
             whole = near.sum(axis=(0, 2), keepdims=True)
             norm = largest * whole ** (1 / _NORM)
-            share = c.share / (self.loop.n * references[None, :, k, None])
+            share = c.share / (self._loads * references[None, :, k, None])
             total += float((share * norm).sum())
             slope = share * norm / whole * near / np.maximum(size, 1e-30)
             by_channel[:, :, group] = slope * np.sign(run.channels[:, :, group])
         return total, by_channel
 
     def backward(self, run: Trajectory, by_channel: Array) -> None:
-        """Sets the gradients of the weights."""
+        """Adds to the gradients of the weights."""
         periods, n = run.commands.shape
         seen = torch.from_numpy(run.observations.reshape(periods * n, -1)).requires_grad_(True)
         commands = self.soft(seen)
@@ -225,7 +238,6 @@ class AdjointRun(Run):
         each = self.loop.adjoint(run, by_channel, slopes.reshape(periods, n, -1), price)
         size = np.sqrt((each**2).sum(axis=0))
         each = each * np.minimum(1.0, _LOUD * np.median(size) / np.maximum(size, 1e-30))
-        self._adam.zero_grad()
         (torch.from_numpy(each.reshape(-1).astype(np.float32)) * commands).sum().backward()
 
 

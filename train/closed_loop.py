@@ -19,7 +19,7 @@ from mrdamp.compare.rollouts import Slopes, matter
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError
 from mrdamp.simulation.rows import HEADER
-from mrdamp.train.worlds import FrameWorld
+from mrdamp.train.worlds import World
 
 Array = NDArray[np.float64]
 Act = Callable[[NDArray[np.float32]], Array]
@@ -53,11 +53,15 @@ class Trajectory:
 class ClosedLoop:
     """n rows of a world's frame. Raises InputError for an observer that the sweep does not know.
 
-    ahead: s, for studies: the ground's acceleration so much later, in m/s2, follows every observation.
+    ahead: s, for studies: the ground's acceleration so much later, in m/s2, follows every observation. like: another
+    of the same frame but for its parameters, whose states are these too.
     """
 
-    def __init__(self, world: FrameWorld, n: int, ahead: Sequence[float] = ()) -> None:
-        given = {**world.arguments, "timestep": _STEP, "reward": None, "engine": "chain"}
+    def __init__(
+        self, world: World, n: int, ahead: Sequence[float] = (), like: ClosedLoop | None = None
+    ) -> None:
+        own = {name: value for name, value in world.arguments.items() if name != "randomise"}
+        given = {**own, "timestep": _STEP, "reward": None, "engine": "chain"}
         self.world, self.n, self.ahead, self._given = world, n, tuple(ahead), given
         self.task = FrameTask(n, **given)
         o = self.task.observer
@@ -71,17 +75,19 @@ class ClosedLoop:
         first, many = len(self.signals), len(storeys)
         self.groups = slice(first, first + many), slice(first + many, first + 2 * many)
         self._rows: Any = None
-        self._moving, self._scale = np.zeros(0, dtype=np.intp), np.zeros(0)
+        #: States that a channel depends on, and their sizes: found in the first run, and kept.
+        self.moving: NDArray[np.intp] = np.zeros(0, dtype=np.intp) if like is None else like.moving
+        self.scale: Array = np.zeros(0) if like is None else like.scale
         self.periods = 0  #: Simulated so far, of all rows, those of slopes included.
 
     @property
     def rows_each(self) -> int:
         """Rows that a row's slopes are taken with, itself included."""
-        return len(self._moving) + 2
+        return len(self.moving) + 2
 
     def references(self) -> Array:
         """(n, 2) peak drift and acceleration of the frame alone under the loads of the last run."""
-        return np.asarray(self.task.frame_score.values[: self.n, :2], dtype=np.float64)
+        return np.asarray(self.task.score.values[: self.n, :2], dtype=np.float64)
 
     def run(self, loads: Sequence[Any], act: Act, noise: float, rng: np.random.Generator) -> Trajectory:
         """Under n loads; act: commands (n,) from observations; noise: on the signals, over the observer's units."""
@@ -123,19 +129,19 @@ class ClosedLoop:
         changing = (run.states != run.states[0]).any(axis=(0, 1))
         moving = np.flatnonzero(changing & np.isfinite(largest))
         moving = moving[moving >= HEADER]
-        self._moving, self._scale = moving, np.maximum(largest[moving], np.finfo(np.float64).tiny)
+        self.moving, self.scale = moving, np.maximum(largest[moving], np.finfo(np.float64).tiny)
         k = np.linspace(0, len(run.commands) - 1, _PROBED).astype(np.intp)
         at = np.repeat(k, self.n), np.tile(np.arange(self.n), len(k))
         counted = self.periods
         kept = matter(self.slopes(run, *at))
         self.periods = counted
-        self._moving, self._scale = moving[kept], self._scale[kept]
+        self.moving, self.scale = moving[kept], self.scale[kept]
 
     def slopes(self, run: Trajectory, periods: NDArray[np.intp], rows: NDArray[np.intp]) -> Slopes:
         """At (p,) pairs of a control period and a row of the last run."""
-        if not len(self._moving):
+        if not len(self.moving):
             self._find_states(run)
-        moving, scale, many, largest = self._moving, self._scale, len(self._moving), float(self.task.command_max[0])
+        moving, scale, many, largest = self.moving, self.scale, len(self.moving), float(self.task.command_max[0])
         each, width = many + 2, len(self.columns)
         chunk, p = _ROWS // each, len(periods)
         self.periods += p * each
@@ -194,7 +200,7 @@ class ClosedLoop:
         fall = np.exp(-1 / np.array(list(o.peaks.values())))
         last = ns if o.action_in_observation else None
         tops = ns + o.action_in_observation + np.arange(len(peaked))
-        by_x, by_y = np.zeros((n, len(self._moving))), by_channel[-1].copy()
+        by_x, by_y = np.zeros((n, len(self.moving))), by_channel[-1].copy()
         by_filter, by_peak = np.zeros((n, states)), np.zeros((n, len(peaked)))
         found, by_command = np.zeros(run.commands.shape), np.full(n, price)
         for k in range(len(found) - 1, -1, -1):

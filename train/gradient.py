@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.utils import LinearSchedule
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 from torch import nn
 
 from mrdamp.control.networks import Memory, Network
@@ -29,6 +31,12 @@ from mrdamp.train.wrappers import PolicyAction, Whitened
 _FALLING = (
     "linear_"  # before a learning rate that falls to zero over the training, as RL Baselines3 Zoo has `lin_`
 )
+#: Of a wrapper of stable-baselines3: what it is made with, and cannot be saved.
+_FIXED = ("venv", "class_attributes")
+#: Of a learner, which its own checkpoint leaves out.
+_MEMORIES = ("replay_buffer", "_last_lstm_states")
+#: Of a state-dependent exploration: drawn before a rollout.
+_EXPLORATION = ("exploration_mat", "exploration_matrices")
 _OFF_POLICY = ("ddpg", "sac", "td3")
 _FRESH = 0.1  # share of the newest actor in the mean over updates that is exported
 _NOTHING = (
@@ -56,7 +64,9 @@ class GradientRun(Run):
             self.lessons_given = venv
         self.venv = VecMonitor(venv)
         self.model = self._model(int(self.seed.generate_state(1)[0] // 2))
-        self._renewed = 0
+        self._renewed, self._resumed = 0, False
+        if self._present.is_file():
+            self._go_on()
 
     @property
     def timesteps(self) -> int:
@@ -70,13 +80,6 @@ class GradientRun(Run):
             if self.curve[-1]["timesteps"] < self.timesteps:
                 self.evaluate()
 
-    def evaluate(self) -> dict[str, float]:
-        assert self.model is not None
-        row = super().evaluate()
-        for name, value in row.items():
-            self.model.logger.record(f"validation/{name}", value)
-        return row
-
     def network(self) -> Network:
         if self.model is None:  # the base that a learner begins at
             return Network(((np.zeros((1, len(self.matrix))), np.zeros(1)),), "identity")
@@ -89,8 +92,46 @@ class GradientRun(Run):
         return self._teacher
 
     def save(self) -> None:
+        """The model, and the present: rows with their wrappers, replay memory, exploration and random numbers."""
         assert self.model is not None
         write_atomic(self.out / "checkpoint.zip", self.model.save)
+        kept = {
+            "layers": [{k: v for k, v in vars(each).items() if k not in _FIXED} for each in _layers(self.venv)],
+            "memory": {name: vars(self.model)[name] for name in _MEMORIES if name in vars(self.model)},
+            "exploration": {k: v for k, v in _state(_noise_of(self.model)).items() if k in _EXPLORATION},
+            "noise": _state(getattr(self.model, "action_noise", None)),
+            # stable-baselines3 draws from all three.
+            "random": (torch.get_rng_state(), np.random.get_state(), random.getstate()),  # noqa: NPY002
+            "renewed": self._renewed,
+        }
+        write_atomic(self._present, lambda file: torch.save(kept, file))
+
+    @property
+    def _present(self) -> Path:
+        return self.out / "present.pt"
+
+    def _go_on(self) -> None:
+        """From the saved present, to the last bit; what belongs to a rollout, at its start (`_Callback`)."""
+        assert self.model is not None
+        self._kept: dict[str, Any] = torch.load(self._present, weights_only=False)
+        for each, held in zip(_layers(self.venv), self._kept["layers"], strict=True):
+            vars(each).update(held)
+        self.task = self.venv.unwrapped.task
+        vars(self.model).update(self._kept["memory"])
+        self._renewed, self._resumed = self._kept["renewed"], True
+
+    def resume(self) -> bool:
+        """True once, at the rollout that a saved present was at the start of; what was drawn for it is as it was."""
+        if not self._resumed:
+            return False
+        self._resumed = False
+        _state(_noise_of(self.model)).update(self._kept["exploration"])
+        _state(getattr(self.model, "action_noise", None)).update(self._kept["noise"])
+        now = self._kept["random"]
+        torch.set_rng_state(now[0])
+        np.random.set_state(now[1])  # noqa: NPY002
+        random.setstate(now[2])
+        return True
 
     def renew(self) -> None:
         """Makes what has been learned the base of the reward, where that is due."""
@@ -121,7 +162,7 @@ class GradientRun(Run):
         )
         checkpoint = self.out / "checkpoint.zip"
         if checkpoint.is_file():
-            return algorithm.load(checkpoint, env=self.venv, device="cpu")
+            return algorithm.load(checkpoint, env=self.venv, device="cpu", force_reset=False)
         if chosen.freeze and name in _OFF_POLICY:
             raise InputError(f"{name}: freeze is for a2c, ppo and recurrent")
         policy_kwargs: dict[str, Any] = dict(chosen.policy_kwargs)
@@ -156,6 +197,22 @@ class GradientRun(Run):
         theta = 1.0 / self.chosen.correlated
         sigma = self.chosen.explore * np.sqrt(2.0 * theta) * np.ones(1)
         return OrnsteinUhlenbeckActionNoise(np.zeros(1), sigma, theta=theta, dt=1.0)
+
+
+def _layers(venv: Any) -> list[Any]:
+    """A vector environment and those that it wraps."""
+    return [venv, *_layers(venv.venv)] if isinstance(venv, VecEnvWrapper) else [venv]
+
+
+def _noise_of(model: Any) -> Any:
+    """What holds a state-dependent exploration; None: nothing does."""
+    policy = model.policy
+    return getattr(policy, "action_dist", None) or getattr(getattr(policy, "actor", None), "action_dist", None)
+
+
+def _state(of: Any) -> dict[str, Any]:
+    """The attributes of a thing, to read and to change; of None there are none."""
+    return {} if of is None else vars(of)
 
 
 def _number(text: str) -> float:
@@ -202,7 +259,7 @@ class _Callback(BaseCallback):
             self._last_report = run.timesteps
             run.tell(self._progress)
         policy: Any = self.model.policy
-        if hasattr(policy, "average"):
+        if not run.resume() and hasattr(policy, "average"):
             policy.average(_FRESH)
         if run.due():
             run.evaluate()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,24 +19,33 @@ from mrdamp.train.settings import Options, Settings, settings
 def train(options: Options, out: Path | str, progress: Progress | None = None) -> Result:
     """Trains into the folder `out`; continues from its checkpoint, and does nothing where it is done already.
 
-    Raises InputError where `out` holds a training with other options.
+    More control periods than it was begun with extend it, a finished one too. Raises InputError where `out` holds a
+    training with other options.
     """
     out = Path(out)
     chosen = settings(options)
     own = json.loads(json.dumps({"options": options.to_dict(), "settings": asdict(chosen)}))
     claim, finished = out / "options.json", out / "training.json"
-    if claim.is_file() and json.loads(claim.read_text()) != own:
-        raise InputError(f"{out}: holds a training with other options; choose another folder")
-    if finished.is_file():
+    held = json.loads(claim.read_text()) if claim.is_file() else own
+    if _without_length(held) != _without_length(own) or chosen.n_timesteps < held["settings"]["n_timesteps"]:
+        raise InputError(f"{out}: holds a training with other options, or a longer one; choose another folder")
+    if finished.is_file() and held == own:
         kept = json.loads(finished.read_text())
         return Result(out, tuple(kept["curve"]), kept["seconds"])
     out.mkdir(parents=True, exist_ok=True)
+    finished.unlink(missing_ok=True)
     run = _run(options, chosen, out)
     write_atomic(run.matrix_file, lambda file: np.save(file, run.matrix))
     write_atomic(claim, json.dumps(own, indent=1) + "\n")
     run.learn(progress or (lambda what, share: None))
     write_atomic(finished, json.dumps({"curve": run.curve, "seconds": run.seconds()}, indent=1) + "\n")
     return Result(out, tuple(run.curve), run.seconds())
+
+
+def _without_length(claim: Mapping[str, Any]) -> dict[str, Any]:
+    """Options and settings but for how many control periods there are."""
+    options, chosen = claim["options"], claim["settings"]
+    return {"options": {**options, "timesteps": None}, "settings": {**chosen, "n_timesteps": None}}
 
 
 def _run(options: Options, chosen: Settings, out: Path) -> Run:

@@ -24,6 +24,7 @@ from mrdamp.files import write_atomic
 from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
+from mrdamp.train.loads import VALIDATION_SEED
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 
@@ -79,8 +80,10 @@ class Run(ABC):
         if self.least() and "force" not in self.task.observer.peaks:
             raise InputError("hyperparameters: least needs env_kwargs.peaks of the force")
         self.matrix = self._matrix(np.random.default_rng(explore))
-        self.judge = Judge(self.worlds, self.world.validation())
+        validation = self.world.validation()
+        self.judge = Judge(self.sharing(np.random.default_rng(VALIDATION_SEED), len(validation)), validation)
         self.curve: list[dict[str, float]] = []
+        self._board: Any = None
         self._before, self._start = 0.0, time.process_time()
         if self.state_file.is_file():
             kept = json.loads(self.state_file.read_text())
@@ -90,6 +93,10 @@ class Run(ABC):
         """The world with another model, seen by the same observer."""
         other = world(self.options.environment, self.chosen.env_kwargs, model, self.chosen.score)
         return other.observing(self.world.task(1).observer) if self.chosen.estimator or self.chosen.ground else other
+
+    def sharing(self, rng: np.random.Generator, loads: int) -> list[World]:
+        """The worlds that take so many loads in turn."""
+        return [drawn for w in self.worlds for drawn in w.drawn(rng, loads // len(self.worlds))]
 
     @property
     def inputs(self) -> int:
@@ -183,9 +190,22 @@ class Run(ABC):
         self.curve.append({"timesteps": float(self.timesteps), "score": score, **means})
         if score < best:
             policy.write(self.out / "policy.json")
+        self.board({f"validation/{name}": v for name, v in self.curve[-1].items() if name != "timesteps"})
         self.save()
         write_atomic(self.state_file, json.dumps({"curve": self.curve, "seconds": self.seconds()}) + "\n")
         return self.curve[-1]
+
+    def board(self, values: Mapping[str, float]) -> None:
+        """Numbers of now, for TensorBoard; nothing where it is not installed."""
+        if self._board is None:
+            try:
+                from tensorboard.summary import Writer
+            except ImportError:
+                return
+            self._board = Writer(str(self.out / "tensorboard"))
+        for name, value in values.items():
+            self._board.add_scalar(name, value, self.timesteps)
+        self._board.flush()
 
     def policy(self) -> Policy:
         """What has been learned so far, for export."""

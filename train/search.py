@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from mrdamp.control.networks import Network
 from mrdamp.control.policy import velocities
-from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.evaluate import episodes, forces
@@ -45,12 +44,6 @@ class EvolutionRun(Run):
             raise InputError(
                 f"es: {len(self.worlds)} models for {self.loads_count} loads; allowed: a load each at least"
             )
-        loads = range(self.loads_count)
-        self.tasks = [
-            w.searching(self.population * len(loads[k :: len(self.worlds)]))
-            for k, w in enumerate(self.worlds)
-        ]
-        self.task = self.tasks[0]
         self.shape = Shape(self.inputs, chosen.policy_kwargs.get("net_arch", []))
         rng = np.random.default_rng(self.seed)
         start = self.shape.start(rng)
@@ -75,7 +68,9 @@ class EvolutionRun(Run):
             self.tell(progress)
             if self.due():
                 self.evaluate()
-            self.cma.tell(self._scores(self.cma.ask()))
+            scores = self._scores(self.cma.ask())
+            self.cma.tell(scores)
+            self.board({"train/score": float(scores.mean())})
         if self.curve[-1]["timesteps"] < self.timesteps:
             self.evaluate()
 
@@ -92,10 +87,8 @@ class EvolutionRun(Run):
         drawn = np.random.SeedSequence(self.draws.entropy, spawn_key=key)
         rng = np.random.default_rng(drawn)
         loads = self.world.draw(rng, self.loads_count)
-        found = [
-            self._measures(world, task, loads[k :: len(self.tasks)], layers, rng)
-            for k, (world, task) in enumerate(zip(self.worlds, self.tasks, strict=True))
-        ]
+        worlds = self.sharing(rng, len(loads))
+        found = [self._measures(w, loads[k :: len(worlds)], layers, rng) for k, w in enumerate(worlds)]
         means = {name: np.concatenate([f[name] for f in found], axis=1).mean(axis=1) for name in found[0]}
         return np.array(
             [
@@ -106,10 +99,11 @@ class EvolutionRun(Run):
         )
 
     def _measures(
-        self, world: World, task: Task, loads: Sequence[Any], layers: Any, rng: np.random.Generator
+        self, world: World, loads: Sequence[Any], layers: Any, rng: np.random.Generator
     ) -> dict[str, Array]:
         """The world's measures (population, loads) of all candidates under the loads."""
         many, least = len(loads), self.least()
+        task = world.searching(self.population * many)
 
         def act(observation: NDArray[np.float32]) -> Array:
             inputs = observation.astype(np.float64)

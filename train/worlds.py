@@ -23,6 +23,7 @@ from mrdamp.envs.cable_task import CablePlant, CableTask, default_places
 from mrdamp.envs.car_task import CarPlant, CarTask
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.plant import FramePlant, RowPlant
+from mrdamp.envs.randomise import Randomise, varied
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -38,6 +39,8 @@ from mrdamp.train.loads import (
 
 Array = NDArray[np.float64]
 
+#: Worlds that share the loads where parameters are drawn. Coprime to the amplitudes, which each then has.
+_SHARING = 6
 _DRAWN = 12.0  # s, of the cable's loads that a search draws
 _DRAWN_ROAD = 5.0  # s, of the roads that a search draws: more of them for the same periods
 _SPREAD = 0.5  # of durations, where they differ: up to so much longer or shorter
@@ -109,6 +112,25 @@ class World(ABC):
         return task.model
 
     @abstractmethod
+    def parts(self, task: Task) -> dict[str, Any]:
+        """Structure and damper of a task, as arguments."""
+
+    def drawn(self, rng: np.random.Generator, loads: int) -> tuple[Self, ...]:
+        """Some of this world, for as many loads, seen by its observer, whose parameters share the ranges of `randomise`
+        evenly; itself where nothing is drawn."""
+        ranges = self.arguments.get("randomise")
+        if ranges is None:
+            return (self,)
+        task = self.task(1)
+        own = {k: v for k, v in self.arguments.items() if k not in ("randomise", "structure")}
+        parts = self.parts(task)
+        draws = Randomise(ranges, tuple(parts.values())).spread(rng, min(_SHARING, loads))
+        return tuple(
+            replace(self, arguments={**own, "observer": task.observer, **{k: varied(v, d) for k, v in parts.items()}})
+            for d in draws
+        )
+
+    @abstractmethod
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> Task:
         """n rows under training loads, or those of a source."""
 
@@ -168,6 +190,10 @@ class FrameWorld(World):
         assert isinstance(task, FrameTask)
         return task.models[0]
 
+    def parts(self, task: Task) -> dict[str, Any]:
+        assert isinstance(task, FrameTask)
+        return {"model": task.models}
+
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> FrameTask:
         own = {**self.arguments, **(self._longer if engine == "chain" else {})}
         return FrameTask(n, motions=loads or training_motions(), engine=engine, **own)
@@ -220,6 +246,10 @@ class CableWorld(World):
     @property
     def criteria(self) -> tuple[Criterion, ...]:
         return (Criterion("motion_ratio", 1.0, 0, 0.5),)
+
+    def parts(self, task: Task) -> dict[str, Any]:
+        assert isinstance(task, CableTask)
+        return {"cable": task.cable, "model": task.model}
 
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> CableTask:
         return CableTask(n, loads=loads or CableLoads(), engine=engine, **self.arguments)
@@ -275,6 +305,10 @@ class CarWorld(World):
     def criteria(self) -> tuple[Criterion, ...]:
         comfort = Criterion("comfort_ratio", 1.0 - self.holding, 0, 0.5)
         return comfort, Criterion("load_ratio", self.holding, 1, 0.5)
+
+    def parts(self, task: Task) -> dict[str, Any]:
+        assert isinstance(task, CarTask)
+        return {"car": task.car, "model": task.model}
 
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> CarTask:
         return CarTask(n, roads=loads or TrainingRoads(), engine=engine, **self.arguments)

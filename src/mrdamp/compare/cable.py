@@ -71,8 +71,8 @@ class CableBench(PlantBench):
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
         if spec == UNCONTROLLED:
-            rows = self.plant(self.period).rows
-            free = free_run(self.cable, rows.start(0, load.scaled(amplitude)), rows.plants.timestep)
+            forces = self.plant(self.period).rows.forces(load.scaled(amplitude))
+            free = free_run(self.cable, forces, load.sample_time)
             return {"motion": math.sqrt(float(free[0]))}
         return self.driven(self.controller(spec), load, amplitude)
 

@@ -116,7 +116,8 @@ class StayCable:
         """
         x = np.linspace(0.0, 1.0, 4001)
         hats = np.array([np.interp(x, places, row) for row in np.eye(len(places))])
-        return np.asarray(self.length * np.trapezoid(hats[:, :, None] * self.at(x), x, axis=1))
+        hats[:, [0, -1]] *= 0.5  # the trapezoidal rule
+        return np.asarray(self.length / 4000 * hats @ self.at(x))
 
     def irvine(self, count: int) -> FloatArray:
         """(count,) rad/s, natural frequencies of the flat-sag cable by Irvine's equations, ascending.

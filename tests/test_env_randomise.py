@@ -1,0 +1,152 @@
+"""Parameters drawn for every episode: what the engine then holds, what is measured, and what is said and saved."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from mrdamp.envs import CableEnv, CarEnv, FrameEnv, IsoRoads, SyntheticMotions
+from mrdamp.envs.cable_loads import AmbientLoads
+from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
+from mrdamp.structures import ShearFrame, dyke1996
+from refusals import refuses
+
+Make = Callable[..., Any]
+FRAME = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
+CABLE = {"loads": AmbientLoads(duration=0.5), "bandwidth": 30.0}
+CAR = {"roads": IsoRoads(duration=1.0), "noise": {"force": 1.0}}
+KINDS = [
+    (FrameEnv, FrameVectorEnv, FRAME, {"stiffness": (0.9, 1.1), "mass": (0.9, 1.1), "alpha_b": (0.5, 1.5)}),
+    (CableEnv, CableVectorEnv, CABLE, {"tension": (0.9, 1.1), "driver_lag_tau": (0.0, 0.02)}),
+    (CarEnv, CarVectorEnv, CAR, {"body": (0.8, 1.2), "sensor_gain_g": (0.9, 1.1)}),
+]
+every = pytest.mark.parametrize(("single", "rows", "given", "ranges"), KINDS)
+engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
+
+
+def engine_frequencies(model: mujoco.MjModel) -> np.ndarray:
+    """Hz, from the engine's own mass matrix and springs."""
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    springs = np.diag(model.jnt_stiffness.ravel())
+    on = np.flatnonzero(model.jnt_stiffness.ravel())  # the table that the ground is on is moved
+    found = eigh(springs[np.ix_(on, on)], mass[np.ix_(on, on)], eigvals_only=True)
+    return np.asarray(np.sqrt(found) / (2 * math.pi))
+
+
+def test_the_engine_holds_the_drawn_frame() -> None:
+    """Dyke et al. (1996) give 5.46, 15.8 and 23.6 Hz; all go with the root of stiffness over mass."""
+    env = FrameEnv(randomise={"stiffness": (0.8, 1.2), "mass": (0.8, 1.2)})
+    for seed in range(3):
+        drawn = env.reset(seed=seed)[1]["drawn"]
+        found = engine_frequencies(env.task.rows.of(0).plants.model)
+        expected = np.array([5.46, 15.8, 23.6]) * math.sqrt(drawn["stiffness"] / drawn["mass"])
+        np.testing.assert_allclose(found, expected, rtol=5e-3)
+
+
+def test_the_engine_holds_the_drawn_cable_and_car() -> None:
+    cable = CableEnv(randomise={"tension": (0.7, 0.9), "mass": (1.1, 1.3)}, loads=AmbientLoads(duration=0.1))
+    drawn = cable.reset(seed=1)[1]["drawn"]
+    first = math.sqrt(2172 * drawn["tension"] / (0.747 * drawn["mass"])) / (2 * 12.65)
+    assert engine_frequencies(cable.task.rows.of(0).plants.model)[0] == pytest.approx(first, rel=1e-3)
+    car = CarEnv(randomise={"body": (0.8, 0.9), "wheel": (1.1, 1.2)})
+    drawn = car.reset(seed=1)[1]["drawn"]
+    np.testing.assert_allclose(
+        car.task.rows.of(0).plants.model.body_mass[-2:], [40 * drawn["wheel"], 400 * drawn["body"]], rtol=1e-9
+    )
+
+
+@engines
+def test_an_episode_is_that_of_the_frame_built_by_hand(engine: str) -> None:
+    """To the last bit, reward and reference included."""
+    s, ranges = dyke1996(), {"stiffness": (0.9, 1.1), "mass": (0.9, 1.1)}
+    own = ShearFrame(0.93 * s.mass, 1.07 * s.stiffness, s.damping)
+    drawn: Any
+    by_hand: Any
+    drawn, by_hand = FrameEnv(engine=engine, randomise=ranges), FrameEnv(engine=engine, structure=own)
+    motion = SyntheticMotions(duration=1.5).draw(np.random.default_rng(3))
+    values = {"stiffness": 1.07, "mass": 0.93}
+    _, info = drawn.reset(options={"motion": motion, "drawn": values})
+    assert info["drawn"] == values
+    assert info["reference_drift"] == by_hand.reset(options={"motion": motion})[1]["reference_drift"]
+    for k in range(40):
+        one, other = (env.step(np.full(1, math.sin(k))) for env in (drawn, by_hand))
+        # Scales, which are of the frame as it is named, differ.
+        assert one[1] == other[1]
+        np.testing.assert_array_equal(drawn.task.measured, by_hand.task.measured)
+
+
+@engines
+def test_drawn_driver_and_sensor(engine: str) -> None:
+    """A first-order lag by hand, and a reading that is the force times its gain."""
+    ranges = {"driver_lag_tau": (0.02, 0.05), "sensor_gain_g": (0.5, 0.8)}
+    env: Any = CarEnv(engine=engine, randomise=ranges, signals=["current", "force", "true_force"])
+    drawn = env.reset(seed=4)[1]["drawn"]
+    for _ in range(6):
+        env.step(np.ones(1))
+    names, values = env.task.rows.names, env.task.measured[0]
+    measured = dict(zip(names, values, strict=True))
+    assert measured["current"] == pytest.approx(2.0 * (1 - math.exp(-0.03 / drawn["driver_lag_tau"])), rel=2e-2)
+    assert measured["force"] == pytest.approx(drawn["sensor_gain_g"] * measured["true_force"], rel=1e-6)
+
+
+@engines
+@every
+def test_rows_and_copies_draw_alike(
+    single: Make, rows: Make, given: Mapping[str, Any], ranges: Mapping[str, Any], engine: str
+) -> None:
+    """A vector environment, a pickle, a deepcopy and a saved state go on as the single one, over the next draw."""
+    env: Any = single(engine=engine, randomise=ranges, **given)
+    many = rows(2, engine=engine, randomise=ranges, **given)
+    _, info = env.reset(seed=5)
+    _, infos = many.reset(seed=5)
+    assert set(info["drawn"]) == set(ranges)
+    for name, (low, high) in ranges.items():
+        assert low <= info["drawn"][name] <= high
+        assert infos["drawn"][name][0] == info["drawn"][name] != infos["drawn"][name][1]
+    actions = np.random.default_rng(0).uniform(-1, 1, (10, 1))
+    for action in actions:
+        found, row = env.step(action), many.step(np.stack([action, action]))
+        np.testing.assert_array_equal(row[0][0], found[0])
+        assert row[1][0] == found[1]
+    state, copies = env.get_state(), [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    found, again = env.step(actions[0]), env.reset()[1]["drawn"]
+    assert again != info["drawn"]
+    for other in copies:
+        np.testing.assert_equal(other.step(actions[0])[:2], found[:2])
+        assert other.reset()[1]["drawn"] == again
+    env.set_state(state)
+    np.testing.assert_equal(env.step(actions[0])[:2], found[:2])
+
+
+@pytest.mark.parametrize(
+    ("make", "ranges", "message"),
+    [
+        (FrameEnv, {"stifness": (0.9, 1.1)}, "'stifness' is unknown.*nearest: stiffness"),
+        (FrameEnv, {"mass": (1.1, 0.9)}, r"mass is \(1.1, 0.9\)"),
+        (FrameEnv, {"mass": (0.0, 1.0)}, "mass is .*factors > 0"),
+        (FrameEnv, {"mass": 0.1}, "mass is 0.1"),
+        (FrameEnv, {"driver_lag_tau": (-1.0, 0.0)}, "driver_lag_tau"),
+        (FrameEnv, {"sensor_gain_g_4": (0.9, 1.0)}, "place 4"),
+        (FrameEnv, 3, "randomise is 3"),
+        (CableEnv, {"modes": (1, 2)}, "'modes' is unknown"),
+        (CableEnv, {"damper_at": (1.0, 60.0)}, "cable"),
+    ],
+)
+def test_ranges_are_checked_when_the_environment_is_made(make: Make, ranges: Any, message: str) -> None:
+    refuses(lambda: make(randomise=ranges), message)
+
+
+def test_what_is_drawn_can_be_given_where_it_is_randomised() -> None:
+    refuses(lambda: FrameEnv().reset(options={"drawn": {"mass": 1.0}}), "drawn is .*with randomise")
+    env = FrameEnv(randomise={"mass": (0.9, 1.1)})
+    refuses(lambda: env.reset(options={"drawn": {"stiffness": 1.0}}), "'stiffness' is not randomised")
