@@ -23,7 +23,7 @@ from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import plant_force
 from mrdamp.control.estimator import Estimator
 from mrdamp.control.force_control import Follower, ForceController, Modulated, OnOff, Tracking
-from mrdamp.control.lyapunov import BangBang, plant_lyapunov_matrix
+from mrdamp.control.lyapunov import bang_bang, plant_lyapunov_matrix
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.plant import Plant
 from mrdamp.control.skyhook import SkyhookForce
@@ -124,7 +124,7 @@ def cable_force_tracking(site: CableSite, r: float = 1e-9, noise_ratio: float = 
     return cable_clipped_optimal(site, r, noise_ratio, Tracking(inverse), "force-tracking")
 
 
-def cable_lyapunov(site: CableSite, noise_ratio: float = 10.0) -> BangBang:
+def cable_lyapunov(site: CableSite, noise_ratio: float = 10.0) -> ForceController:
     """Control by the Lyapunov function of the mean square motion. Raises InputError."""
     linear = cable_plant(site.cable)
     p = plant_lyapunov_matrix(
@@ -133,7 +133,7 @@ def cable_lyapunov(site: CableSite, noise_ratio: float = 10.0) -> BangBang:
     return _bang_bang(site, -p @ linear.b, noise_ratio, "lyapunov")
 
 
-def cable_max_dissipation(site: CableSite, noise_ratio: float = 10.0) -> BangBang:
+def cable_max_dissipation(site: CableSite, noise_ratio: float = 10.0) -> ForceController:
     """The field on wherever the damper's force resists the cable's motion. Raises InputError."""
     shape = site.cable.at(site.cable.damper_at)
     return _bang_bang(site, np.concatenate([np.zeros(len(shape)), shape]), noise_ratio, "max-dissipation")
@@ -166,12 +166,12 @@ def _motion(site: CableSite) -> dict[str, float]:
     return {f"mode_{k}": 1.0 for k in range(1, len(site.cable.natural) + 1)}
 
 
-def _bang_bang(site: CableSite, direction: FloatArray, noise_ratio: float, name: str) -> BangBang:
+def _bang_bang(site: CableSite, direction: FloatArray, noise_ratio: float, name: str) -> ForceController:
     names, deviation = _measured(site)
     require_positive(name, noise_ratio=noise_ratio)
     rows = cable_outputs(site.cable, site.places, names)
     estimator = Estimator(cable_plant(site.cable), *rows, names, noise_ratio, site.period, deviation)
-    return BangBang(direction, estimator, site.command_max, site.period, name)
+    return bang_bang(direction, estimator, site.command_max, site.period, name)
 
 
 _OPTIMAL = {"r": 1e-9, "noise_ratio": 10.0}

@@ -31,8 +31,8 @@ Options = dict[str, float]
 
 @dataclass(frozen=True)
 class Site:
-    """What a controller is made for: the frame, the damper's model (rig `damper`), the largest command (A or V) and
-    the control period, s."""
+    """What a controller is made for: the frame with the places of its dampers, the damper's model (rig `damper`), the
+    largest command (A or V) and the control period, s."""
 
     frame: ShearFrame
     damper: Model
@@ -50,6 +50,10 @@ class Site:
         own = tuple(e for e in model.effects if e.place is None)
         damper = replace(model, rig="damper", structure=None, effects=own)
         return cls(model.structure, damper, largest, period)
+
+    @property
+    def dampers(self) -> int:
+        return len(self.frame.places)
 
     def force_max(self) -> float:
         """N at the largest command, of the damper moved at 0.1 m/s through 1 cm: the size of its forces."""
@@ -110,15 +114,16 @@ def _active(site: Site, o: Mapping[str, float]) -> Controller:
 
 def _lyapunov(site: Site, o: Mapping[str, float]) -> Controller:
     weights = balanced(site.frame, o["balance"])
-    return lyapunov(site.frame, site.command_max, weights, o["noise_ratio"], site.period)
+    return lyapunov(site.frame, o["level"] * site.command_max, weights, o["noise_ratio"], site.period)
 
 
 def _skyhook(site: Site, o: Mapping[str, float]) -> Controller:
     given = {key: None if math.isnan(o[key]) else o[key] for key in ("damping", "leak")}
-    return skyhook(site.frame, site.command_max, given["damping"], given["leak"], site.period)
+    return skyhook(site.frame, o["level"] * site.command_max, given["damping"], given["leak"], site.period)
 
 
 _DYKE = {"balance": math.nan, "r": 1e-17, "noise_ratio": 50.0}
+_LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
 _BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
 
 ENTRIES: Mapping[str, Entry] = {
@@ -132,24 +137,28 @@ ENTRIES: Mapping[str, Entry] = {
     "clipped-optimal": Entry(
         _optimal,
         "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",
-        {**_DYKE, "level": 1.0},
+        {**_DYKE, **_LEVEL},
     ),
     "modulated-optimal": Entry(
         _modulated, "LQG force with a command in proportion to it", {**_BALANCED, "force_max": math.nan}
     ),
     "force-tracking": Entry(_tracking, "LQG force through the damper's inverse model", _BALANCED),
     "lyapunov": Entry(
-        _lyapunov, "on where the force takes a Lyapunov function down", {"balance": 1.0, "noise_ratio": 50.0}
+        _lyapunov,
+        "on where the force takes a Lyapunov function down",
+        {"balance": 1.0, "noise_ratio": 50.0, **_LEVEL},
     ),
     "max-dissipation": Entry(
-        lambda site, o: max_dissipation(site.frame, site.command_max, o["noise_ratio"], site.period),
+        lambda site, o: max_dissipation(
+            site.frame, o["level"] * site.command_max, o["noise_ratio"], site.period
+        ),
         "on where the force resists the damper's motion",
-        {"noise_ratio": 50.0},
+        {"noise_ratio": 50.0, **_LEVEL},
     ),
     "skyhook": Entry(
         _skyhook,
         "a dashpot to a fixed point in space, with on/off switching",
-        {"damping": math.nan, "leak": math.nan},
+        {"damping": math.nan, "leak": math.nan, **_LEVEL},
     ),
     IDEAL: Entry(_active, "the LQG force itself, from an ideal actuator that can push as well", _BALANCED),
 }
