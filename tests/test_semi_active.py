@@ -139,7 +139,7 @@ def test_bang_bang_is_on_where_the_force_takes_the_function_down(
     seen = set()
     for _ in range(40):
         state, force = rng.standard_normal(6) * 1e-3, float(rng.standard_normal() * 100)
-        controller = bang_bang(-made.aim.k, Known(state), 2.0, 1e-3, "x")  # type: ignore[arg-type]
+        controller = bang_bang(-made.aim.k, Known(state), 2.0, 1e-3, "x")  # type: ignore[arg-type, attr-defined]
         on = controller.command(0.0, {"force": force}) > 0
         rate = 2 * state @ p @ b * force
         assert on == (rate < 0)

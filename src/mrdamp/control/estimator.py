@@ -58,7 +58,7 @@ class Estimator:
         self._last: FloatArray | None = None
 
     def __call__(self, y: Mapping[str, float]) -> FloatArray:
-        """s_hat (n,) with the measurements y of now, (n, rows) with those of many runs; `force` is one of them, in N."""
+        """s_hat (n,) with the measurements y of now, (n, rows) with those of many runs; `force` (N) is among them."""
         now = np.array([y[name] for name in self._inputs])
         if self._last is None:
             self.estimate = np.zeros((len(self._phi), *now.shape[1:]))

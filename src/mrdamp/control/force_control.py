@@ -177,5 +177,5 @@ class Direct:
     def reset(self) -> None:
         """Nothing to forget."""
 
-    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
+    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> Any:
         return np.minimum(np.maximum(wanted, -self.force_max), self.force_max)

@@ -27,8 +27,8 @@ from mrdamp.structures import FloatArray, ShearFrame
 def bang_bang(
     direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str
 ) -> ForceController:
-    """v = v_max H((direction^T s_hat) f). direction (2N,), of the force that is good, (2N, m) of m dampers; estimator: of
-    the states (2N,); command_max: A or V."""
+    """v = v_max H((direction^T s_hat) f). direction (2N,), of m dampers (2N, m), of the force that is good; estimator:
+    of the states (2N,); command_max: A or V."""
     require_positive(f"controller {name}", command_max=command_max)
     dampers = 1 if direction.ndim == 1 else direction.shape[1]
     follower = for_each(lambda: Resisting(command_max), dampers)

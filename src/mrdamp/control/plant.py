@@ -19,8 +19,8 @@ from mrdamp.structures import FloatArray, ShearFrame
 
 @dataclass(frozen=True)
 class Plant:
-    """a: (2N, 2N); b: (2N,) per N of damper force, or (2N, m) of m dampers; e: (2N,) per m/s2 of ground acceleration, or
-    (2N, k) of k loads."""
+    """a: (2N, 2N); b: (2N,) per N of damper force, of m dampers (2N, m); e: (2N,) per m/s2 of ground acceleration, of k
+    loads (2N, k)."""
 
     a: FloatArray
     b: FloatArray

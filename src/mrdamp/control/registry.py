@@ -17,6 +17,7 @@ from mrdamp.control.clipped_optimal import (
     ideal_active,
     modulated_optimal,
 )
+from mrdamp.control.least_command import AtLeast, LeastCommand
 from mrdamp.control.lyapunov import lyapunov, max_dissipation
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.skyhook import skyhook
@@ -27,6 +28,7 @@ from mrdamp.structures import ShearFrame
 POLICY, OWN = "policy", "own"
 IDEAL = "ideal-active"
 Options = dict[str, float]
+_LEAK = 15.0  # periods of the first mode, of the peak that `weak` is compared with
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,7 @@ def _skyhook(site: Site, o: Mapping[str, float]) -> Controller:
 
 _DYKE = {"balance": math.nan, "r": 1e-17, "noise_ratio": 50.0}
 _LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
+_WEAK = {"weak": 0.0}  # N, that the damper resists weak motion with, where its command is never small: `_at_least`
 _BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
 
 ENTRIES: Mapping[str, Entry] = {
@@ -137,28 +140,30 @@ ENTRIES: Mapping[str, Entry] = {
     "clipped-optimal": Entry(
         _optimal,
         "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",
-        {**_DYKE, **_LEVEL},
+        {**_DYKE, **_LEVEL, **_WEAK},
     ),
     "modulated-optimal": Entry(
-        _modulated, "LQG force with a command in proportion to it", {**_BALANCED, "force_max": math.nan}
+        _modulated,
+        "LQG force with a command in proportion to it",
+        {**_BALANCED, "force_max": math.nan, **_WEAK},
     ),
-    "force-tracking": Entry(_tracking, "LQG force through the damper's inverse model", _BALANCED),
+    "force-tracking": Entry(_tracking, "LQG force through the damper's inverse model", {**_BALANCED, **_WEAK}),
     "lyapunov": Entry(
         _lyapunov,
         "on where the force takes a Lyapunov function down",
-        {"balance": 1.0, "noise_ratio": 50.0, **_LEVEL},
+        {"balance": 1.0, "noise_ratio": 50.0, **_LEVEL, **_WEAK},
     ),
     "max-dissipation": Entry(
         lambda site, o: max_dissipation(
             site.frame, o["level"] * site.command_max, o["noise_ratio"], site.period
         ),
         "on where the force resists the damper's motion",
-        {"noise_ratio": 50.0, **_LEVEL},
+        {"noise_ratio": 50.0, **_LEVEL, **_WEAK},
     ),
     "skyhook": Entry(
         _skyhook,
         "a dashpot to a fixed point in space, with on/off switching",
-        {"damping": math.nan, "leak": math.nan, **_LEVEL},
+        {"damping": math.nan, "leak": math.nan, **_LEVEL, **_WEAK},
     ),
     IDEAL: Entry(_active, "the LQG force itself, from an ideal actuator that can push as well", _BALANCED),
 }
@@ -211,7 +216,16 @@ def make(spec: str, site: Site) -> Controller:
     if kind == POLICY:
         return policy(path)
     entry = ENTRIES[kind]
-    return entry.build(site, {**entry.options, **options})
+    o = {**entry.options, **options}
+    return _at_least(entry.build(site, o), o.get("weak", 0.0), site)
+
+
+def _at_least(controller: Controller, weak: float, site: Site) -> Controller:
+    """With the least command of the learned policies, for a force `weak` of the damper without current, N."""
+    if not weak:
+        return controller
+    least = LeastCommand(site.command_max, 1.4 * weak, 0.7 * weak, 0.5 * weak)
+    return AtLeast(controller, least, _LEAK / float(site.frame.frequencies[0]), site.dampers)
 
 
 def is_ideal(spec: str) -> bool:

@@ -10,7 +10,7 @@ from mrdamp.errors import InputError
 
 
 class Unlagged:
-    """Measurements whose `force` (and `force_2` ..) is the one that, held over the control period, gives the sensor's reading.
+    """Measurements whose forces, held over the control period, give the readings of their sensors.
 
     Exact for such a force and a first-order lag. period, sensor_lag: s; with no lag the measurements are left as they
     are. Raises InputError.
