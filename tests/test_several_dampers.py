@@ -138,7 +138,8 @@ def test_a_model_of_stable_baselines3_commands_both(file: Path, tmp_path: Path) 
     made = bench(file)
     ((spec,),) = (row.specs for row in contenders(made, [f"mine={tmp_path / 'model.zip'}"], {}))
     # A half and a quarter of 2.25 V.
-    np.testing.assert_allclose(made.history(spec, LOAD, 1.0).command, [[1.125, 0.5625]], rtol=1e-6)
+    found = made.history(spec, LOAD, 1.0).command
+    np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-6)
 
 
 def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:

@@ -38,7 +38,9 @@ class SkyhookForce:
 
     def __call__(self, t: float, y: Mapping[str, float]) -> float:
         now = y[self.signal]
-        if self._before is not None:
+        if self._before is None:
+            self.velocity = 0.0 * now  # of many runs as well
+        else:
             self.velocity = self._decay * self.velocity + self._first * self._before + self._last * now
         self._before = now
         return self.gain * self.velocity
