@@ -12,6 +12,7 @@ from mrdamp.compare import tuning
 from mrdamp.compare.bench import UNCONTROLLED, Ranges, score
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
+from mrdamp.compare.contenders import shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control.base import Controller
@@ -98,3 +99,10 @@ def test_every_kind_of_other_plants_runs_as_rows(bench: CableBench | CarBench) -
         (one,) = tuning.Loops(bench, [load], 1).scores([bench.controller(kind)])  # type: ignore[arg-type]
         two = tuning.Loops(bench, [load, load], 1).scores([bench.controller(kind)])  # type: ignore[arg-type]
         assert two == pytest.approx([one], rel=1e-9), kind
+
+
+@pytest.mark.parametrize("name", ["learned", "adjoint", "ppo"])
+def test_rows_of_a_policy_are_its_runs_one_by_one_in_the_engine(name: str) -> None:
+    spec = f"policy:{shipped_policies('frame')[name][0]}"
+    (found,) = tuning.Loops(BENCH, MOTIONS, 1).scores([BENCH.controller(spec)])
+    assert found == pytest.approx(in_mujoco(spec, MOTIONS), rel=0.02)

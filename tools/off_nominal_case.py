@@ -63,7 +63,7 @@ def main() -> None:
         write_atomic(case / files[-1], render(record))
     body = nominal.to_dict()["model"]
     head = {"name": a.out.name, "format": 1, "rig": "frame", "sample_rate_hz": 1 / PERIOD}
-    about = {**head, "nominal": body, "channels": list(record), "records": files}
+    about = {**head, "hold": True, "nominal": body, "channels": list(record), "records": files}
     write_atomic(case / "case.json", json.dumps(about, indent=1) + "\n")
 
 

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from mrdamp.compare.bench import Load
-from mrdamp.compare.comparison import Comparison, compare
+import numpy as np
+
+from mrdamp.compare.bench import digest
+from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import FrameBench
-from mrdamp.compare.runner import Progress
+from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.tuning import Loops
+from mrdamp.control import registry
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.motions import GroundMotion
 
 PARTS = ("stiffness", "mass")
 
@@ -23,32 +30,84 @@ def scaled(model: Model, part: str, factor: float) -> Model:
     return replace(model, structure=replace(model.structure, **{part: factor * getattr(model.structure, part)}))
 
 
+@dataclass(frozen=True)
+class _Structures:
+    """Comparisons on rows of other structures, for `run_all`."""
+
+    benches: Mapping[str, FrameBench]
+    rows: tuple[Contender, ...]
+    loads: tuple[GroundMotion, ...]
+    amplitudes: tuple[float, ...]
+
+    def key(self, task: str) -> str:
+        bench = self.benches[task]
+        cases = itertools.product((s for row in self.rows for s in row.specs), self.loads, self.amplitudes)
+        return digest(["rows", *(bench.key(*case) for case in cases)])
+
+    def run(self, task: str) -> dict[str, Any]:
+        bench = self.benches[task]
+        loads = [bench.played(load, a) for load in self.loads for a in self.amplitudes]
+        specs = [spec for row in self.rows for spec in row.specs]
+        found = Loops(bench, loads, len(specs)).run([bench.controller(spec) for spec in specs])
+        return {key: values.tolist() for key, values in found.items()}
+
+
+def on_rows(
+    benches: Mapping[str, FrameBench],
+    rows: Sequence[Contender],
+    loads: Sequence[GroundMotion],
+    amplitudes: Sequence[float],
+    *,
+    jobs: int = 1,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Comparison]:
+    """Comparisons on several benches, whose measures are those that make the objective. jobs, keep: see `run_all`."""
+    shape = len(loads), len(amplitudes)
+    work = _Structures(benches, tuple(rows), tuple(loads), tuple(amplitudes))
+    results = {}
+    for name, found in zip(
+        benches, run_all(work, list(benches), jobs=jobs, keep=keep, progress=progress, what="structures"), strict=True
+    ):
+        bench, values, first = benches[name], {}, 0
+        for row in rows:
+            own = slice(first, first + len(row.specs))
+            values[row.name] = {key: np.array(v[own]).reshape(-1, *shape) for key, v in found.items()}
+            first = own.stop
+        results[name] = Comparison(
+            tuple(rows), tuple(m for m in bench.measures if m.key in found), tuple(m.name for m in loads),
+            tuple(amplitudes), values, base=bench.base,
+            objective={key: weight for key, (_, weight) in bench.objective.items()},
+        )  # fmt: skip
+    return results
+
+
 def with_spread(
     bench: FrameBench,
     result: Comparison,
-    loads: Sequence[Load],
+    loads: Sequence[GroundMotion],
     percent: Sequence[float],
     *,
     jobs: int = 1,
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """The comparison, with `others`: stiffness and mass less and more by each of some percentages.
+    """The comparison, with `others`: stiffness and mass less and more by each of some percentages, on rows of the chain.
 
     jobs, keep: see `mrdamp.compare.runner.run_all`. Raises InputError for a percentage outside 0 to 100.
     """
     for p in percent:
         if not 0 < p < 100:
             raise InputError(f"--spread {p:g}; allowed: percentages above 0 and below 100")
-    rows = [c for c in result.contenders if not c.bound]
+    # An ideal actuator is no damper, and rows have dampers.
+    rows = [c for c in result.contenders if not c.bound and not registry.is_ideal(c.specs[0])]
     if result.base not in [c.name for c in rows]:
         rows.insert(0, Contender(result.base, (result.base,)))
-    told = bench.told or bench.model
-    others = {}
-    for part in PARTS:
-        for p in sorted({sign * p for p in percent for sign in (-1, 1)}):
-            other = replace(bench, model=scaled(bench.model, part, 1 + p / 100), told=told)
-            others[f"{part} {p:+g} %"] = compare(
-                other, rows, loads, result.amplitudes, jobs=jobs, keep=keep, progress=progress
-            )
+    signed, told = sorted({sign * p for p in percent for sign in (-1, 1)}), bench.told or bench.model
+    benches = {
+        f"{part} {p:+g} %": replace(bench, model=scaled(bench.model, part, 1 + p / 100), told=told)
+        for part in PARTS
+        for p in signed
+    }
+    others = on_rows(benches, rows, loads, result.amplitudes, jobs=jobs, keep=keep, progress=progress)
     return replace(result, others=others)

@@ -82,8 +82,8 @@ def spread_rows(result: Comparison) -> list[Row]:
     """The objective less that of the base on the same structure, with 95 % intervals of the paired difference."""
     return [
         (c.name, *(_spread(other.gain(c.name), sign=True) for other in result.others.values()))
-        for c in result.contenders
-        if c.name != result.base and not c.bound
+        for c in next(iter(result.others.values())).contenders
+        if c.name != result.base
     ]
 
 
@@ -239,7 +239,7 @@ def to_json(result: Comparison, unit: str, about: str) -> str:
                 **{key: number(value) for key, value in vars(s).items()},
                 "runs": [[[number(float(v)) for v in line] for line in seed] for seed in runs],
             }
-        gains = {name: other.gain(c.name) for name, other in result.others.items() if not c.bound}
+        gains = {name: other.gain(c.name) for name, other in result.others.items() if c.name in other.values}
         rows[c.name]["spread"] = {
             name: {key: number(getattr(gain, key)) for key in ("mean", "low", "high")} for name, gain in gains.items()
         }

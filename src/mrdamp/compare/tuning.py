@@ -17,6 +17,7 @@ from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, digest, score
 from mrdamp.compare.runner import Progress, run_all
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
@@ -94,18 +95,25 @@ class Loops:
 
     def scores(self, controllers: Sequence[Controller]) -> list[float]:
         """What tuning makes small, of each: the mean over the loads, as `mrdamp.compare.bench.score`."""
+        means = {key: values.mean(axis=1) for key, values in self.run(controllers).items()}
+        return [score(self.bench, {key: float(mean[k]) for key, mean in means.items()}) for k in range(len(controllers))]
+
+    def run(self, controllers: Sequence[Controller]) -> dict[str, Array]:
+        """The measures that make the objective, (controllers, loads) each. Controllers act at their own periods."""
         task, many = self.task, len(self.loads)
         names, dampers = task.rows.names, len(task.command_max)
         rngs = [np.random.default_rng(0)] * task.n
         for row in range(task.n):
             task.reset([row], rngs, {self.bench.option: self.loads[row % many]})
-        for controller in controllers:
+        period = task.rows.period
+        acting = [_at_every(controller, period) for controller in controllers]
+        for controller in acting:
             controller.reset()
         commands, alive = np.zeros((dampers, task.n)), np.arange(task.n) < many * len(controllers)
         columns = [task.score.NAMES.index(info) for info, _ in self.bench.objective.values()]
         found, time = np.zeros((task.n, len(columns))), 0.0
         while alive.any():
-            for k, controller in enumerate(controllers):
+            for k, controller in enumerate(acting):
                 own = slice(k * many, (k + 1) * many)
                 commands[:, own] = controller.command(time, dict(zip(names, task.measured[own].T, strict=True)))
             step = task.step(2.0 * commands.T / task.command_max - 1.0)
@@ -113,9 +121,19 @@ class Loops:
             found[ended] = step.info[ended][:, columns]
             self.periods += int(alive.sum())
             alive &= ~step.over
-            time += task.rows.period
-        means = found.reshape(-1, many, len(columns)).mean(axis=1)[: len(controllers)].tolist()
-        return [score(self.bench, dict(zip(self.bench.objective, row, strict=True))) for row in means]
+            time += period
+        each = found.reshape(-1, many, len(columns))[: len(controllers)]
+        return dict(zip(self.bench.objective, np.moveaxis(each, 2, 0), strict=True))
+
+
+def _at_every(controller: Controller, period: float) -> Controller:
+    """The controller asked every period, s. Raises InputError for one whose own is no multiple of it."""
+    every = round(controller.period / period)
+    if every < 1 or abs(every * period - controller.period) > 1e-9 * period:
+        raise InputError(
+            f"controller {controller.name}: period is {controller.period:g} s; allowed here: multiples of {period:g} s"
+        )
+    return ZeroOrderHold(controller, every)
 
 
 class Search:
