@@ -100,7 +100,9 @@ def test_the_regulator_of_two_forces_on_two_oscillators_is_that_of_each() -> Non
     np.testing.assert_allclose(k, np.hstack([np.diag(first), np.diag(np.sqrt(2 * first))]), atol=1e-9)
 
 
-@pytest.mark.parametrize("spec", ["clipped-optimal", "force-tracking", "lyapunov", "skyhook", "max-dissipation:weak=80"])
+@pytest.mark.parametrize(
+    "spec", ["clipped-optimal", "force-tracking", "lyapunov", "skyhook", "max-dissipation:weak=80"]
+)
 def test_each_damper_has_a_command_of_its_own(file: Path, spec: str) -> None:
     made, off = bench(file), "passive-off"
     made.check(spec)

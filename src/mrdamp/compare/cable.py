@@ -120,7 +120,7 @@ class CableBench(PlantBench):
 
     def effort(self, kind: str) -> tuple[int, int]:
         """Every source is among the loads; inverse models are slow."""
-        return 4, 1_000_000 if kind == "force-tracking" else 2_000_000
+        return 4, 500_000 if kind == "force-tracking" else 1_000_000
 
     def task(self, n: int) -> CableTask:
         return CableTask(

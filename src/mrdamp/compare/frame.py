@@ -36,7 +36,7 @@ from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.envs.frame_task import FrameTask
-from mrdamp.errors import InputError, require_positive
+from mrdamp.errors import require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
@@ -222,7 +222,7 @@ class FrameBench:
 
     def effort(self, kind: str) -> tuple[int, int]:
         """Every amplitude is among the loads; inverse models are slow."""
-        return (13, 3_000_000) if kind == "force-tracking" else (8, 12_000_000)
+        return (17, 1_600_000) if kind == "force-tracking" else (8, 12_000_000)
 
     def task(self, n: int) -> FrameTask:
         return self._task(n, period=self.period, engine="chain", reward=None)

@@ -92,7 +92,7 @@ def with_spread(
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """The comparison, with `others`: stiffness and mass less and more by each of some percentages, on rows of the chain.
+    """The comparison, with `others`: stiffness and mass less and more by each percentage, on rows of the chain.
 
     jobs, keep: see `mrdamp.compare.runner.run_all`. Raises InputError for a percentage outside 0 to 100.
     """

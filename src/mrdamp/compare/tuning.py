@@ -95,8 +95,9 @@ class Loops:
 
     def scores(self, controllers: Sequence[Controller]) -> list[float]:
         """What tuning makes small, of each: the mean over the loads, as `mrdamp.compare.bench.score`."""
-        means = {key: values.mean(axis=1) for key, values in self.run(controllers).items()}
-        return [score(self.bench, {key: float(mean[k]) for key, mean in means.items()}) for k in range(len(controllers))]
+        means = {key: values.mean(axis=1).tolist() for key, values in self.run(controllers).items()}
+        each = zip(*means.values(), strict=True)
+        return [score(self.bench, dict(zip(means, row, strict=True))) for row in each]
 
     def run(self, controllers: Sequence[Controller]) -> dict[str, Array]:
         """The measures that make the objective, (controllers, loads) each. Controllers act at their own periods."""
@@ -142,9 +143,9 @@ class Search:
     def __init__(self, bench: Bench, kind: str) -> None:
         self.bench, self.kind = bench, kind
         self.ranges, self.loads = bench.ranges(kind), list(bench.tuning_loads())
-        stride, self.budget = bench.effort(kind)
+        self.stride, self.budget = bench.effort(kind)
         members = max(5, _MEMBERS * len(self.ranges))  # as SciPy has them
-        self.loops = Loops(bench, self.loads[::stride], members)
+        self.loops = Loops(bench, self.loads[:: self.stride], members)
         self.found: dict[str, float] = {}
         self.curve: list[tuple[int, float]] = []
 
@@ -180,7 +181,7 @@ class Search:
                 self, cube, popsize=_MEMBERS, tol=_FLAT, polish=False, vectorized=True,
                 updating="deferred", rng=np.random.default_rng(seed), maxiter=10_000,
             )  # fmt: skip
-        every = Loops(self.bench, self.loads, _CHOSEN)
+        every = Loops(self.bench, self.loads[:: max(1, self.stride // 8)], _CHOSEN)
         scores = self.scores(sorted(self.found, key=self.found.__getitem__)[:_CHOSEN], every)
         spec = min(scores, key=scores.__getitem__)
         if scores[spec] >= _FAILED:

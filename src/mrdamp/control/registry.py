@@ -43,7 +43,7 @@ class Site:
 
     @classmethod
     def of(cls, model: Model, period: float = 1e-3) -> Site:
-        """From a model of the rig `frame`. Raises InputError."""
+        """From a model of the rig `frame`, its frame with what it can hold of the effects. Raises InputError."""
         if model.structure is None:
             raise InputError(f"{model.name}: rig damper has no frame")
         largest = model.attributes.get("command_max", math.nan)
@@ -51,7 +51,9 @@ class Site:
             raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
         own = tuple(e for e in model.effects if e.place is None)
         damper = replace(model, rig="damper", structure=None, effects=own)
-        return cls(model.structure, damper, largest, period)
+        held, s = model.frame, model.structure
+        frame = ShearFrame(held.mass, held.stiffness, held.damping, s.damper_between, s.others)
+        return cls(frame, damper, largest, period)
 
     @property
     def dampers(self) -> int:

@@ -72,7 +72,7 @@ class Scenario:
         return self.learning is not None and self.learning.algorithm == "es"
 
     def site(self, model: Model) -> registry.Site:
-        return registry.Site.of(folded(model))
+        return registry.Site.of(model)
 
     def of(self, run: FrameRun) -> Criteria:
         assert self.nominal.structure is not None
@@ -176,11 +176,3 @@ def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Si
     return scenario.score(
         [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training
     )
-
-
-def folded(model: Model) -> Model:
-    """The model with what a linear frame can hold of its effects in the structure: what a controller is made for."""
-    frame, s = model.frame, model.structure
-    assert s is not None
-    structure = ShearFrame(frame.mass, frame.stiffness, frame.damping, s.damper_between)
-    return replace(model, structure=structure, effects=tuple(e for e in model.effects if e.place is None))
