@@ -48,7 +48,7 @@ def main() -> None:
     a = p.parse_args()
     tables = Tables(a.work, a.jobs)
     text = PAGE.read_text(encoding="utf-8")
-    for name in re.findall(r"<!-- ([a-z]+) -->\n", text):
+    for name in [found for found in re.findall(r"<!-- ([a-z]+) -->\n", text) if found != "end"]:
         found = getattr(tables, name)()
         if found is not None:
             head, _, rest = text.partition(f"<!-- {name} -->\n")

@@ -129,7 +129,7 @@ class Bench(Protocol):
     controllers of the default table. unseen_amplitudes: of the loads of the evaluation. objective: what tuning makes
     small, measure -> its name in the `info` of a task, and its weight. option: of a task's reset, that names the load.
     reference: denominator of the ratios, in words. bounds: name -> weights by key of measure, which a clairvoyant
-    command minimises; empty without such a search. base: spec of the constant command that the way to a bound begins at.
+    command minimises; empty without such a search. base: spec of the constant command that gains count from.
     """
 
     @property
@@ -204,8 +204,8 @@ class Bench(Protocol):
         """Of every option of a kind. Raises InputError where there is none."""
 
     def effort(self, kind: str) -> tuple[int, int]:
-        """A search runs every so many-th of the tuning loads, its last choice up to eight times as many; and the control
-        periods that a search may take."""
+        """A search runs every so many-th of the tuning loads, its last choice all or a quarter of them; and how many
+        control periods a search may take."""
 
     def tuning_loads(self) -> Sequence[Any]:
         """Loads that controllers are tuned on."""

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,25 +30,30 @@ def scaled(model: Model, part: str, factor: float) -> Model:
     return replace(model, structure=replace(model.structure, **{part: factor * getattr(model.structure, part)}))
 
 
+class _Case(NamedTuple):
+    """A controller, all of its seeds, on one of several structures."""
+
+    structure: str
+    row: Contender
+
+
 @dataclass(frozen=True)
 class _Structures:
-    """Comparisons on rows of other structures, for `run_all`."""
+    """Runs on rows of several structures, for `run_all`."""
 
     benches: Mapping[str, FrameBench]
-    rows: tuple[Contender, ...]
     loads: tuple[GroundMotion, ...]
     amplitudes: tuple[float, ...]
 
-    def key(self, task: str) -> str:
-        bench = self.benches[task]
-        cases = itertools.product((s for row in self.rows for s in row.specs), self.loads, self.amplitudes)
-        return digest(["rows", *(bench.key(*case) for case in cases)])
+    def key(self, task: _Case) -> str:
+        cases = itertools.product(task.row.specs, self.loads, self.amplitudes)
+        return digest(["rows", *(self.benches[task.structure].key(*case) for case in cases)])
 
-    def run(self, task: str) -> dict[str, Any]:
-        bench = self.benches[task]
+    def run(self, task: _Case) -> dict[str, Any]:
+        bench = self.benches[task.structure]
         loads = [bench.played(load, a) for load in self.loads for a in self.amplitudes]
-        specs = [spec for row in self.rows for spec in row.specs]
-        found = Loops(bench, loads, len(specs)).run([bench.controller(spec) for spec in specs])
+        loops = Loops(bench, loads, len(task.row.specs))
+        found = loops.run([bench.controller(spec) for spec in task.row.specs])
         return {key: values.tolist() for key, values in found.items()}
 
 
@@ -64,22 +69,20 @@ def on_rows(
 ) -> dict[str, Comparison]:
     """Comparisons on several benches, whose measures are those that make the objective. jobs, keep: see `run_all`."""
     shape = len(loads), len(amplitudes)
-    work = _Structures(benches, tuple(rows), tuple(loads), tuple(amplitudes))
-    results = {}
-    for name, found in zip(
-        benches, run_all(work, list(benches), jobs=jobs, keep=keep, progress=progress, what="structures"), strict=True
-    ):
-        bench, values, first = benches[name], {}, 0
-        for row in rows:
-            own = slice(first, first + len(row.specs))
-            values[row.name] = {key: np.array(v[own]).reshape(-1, *shape) for key, v in found.items()}
-            first = own.stop
-        results[name] = Comparison(
-            tuple(rows), tuple(m for m in bench.measures if m.key in found), tuple(m.name for m in loads),
+    work = _Structures(benches, tuple(loads), tuple(amplitudes))
+    tasks = [_Case(name, row) for name in benches for row in rows]
+    results = iter(run_all(work, tasks, jobs=jobs, keep=keep, progress=progress, what="structures"))
+    found = {}
+    for name, bench in benches.items():
+        values = {
+            row.name: {key: np.array(each).reshape(-1, *shape) for key, each in next(results).items()} for row in rows
+        }
+        found[name] = Comparison(
+            tuple(rows), tuple(m for m in bench.measures if m.key in bench.objective), tuple(m.name for m in loads),
             tuple(amplitudes), values, base=bench.base,
             objective={key: weight for key, (_, weight) in bench.objective.items()},
         )  # fmt: skip
-    return results
+    return found
 
 
 def with_spread(

@@ -202,6 +202,12 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
     return kind, "", options
 
 
+def options_of(spec: str) -> tuple[str, Options]:
+    """Kind and options of what `spec` wrote."""
+    kind, _, rest = spec.partition(":")
+    return kind, {key: float(value) for key, _, value in (part.partition("=") for part in rest.split(",") if part)}
+
+
 def policy(path: str) -> Controller:
     """An exported policy. Raises InputError."""
     from mrdamp.control.policy import Policy
