@@ -7,8 +7,8 @@
     mrdamp compare frame --engine chain -o out/compare
     python tools/control_tables.py --work out
 
-Reads out/compare/result.json and the diagnosed models; runs the rest, and keeps runs in out/tables.jsonl. Measured
-motions are those in ../shared/data/earthquakes; without them that table stays as it is.
+Reads out/compare/result.json, where there is one, and the diagnosed models; runs the rest, and keeps runs in
+out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table stays as it is.
 """
 
 from __future__ import annotations
@@ -86,11 +86,12 @@ class Tables:
             rows.append((name, f"`{s.spec}`", f"{s.periods / 1e6:.1f}", *(f"{v:.4f}" for v in best), f"{s.score:.4f}"))
         return markdown(("controller", "setting", "1e6 periods", *(f"{x:.0%}" for x in shares), "last choice"), rows)
 
-    def unseen(self) -> str | None:
-        """From the comparison's own file: every measure of every run."""
+    def unseen(self) -> str:
+        """Every measure of every run from the comparison's own file; without it the peaks, on rows."""
         file = self.work / "compare" / "result.json"
         if not file.is_file():
-            return None
+            result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
+            return markdown(("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods"), _peaks(result))
         data = json.loads(file.read_text(encoding="utf-8"))["controllers"]
         ratios = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
         plain = ("mean_command", "coil_energy", "switching_rate")
@@ -110,15 +111,8 @@ class Tables:
         if not RECORDS.is_dir():
             return None
         result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
-        rows = [
-            (
-                _name(c.name, len(c.specs)),
-                *(_spread(result.summary(c.name, key)) for key in ("J1", "J2")),
-                _spread(result.gain(c.name), True),
-            )
-            for c in result.contenders
-        ]
-        return f"{markdown(('controller', 'J1', 'J2', 'mean of both less passive-on'), rows)}\n{_differences(result)}"
+        heads = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
+        return f"{markdown(heads, _peaks(result))}\n{_differences(result)}"
 
     def spread(self) -> str:
         model = self.bench.model
@@ -141,7 +135,7 @@ class Tables:
         for percent in (-10, 10):
             file = self.work / f"k{percent}" / "diagnosis" / "corrected.json"
             if not file.is_file():
-                return None
+                continue
             true = scaled(self.bench.model, "stiffness", 1 + percent / 100)
             benches = {
                 "the nominal frame": replace(self.bench, model=true, told=self.bench.model),
@@ -152,8 +146,7 @@ class Tables:
             for told, result in found.items():
                 gains = (_spread(result.gain(name), True) for name in MODEL_BASED)
                 rows.append((f"{percent:+d} %", told, *gains))
-        heads = ("stiffness", "told", *MODEL_BASED)
-        return markdown(heads, rows)
+        return markdown(("stiffness", "told", *MODEL_BASED), rows) if rows else None
 
     def lag(self) -> str:
         """A force sensor that lags, known and unknown."""
@@ -170,6 +163,18 @@ class Tables:
             for c in self.rows
         ]
         return markdown(("mean of J1 and J2", *found), rows)
+
+
+def _peaks(result: Comparison) -> list[tuple[str, ...]]:
+    return [
+        (
+            _name(c.name, len(c.specs)),
+            *(_spread(result.summary(c.name, key)) for key in ("J1", "J2")),
+            _spread(result.gain(c.name), True),
+            "–" if c.periods is None else f"{c.periods / 1e6:.3g}",
+        )
+        for c in result.contenders
+    ]
 
 
 def _differences(result: Comparison) -> str:
