@@ -18,6 +18,7 @@ from mrdamp.compare.frame import FrameBench
 from mrdamp.control.base import Controller
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.errors import InputError
+from mrdamp.model import Effect
 from mrdamp.motions import TIME_SCALE, GroundMotion, kanai_tajimi
 
 BENCH = FrameBench(frame_model())
@@ -28,9 +29,9 @@ KINDS = [
 ]  # fmt: skip
 
 
-def in_mujoco(spec: str, loads: list[GroundMotion]) -> float:
+def in_mujoco(spec: str, loads: list[GroundMotion], of: FrameBench = BENCH) -> float:
     """The mean objective of runs one by one, in the engine."""
-    bench = replace(BENCH, compression=1.0)
+    bench = replace(of, compression=1.0)
     without = [bench.run(UNCONTROLLED, load, 1.0) for load in loads]
     rows = [bench.values(bench.run(spec, m, 1.0), free) for m, free in zip(loads, without, strict=True)]
     return float(np.mean([score(bench, row) for row in rows]))
@@ -42,6 +43,16 @@ def test_rows_at_once_are_the_runs_one_by_one_in_the_engine() -> None:
     for spec, value in zip(KINDS, found, strict=True):
         assert value == pytest.approx(in_mujoco(spec, MOTIONS), rel=0.02), spec
     assert loops.periods == len(KINDS) * 2 * 1001  # a second each, at 1 ms
+
+
+def test_a_known_lag_of_the_force_sensor_is_taken_back_in_rows_too() -> None:
+    model, spec = BENCH.model, "clipped-optimal:balance=100,r=1e-8,noise_ratio=2000"
+    lagged = replace(BENCH, model=replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": 3e-3}))))
+    untold = replace(lagged, told=model)
+    found = [tuning.Loops(bench, MOTIONS, 1).scores([bench.controller(spec)])[0] for bench in (lagged, untold)]
+    assert found[0] < 0.97 * found[1]
+    for bench, value in zip((lagged, untold), found, strict=True):
+        assert value == pytest.approx(in_mujoco(spec, MOTIONS, bench), rel=0.03)
 
 
 def test_the_best_constant_is_that_of_a_scan(monkeypatch: pytest.MonkeyPatch) -> None:

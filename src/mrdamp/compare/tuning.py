@@ -115,9 +115,10 @@ class Loops:
         columns = [task.score.NAMES.index(info) for info, _ in self.bench.objective.values()]
         found, time = np.zeros((task.n, len(columns))), 0.0
         while alive.any():
+            measured = task.measured.T.copy()  # which the next step writes over, and controllers remember
             for k, controller in enumerate(acting):
                 own = slice(k * many, (k + 1) * many)
-                commands[:, own] = controller.command(time, dict(zip(names, task.measured[own].T, strict=True)))
+                commands[:, own] = controller.command(time, dict(zip(names, measured[:, own], strict=True)))
             step = task.step(2.0 * commands.T / task.command_max - 1.0)
             ended = step.over & alive
             found[ended] = step.info[ended][:, columns]
