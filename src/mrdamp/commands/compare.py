@@ -133,6 +133,9 @@ def _compare(a: argparse.Namespace, environment: str) -> int:
         for option, given in (("--dampers", a.dampers), ("--told", a.told), ("--spread", a.spread)):
             if given:
                 raise InputError(f"{option} is for a frame; leave it out")
+    for percent in a.spread or ():
+        if not 0 < percent < 100:
+            raise InputError(f"--spread {percent:g}; allowed: percentages above 0 and below 100")
     if a.bound is not None and (a.dampers or ())[1:]:
         raise InputError("--bound is for one damper; leave it out")
     bench = {"frame": _frame_bench, "cable": _cable_bench, "car": _car_bench}[environment](a)

@@ -72,7 +72,6 @@ TUNED = {
 }
 
 
-
 def score(bench: Bench, values: Mapping[str, float]) -> float:
     """What tuning makes small, from the measures of a run."""
     return sum(weight * values[key] for key, (_, weight) in bench.objective.items())

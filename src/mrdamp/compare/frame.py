@@ -36,7 +36,7 @@ from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.chain_rows import FRAMES, of_engine
 from mrdamp.envs.frame_task import FrameTask
-from mrdamp.errors import require_positive
+from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
@@ -94,6 +94,12 @@ class FrameBench:
         require_period("compare", self.period)
         require_positive("compare", compression=self.compression, timestep=self.timestep)
         of_engine(FRAMES, self.engine)
+        true, told = self.model.structure, (self.told or self.model).structure
+        if true and told and (true.storeys, true.places) != (told.storeys, told.places):
+            raise InputError(
+                f"{self.told and self.told.name}: a frame of {told.storeys} storeys with dampers at {told.places}; "
+                f"allowed: that of {self.model.name}, {true.storeys} with {true.places}"
+            )
 
     @cached_property
     def site(self) -> registry.Site:
