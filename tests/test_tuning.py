@@ -50,9 +50,10 @@ def test_a_known_lag_of_the_force_sensor_is_taken_back_in_rows_too() -> None:
     lagged = replace(BENCH, model=replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": 3e-3}))))
     untold = replace(lagged, told=model)
     found = [tuning.Loops(bench, MOTIONS, 1).scores([bench.controller(spec)])[0] for bench in (lagged, untold)]
-    assert found[0] < 0.97 * found[1]
+    # A force that is remembered in an array which the rows write over is never taken back.
+    assert found[0] != pytest.approx(found[1], rel=1e-3)
     for bench, value in zip((lagged, untold), found, strict=True):
-        assert value == pytest.approx(in_mujoco(spec, MOTIONS, bench), rel=0.03)
+        assert value == pytest.approx(in_mujoco(spec, MOTIONS, bench), rel=0.015)
 
 
 def test_the_best_constant_is_that_of_a_scan(monkeypatch: pytest.MonkeyPatch) -> None:
