@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mrdamp.control.base import sensor_name as sensor_name
 from mrdamp.envs.damper_sensors import SIGNALS, add_sensor, get
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -41,11 +42,6 @@ def frame_models(
 def actuator_name(k: int) -> str:
     """Of damper k, from 0: `damper`, `damper_2`, `damper_3` ..."""
     return "damper" if k == 0 else f"damper_{k + 1}"
-
-
-def sensor_name(signal: str, k: int) -> str:
-    """Of a damper's signal: `force`, `force_2` ..."""
-    return signal if k == 0 else f"{signal}_{k + 1}"
 
 
 def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) -> str:

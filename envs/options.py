@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -106,7 +107,9 @@ class TaskOptions(RowOptions):
         if self.observer is not None:
             return Observer.from_dict(self.observer)
         default, scale = sensors(self.full_state)
-        signals = tuple(default if self.signals is None else self.signals)
+        given = default if self.signals is None else self.signals
+        # `acceleration_*` is that of every floor; what is no measurement is refused below.
+        signals = tuple(name for one in given for name in (fnmatch.filter(scale, one) or [one]))
         unknown = [name for name in signals if name not in scale]
         if unknown:
             raise InputError(f"observer: no measurement {unknown[0]!r}; there are: {', '.join(scale)}")

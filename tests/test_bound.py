@@ -21,7 +21,7 @@ from mrdamp.compare.bound import with_bounds
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.clairvoyant import Effort, Peaks, search
 from mrdamp.compare.frame_bound import frame_bound
-from mrdamp.compare.on_chain import run_chain
+from mrdamp.compare.on_rows import run_rows
 from mrdamp.compare.rollouts import Rollouts, sensitivity
 from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import ratio
@@ -127,7 +127,7 @@ def test_the_engine_agrees_with_the_chain_on_what_is_found() -> None:
         engine = run_frame(BENCH.model, PLAYED, replay, timestep=2.5e-4)
         found = peaks.value(np.hstack([engine.drift, engine.acceleration])[None])
         assert found[0] == pytest.approx(path.value, rel=0.01), weights
-        chain = run_chain(BENCH.model, PLAYED, replay, timestep=2.5e-4)
+        chain = run_rows(BENCH.model, PLAYED, replay, timestep=2.5e-4)
         for what in ("drift", "acceleration"):
             a, b = (np.abs(getattr(r, what)).max() for r in (engine, chain))
             assert a == pytest.approx(b, rel=0.01), (weights, what)

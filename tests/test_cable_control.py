@@ -18,7 +18,6 @@ from mrdamp.control.cable import cable_clipped_optimal, cable_outputs, cable_pla
 from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.lqg import kalman_gain
-from mrdamp.control.lyapunov import BangBang
 from mrdamp.control.taut_cable import ControlledCable, semi_active
 from mrdamp.envs.cable_loads import CableLoad
 from mrdamp.errors import InputError
@@ -236,7 +235,8 @@ def test_force_tracking_on_a_cable_moves_it_less_than_no_command_at_less_than_cl
 def test_bang_bang_on_a_cable_is_on_where_the_force_takes_the_function_down(kind: str) -> None:
     cable = StayCable(modes=4, ratio=0.01)
     made = make(kind, replace(CableBench(cable).site, cable=cable))
-    assert isinstance(made, BangBang)
+    assert isinstance(made, ForceController)
+    assert isinstance(made.aim, OptimalForce)
     w, shape, n = cable.natural, cable.at(cable.damper_at), len(cable.natural)
     rng = np.random.default_rng(0)
     seen = set()
@@ -251,7 +251,7 @@ def test_bang_bang_on_a_cable_is_on_where_the_force_takes_the_function_down(kind
             z = cable.ratio
             qq, qv, vv = (1 + 4 * z * z) / (4 * z * w), 1 / (2 * w**2), 1 / (4 * z * w**3)
             gradient = 2 * np.concatenate([qq * s[:n] + qv * s[n:], qv * s[:n] + vv * s[n:]])
-        made.estimator = Known(s)  # type: ignore[assignment]
+        made.aim.estimator = Known(s)  # type: ignore[assignment]
         on = made.command(0.0, {"force": f}) > 0
         assert on == (float(gradient[n:] @ (-shape * f)) < 0)
         seen.add(on)

@@ -25,7 +25,7 @@ from mrdamp.gap import measured, real
 from mrdamp.gap.closed_loop import write_case
 from mrdamp.gap.learned import Learning, straightened
 from mrdamp.gap.page import gap_rows, page, score_rows, ways
-from mrdamp.gap.scenario import Scenario, folded, nominal_frame
+from mrdamp.gap.scenario import Scenario, nominal_frame
 from mrdamp.gap.study import CRITERIA, Options, Row, Study, study
 from mrdamp.model import Effect, Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
@@ -167,7 +167,7 @@ def test_a_controller_is_made_for_the_structure_with_its_effects() -> None:
     changed = nominal.__class__(
         nominal.law, nominal.parameters, (Effect("floor_mass", {"dm": 10.0}, 3),), "frame", nominal.structure
     )
-    structure = folded(changed).structure
+    structure = registry.Site.of(changed).frame
     assert structure is not None
     np.testing.assert_allclose(structure.mass, [98.3, 98.3, 108.3])
 

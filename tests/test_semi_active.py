@@ -16,7 +16,7 @@ from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.control import Controller, ForceController, ideal_active, registry, skyhook
 from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
 from mrdamp.control.force_control import Direct, Modulated, OnOff, Tracking
-from mrdamp.control.lyapunov import BangBang, lyapunov, lyapunov_matrix, max_dissipation
+from mrdamp.control.lyapunov import bang_bang, lyapunov, lyapunov_matrix, max_dissipation
 from mrdamp.control.plant import outputs, plant
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.errors import InputError
@@ -139,7 +139,7 @@ def test_bang_bang_is_on_where_the_force_takes_the_function_down(
     seen = set()
     for _ in range(40):
         state, force = rng.standard_normal(6) * 1e-3, float(rng.standard_normal() * 100)
-        controller = BangBang(made.direction, Known(state), 2.0, 1e-3, "x")  # type: ignore[arg-type]
+        controller = bang_bang(-made.aim.k, Known(state), 2.0, 1e-3, "x")  # type: ignore[arg-type, attr-defined]
         on = controller.command(0.0, {"force": force}) > 0
         rate = 2 * state @ p @ b * force
         assert on == (rate < 0)

@@ -58,6 +58,18 @@ def add_to(commands: Any) -> None:
         "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"
     )
     p.add_argument(
+        "--dampers", nargs="+", type=_places, metavar="A-B",
+        help="floors between which a frame has dampers, several pairs of them, as 0-1 1-2 (0: the ground)",
+    )  # fmt: skip
+    p.add_argument(
+        "--told", type=Path, metavar="FILE",
+        help="model file of the frame that controllers are told, as a diagnosis writes it (default: the true one)",
+    )  # fmt: skip
+    p.add_argument(
+        "--spread", nargs="+", type=float, metavar="PERCENT",
+        help="repeat it on frames with so much less and more stiffness, and mass, than controllers are told",
+    )  # fmt: skip
+    p.add_argument(
         "--command-unit", choices=("A", "V"), help="of the model's command (default: V, A with --model)"
     )
     p.add_argument(
@@ -98,17 +110,42 @@ def _compare(a: argparse.Namespace) -> int:
     from mrdamp.compare.motions import read_motions
     from mrdamp.compare.output import write_comparison
     from mrdamp.compare.page import paths_picture, shares_picture
-    from mrdamp.compare.tables import mean_rows, share_columns, share_note, share_rows, to_json
+    from mrdamp.compare.tables import (
+        mean_rows,
+        share_columns,
+        share_note,
+        share_rows,
+        spread_columns,
+        spread_note,
+        spread_rows,
+        to_json,
+    )
     from mrdamp.compare.tuning import settings_for
     from mrdamp.simulation.roads import read_road
 
     period = None if a.period is None else 1e-3 * a.period
     bench = bench_of(
-        a.environment, a.model, command_unit=a.command_unit, period=period, engine=a.engine, compression=a.compression
+        a.environment,
+        a.model,
+        command_unit=a.command_unit,
+        period=period,
+        engine=a.engine,
+        compression=a.compression,
+        dampers=a.dampers or (),
+        told=a.told,
     )
     environment = bench.environment
     if a.motions and environment == "cable":
         raise InputError("a cable has no ground motion; leave --motions out")
+    if environment != "frame":
+        for option, given in (("--dampers", a.dampers), ("--told", a.told), ("--spread", a.spread)):
+            if given:
+                raise InputError(f"{option} is for a frame; leave it out")
+    for percent in a.spread or ():
+        if not 0 < percent < 100:
+            raise InputError(f"--spread {percent:g}; allowed: percentages above 0 and below 100")
+    if a.bound is not None and (a.dampers or ())[1:]:
+        raise InputError("--bound is for one damper; leave it out")
     loads: Sequence[Any] = bench.unseen_loads()
     if a.motions:
         loads = (
@@ -129,6 +166,12 @@ def _compare(a: argparse.Namespace) -> int:
             names = [name for name in names if name not in bench.tuned]
         rows = contenders(bench, names, settings, shipped)
         result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
+        if a.spread:
+            from mrdamp.compare.frame import FrameBench
+            from mrdamp.compare.spread import with_spread
+
+            assert isinstance(bench, FrameBench)
+            result = with_spread(bench, result, loads, a.spread, jobs=a.jobs, keep=keep, progress=progress)
         if a.bound is not None:
             result = with_bounds(
                 bench, result, loads, starts=a.bound, jobs=a.jobs, keep=keep, progress=progress
@@ -148,6 +191,9 @@ def _compare(a: argparse.Namespace) -> int:
     heads = [m.title.format(unit=bench.command_unit) for m in result.measures if m.key in bench.headline]
     print(_aligned([("controller", *heads), *((row[0], *(row[k] for k in at)) for row in mean_rows(result))]))
     print(f"mean (worst) over motions or loads and amplitudes; ratios are over {bench.reference}")
+    if result.others:
+        print(_aligned([spread_columns(result), *spread_rows(result)]))
+        print(spread_note(result))
     if result.bounds:
         print(_aligned([share_columns(result), *share_rows(result)]))
         print(share_note(result))
@@ -157,6 +203,15 @@ def _compare(a: argparse.Namespace) -> int:
     if a.out:
         print(f"page: {page}")
     return 0
+
+
+def _places(text: str) -> tuple[int, int]:
+    """A pair of floors, `0-1`."""
+    lower, _, upper = text.partition("-")
+    try:
+        return int(lower), int(upper)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; allowed: two floors, as 0-1") from None
 
 
 def _keep(out: Path | None) -> Path | None:
@@ -171,10 +226,8 @@ def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names
     text = f"{bench.about()}; {', '.join(result.loads)}; amplitudes {amplitudes}."
     used = {name: s for name, s in settings.items() if any(n.rpartition("=")[2] == name for n in names)}
     if used:
-        grids = {name: len(bench.grid(bench.tuned[name])) for name in used}
-        tuned = ", ".join(f"{name} = {s.spec} (of {grids[name]})" for name, s in used.items())
-        others = ", ".join(load.name for load in bench.tuning_loads())
-        text += f" Tuned on others ({others}): {tuned}."
+        tuned = ", ".join(f"{name} = {s.spec}" for name, s in used.items())
+        text += f" Tuned on {len(bench.tuning_loads())} others: {tuned}."
     return text
 
 
@@ -189,8 +242,13 @@ def _command(a: argparse.Namespace) -> str:
             parts += [flag, *map(str, values)]
     if a.bound is not None:
         parts += ["--bound", str(a.bound)]
-    if a.model:
-        parts += ["--model", str(a.model)]
+    for flag, file in (("--model", a.model), ("--told", a.told)):
+        if file:
+            parts += [flag, str(file)]
+    if a.dampers:
+        parts += ["--dampers", *(f"{lower}-{upper}" for lower, upper in a.dampers)]
+    if a.spread:
+        parts += ["--spread", *(f"{p:g}" for p in a.spread)]
     return shlex.join([*parts, "-o", str(a.out)])
 
 

@@ -7,7 +7,17 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from mrdamp.errors import InputError
+
+if TYPE_CHECKING:
+    from mrdamp.control.base import Controller
+    from mrdamp.envs.task import Task
+
+#: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
+Ranges = Mapping[str, tuple[float, float]]
+Found = TypeVar("Found")
 
 #: The spec of a run without the damper.
 UNCONTROLLED = "uncontrolled"
@@ -47,7 +57,7 @@ DEFAULT = (
     "modulated-optimal-tuned",
     "force-tracking-tuned",
     "lyapunov-tuned",
-    "max-dissipation",
+    "max-dissipation-tuned",
     "skyhook-tuned",
 )
 #: The tuned ones of them: name -> registered controller.
@@ -57,8 +67,22 @@ TUNED = {
     "modulated-optimal-tuned": "modulated-optimal",
     "force-tracking-tuned": "force-tracking",
     "lyapunov-tuned": "lyapunov",
+    "max-dissipation-tuned": "max-dissipation",
     "skyhook-tuned": "skyhook",
 }
+
+
+def score(bench: Bench, values: Mapping[str, float]) -> float:
+    """What tuning makes small, from the measures of a run."""
+    return sum(weight * values[key] for key, (_, weight) in bench.objective.items())
+
+
+def of_kind(ranges: Mapping[str, Found], kind: str) -> Found:
+    """Raises InputError for a kind that has none."""
+    if kind not in ranges:
+        raise InputError(f"tuning: nothing to tune in {kind}; allowed: {', '.join(ranges)}")
+    return ranges[kind]
+
 
 #: Of the command and the coil, on any bench; NaN for an ideal actuator.
 ELECTRIC: tuple[Measure, ...] = (
@@ -101,10 +125,10 @@ class Bench(Protocol):
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
-    controllers of the default table. tuning_amplitudes: of the loads that they are tuned on; unseen_amplitudes: of
-    those of the evaluation. reference: denominator of the ratios, in words. bounds: name -> weights by key of measure,
-    which a clairvoyant command minimises; empty without such a search. base: spec of the constant command that the way
-    to a bound begins at.
+    controllers of the default table. unseen_amplitudes: of the loads of the evaluation. objective: what tuning makes
+    small, measure -> its name in the `info` of a task, and its weight. option: of a task's reset, that names the load.
+    reference: denominator of the ratios, in words. bounds: name -> weights by key of measure, which a clairvoyant
+    command minimises; empty without such a search. base: spec of the constant command that gains count from.
     """
 
     @property
@@ -129,7 +153,10 @@ class Bench(Protocol):
     def default(self) -> tuple[str, ...]: ...
 
     @property
-    def tuning_amplitudes(self) -> tuple[float, ...]: ...
+    def objective(self) -> Mapping[str, tuple[str, float]]: ...
+
+    @property
+    def option(self) -> str: ...
 
     @property
     def unseen_amplitudes(self) -> tuple[float, ...]: ...
@@ -159,11 +186,18 @@ class Bench(Protocol):
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         """Every measure by key, from what is kept of a run and of the uncontrolled one; NaN where it has no value."""
 
-    def grid(self, kind: str) -> tuple[str, ...]:
-        """Specs to try where a kind is tuned. Raises InputError."""
+    def controller(self, spec: str) -> Controller:
+        """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
 
-    def score(self, values: Mapping[str, float]) -> float:
-        """What tuning makes small."""
+    def task(self, n: int) -> Task:
+        """n of the structures on the chain, as controllers are tuned on them."""
+
+    def ranges(self, kind: str) -> Ranges:
+        """Of every option of a kind. Raises InputError where there is none."""
+
+    def effort(self, kind: str) -> tuple[int, int]:
+        """A search runs every so many-th of the tuning loads, its last choice all or a quarter of them; and how many
+        control periods a search may take."""
 
     def tuning_loads(self) -> Sequence[Any]:
         """Loads that controllers are tuned on."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,11 +32,15 @@ def bench_of(
     period: float | None = None,
     engine: str = "mujoco",
     compression: float = 5.0,
+    dampers: Sequence[tuple[int, int]] = (),
+    told: Model | Path | str | None = None,
 ) -> Bench:
     """The bench of a structure. Raises InputError.
 
     model: of the damper, or its file; None: the published one. command_unit: A or V; None: V for the published model,
     else A. period: s; None: 1 ms of the frame, else 5 ms. compression: of the frame's time.
+    dampers: pairs of floors between which a frame has dampers; none: its model's. told: what controllers of a frame are
+    told in place of the model.
     """
     if structure not in STRUCTURES:
         raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}")
@@ -43,11 +48,18 @@ def bench_of(
     unit = command_unit or ("V" if model is None else "A")
     read = model if model is None or isinstance(model, Model) else Model.read(model)
     if kind == "frame":
-        read = frame_model() if read is None else read
-        if read.rig == "damper":
-            read = replace(read, rig="frame", structure=dyke1996())
-        return FrameBench(read, unit, compression, 1e-3 if period is None else period, engine=engine)
+        lied = None if told is None else _framed(told if isinstance(told, Model) else Model.read(told), dampers)
+        shown = _framed(frame_model() if read is None else read, dampers)
+        return FrameBench(shown, unit, compression, 1e-3 if period is None else period, engine=engine, told=lied)
     made: Any = CableBench if kind == "cable" else CarBench
     given = {} if read is None else {"model": read}
     bench: Bench = made(**given, command_unit=unit, period=5e-3 if period is None else period, engine=engine)
     return bench
+
+
+def _framed(model: Model, dampers: Sequence[tuple[int, int]]) -> Model:
+    """A model of a frame; of a damper in the published one."""
+    frame = dyke1996() if model.structure is None else model.structure
+    if dampers:
+        frame = replace(frame, damper_between=dampers[0], others=tuple(dampers[1:]))
+    return replace(model, rig="frame", structure=frame)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,8 +15,17 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.compare import own as outside
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Measure, digest
-from mrdamp.compare.frame import specs
+from mrdamp.compare.bench import (
+    DEFAULT,
+    ELECTRIC,
+    TUNED,
+    UNCONTROLLED,
+    WITHOUT,
+    Measure,
+    Ranges,
+    digest,
+    of_kind,
+)
 from mrdamp.compare.motions import UNSEEN_AMPLITUDES
 from mrdamp.compare.plant_run import PlantBench, PlantRun, run_plant
 from mrdamp.control import cable as controllers
@@ -29,10 +38,11 @@ from mrdamp.envs.chain_rows import CABLES
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
+from mrdamp.train.loads import validation_loads
 
 _VERSION = 3
 #: Seeds of the loads; from nine million on they are for judging alone.
-_TUNING_SEED, _UNSEEN_SEED = 201, 9_000_101
+_UNSEEN_SEED = 9_000_101
 _SOURCES = (WindLoads(), AmbientLoads(), AmbientLoads(shape="uniform"))
 
 
@@ -56,7 +66,8 @@ class CableBench(PlantBench):
     claimed: ClassVar[tuple[str, ...]] = ("motion", "mean_command")
     tuned: ClassVar[Mapping[str, str]] = TUNED
     default: ClassVar[tuple[str, ...]] = DEFAULT
-    tuning_amplitudes: ClassVar[tuple[float, ...]] = (0.6, 1.4)
+    objective: ClassVar[Mapping[str, tuple[str, float]]] = {"motion": ("motion_ratio", 1.0)}
+    option: ClassVar[str] = "load"
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {"clairvoyant": {"motion": 1.0}}
@@ -86,29 +97,34 @@ class CableBench(PlantBench):
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         return {**kept, "motion": kept["motion"] / uncontrolled["motion"]}
 
-    def grid(self, kind: str) -> tuple[str, ...]:
-        largest, c = self.site.command_max, self.cable
-        dashpot = 0.1 * c.mass * c.length * c.first / c.damper_at
-        choices: Mapping[str, Mapping[str, Sequence[float]]] = {
-            "constant": {"value": [largest * k / 8 for k in range(9)]},
-            "clipped-optimal": {"r": [1e-10, 1e-9, 1e-8], "noise_ratio": [1.0, 100.0]},
-            "modulated-optimal": {
-                "r": [1e-9, 1e-8],
-                "noise_ratio": [10.0, 100.0],
-                "force_max": [self.site.force_max * k for k in (0.5, 1.0, 2.0)],
-            },
-            "force-tracking": {"r": [1e-9, 1e-8], "noise_ratio": [10.0, 100.0]},
-            "lyapunov": {"noise_ratio": [1.0, 10.0, 100.0, 1000.0]},
-            "skyhook": {"damping": [dashpot * k for k in (0.25, 1.0, 4.0, 16.0)]},
+    def ranges(self, kind: str) -> Ranges:
+        c, force = self.cable, self.site.force_max
+        best = 0.1 * c.mass * c.length * c.first / c.damper_at
+        noise, level = {"noise_ratio": (0.1, 1e4)}, {"level": (0.1, 1.0)}
+        optimal = {"r": (1e-11, 1e-6), **noise}
+        ranges: Mapping[str, Ranges] = {
+            "constant": {"value": (0.0, self.command_max)},
+            "clipped-optimal": {**optimal, **level},
+            "modulated-optimal": {**optimal, "force_max": (0.1 * force, 4.0 * force)},
+            "force-tracking": optimal,
+            "lyapunov": {**noise, **level},
+            "max-dissipation": {**noise, **level},
+            "skyhook": {"damping": (0.05 * best, 50.0 * best), "leak": (1.0 / c.first, 100.0 / c.first), **level},
         }
-        return specs(kind, choices)
+        return of_kind(ranges, kind)
 
-    def score(self, values: Mapping[str, float]) -> float:
-        """RMS motion over the uncontrolled."""
-        return values["motion"]
+    def effort(self, kind: str) -> tuple[int, int]:
+        """Every source is among the loads; inverse models are slow."""
+        return 4, 500_000 if kind == "force-tracking" else 1_000_000
+
+    def task(self, n: int) -> CableTask:
+        return CableTask(
+            n, cable=self.cable, model=self.model, period=self.period, timestep=self.timestep, engine="chain",
+            reward=None,
+        )  # fmt: skip
 
     def tuning_loads(self) -> tuple[CableLoad, ...]:
-        return self._loads(_TUNING_SEED, 1)
+        return tuple(validation_loads(self.cable.length))
 
     def unseen_loads(self) -> tuple[CableLoad, ...]:
         return self._loads(_UNSEEN_SEED, 2)
@@ -125,8 +141,7 @@ class CableBench(PlantBench):
     def identity(self) -> str:
         loads = [load.name for load in self.tuning_loads()]
         steps = self.period, self.timestep
-        own = [asdict(self.cable), self.model.to_dict()["model"], *steps, loads, self.tuning_amplitudes]
-        return digest(own)
+        return digest([asdict(self.cable), self.model.to_dict()["model"], *steps, loads])
 
     def about(self) -> str:
         c = self.cable

@@ -16,8 +16,7 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.compare import own as outside
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, digest
-from mrdamp.compare.frame import specs
+from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, Ranges, digest, of_kind
 from mrdamp.compare.plant_run import PlantBench, require_periods, run_plant
 from mrdamp.control import car as controllers
 from mrdamp.control import registry
@@ -32,10 +31,10 @@ from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608
 from mrdamp.structures.cars import QuarterCar
+from mrdamp.train.loads import validation_roads
 
 _VERSION = 3
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
-_TUNING = (("B", 25.0, 301), ("C", 15.0, 302), ("C", 25.0, 303), ("D", 10.0, 304))
 _UNSEEN = (
     ("A", 30.0, 9_000_201), ("B", 20.0, 9_000_202), ("B", 30.0, 9_000_203), ("C", 12.0, 9_000_204),
     ("C", 20.0, 9_000_205), ("C", 28.0, 9_000_206), ("D", 8.0, 9_000_207), ("D", 18.0, 9_000_208),
@@ -101,7 +100,12 @@ class CarBench(PlantBench):
         "switching_rate",
     )
     claimed: ClassVar[tuple[str, ...]] = ("comfort", "load", "mean_command")
-    tuning_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
+    #: The mean of weighted acceleration and dynamic tyre load, over those of the linear suspension.
+    objective: ClassVar[Mapping[str, tuple[str, float]]] = {
+        "comfort": ("comfort_ratio", 0.5),
+        "load": ("load_ratio", 0.5),
+    }
+    option: ClassVar[str] = "road"
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.
     base: ClassVar[str] = "passive-off"
@@ -160,35 +164,35 @@ class CarBench(PlantBench):
         own = {"acceleration": math.sqrt(kept["comfort"]), "load_share": math.sqrt(kept["load"])}
         return {**kept, **own, **ratios, "airborne": 100 * kept["airborne"]}
 
-    def grid(self, kind: str) -> tuple[str, ...]:
-        largest, critical = self.site.command_max, self.car.critical_damping
-        dampings = [critical * k for k in (0.05, 0.1, 0.2, 0.4, 0.6, 1.0)]
-        levels = [0.025, 0.05, 0.1, 0.2, 0.4, 1.0]
-        weights: Mapping[str, Sequence[float]] = {
-            "holding": [0.03, 0.1, 0.3, 1.0],
-            "stroke": [0.01, 0.1, 0.3],
-            "r": [1e-2, 1e-1, 1.0],
-        }
-        choices: Mapping[str, Mapping[str, Sequence[float]]] = {
-            "constant": {"value": [largest * k / 20 for k in (0, 0.5, 1, 1.5, 2, 3, 4, 6, 12, 20)]},
-            "skyhook-switch": {"level": levels},
-            "skyhook": {"damping": dampings},
-            "groundhook": {"damping": dampings},
-            "hybrid": {"damping": dampings, "share": [0.25, 0.5, 0.75]},
-            "add": {"level": levels},
-            "sh-add": {"alpha": [1.5, 3.0, 6.0, 12.0, 24.0], "level": levels},
-            "clipped-lq": {"holding": weights["holding"], "r": [1e-2, 1.0], "level": levels[1:5]},
+    def ranges(self, kind: str) -> Ranges:
+        critical = self.car.critical_damping
+        leak, level = {"leak": (0.05, 5.0)}, {"level": (0.01, 1.0)}
+        hook = {"damping": (0.01 * critical, 2.0 * critical), **leak}
+        weights = {"holding": (1e-2, 10.0), "stroke": (1e-3, 1.0), "r": (1e-4, 10.0), "roughness": (1e-5, 1e-1)}
+        ranges: Mapping[str, Ranges] = {
+            "constant": {"value": (0.0, self.command_max)},
+            "skyhook-switch": {**leak, **level},
+            "skyhook": hook,
+            "groundhook": hook,
+            "hybrid": {**hook, "share": (0.0, 1.0)},
+            "add": {**leak, **level},
+            "sh-add": {"alpha": (0.5, 100.0), **leak, **level},
+            "clipped-lq": {**weights, **level},
             "lq-tracking": weights,
-            "clipped-mpc": {"holding": weights["holding"], "stroke": [0.1], "r": [1e-2, 1e-1, 1.0]},
+            _MPC: {**weights, "horizon": (0.02, 0.3)},
         }
-        return specs(kind, choices)
+        return of_kind(ranges, kind)
 
-    def score(self, values: Mapping[str, float]) -> float:
-        """The mean of weighted acceleration and dynamic tyre load, over those of the linear suspension."""
-        return (values["comfort"] + values["load"]) / 2
+    def effort(self, kind: str) -> tuple[int, int]:
+        """Every class of roads is among the loads; inverse models are slow."""
+        quick = kind in ("constant", "skyhook-switch", "add", "sh-add", "clipped-lq")
+        return 7, 3_000_000 if quick else 500_000
+
+    def task(self, n: int) -> CarTask:
+        return CarTask(n, car=self.car, model=self.model, period=self.period, engine="chain", reward=None)
 
     def tuning_loads(self) -> tuple[Road, ...]:
-        return (*_roads(_TUNING), bump(0.06, 1.5, 8.0))
+        return tuple(validation_roads())
 
     def unseen_loads(self) -> tuple[Road, ...]:
         return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))

@@ -24,6 +24,8 @@ from mrdamp.shown import Shown
 class Comparison(Shown):
     """values: contender -> measure's key -> (seeds, loads, amplitudes); NaN where a measure has no value.
 
+    objective: weights by measure, what controllers are tuned for; others: the same on other structures, by name.
+
     Where there are bounds among the contenders (`mrdamp.compare.bound`): bounds and base, as of a bench, and paths, how
     they were found: (load, amplitude) -> bound -> results of the searches, one a start.
     """
@@ -37,6 +39,8 @@ class Comparison(Shown):
     bounds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     base: str = "passive-on"
     paths: Mapping[tuple[str, float], Mapping[str, Sequence[Mapping[str, Any]]]] = field(default_factory=dict)
+    objective: Mapping[str, float] = field(default_factory=dict)
+    others: Mapping[str, Comparison] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         counts = (self.contenders, "controllers"), (self.loads, "loads"), (self.amplitudes, "amplitudes")
@@ -49,6 +53,14 @@ class Comparison(Shown):
     def against(self, contender: str, other: str, measure: str) -> Summary:
         """Of the difference to another contender, run by run; below 0: less than the other's."""
         return difference(self.values[contender][measure], self.values[other][measure])
+
+    def rated(self, contender: str) -> Array:
+        """(seeds, loads, amplitudes) what controllers are tuned for, of every run."""
+        return sum((w * self.values[contender][key] for key, w in self.objective.items()), np.zeros(1))
+
+    def gain(self, contender: str) -> Summary:
+        """Of that, less the base's, run by run."""
+        return difference(self.rated(contender), self.rated(self.base))
 
     def by_amplitude(self, contender: str, measure: str) -> Array:
         """(amplitudes,) mean over seeds and loads."""
@@ -86,4 +98,7 @@ def compare(
         for c in contenders
     }
     names = tuple(load.name for load in loads)
-    return Comparison(tuple(contenders), bench.measures, names, tuple(amplitudes), values)
+    objective = {key: weight for key, (_, weight) in bench.objective.items()}
+    return Comparison(
+        tuple(contenders), bench.measures, names, tuple(amplitudes), values, base=bench.base, objective=objective
+    )

@@ -11,6 +11,7 @@ from mrdamp.compare import own
 from mrdamp.compare.bench import Bench
 from mrdamp.compare.tuning import Setting
 from mrdamp.control import registry
+from mrdamp.control.policy import Policy
 from mrdamp.errors import InputError
 
 _SUFFIXES = (".json", ".json.gz")
@@ -18,11 +19,15 @@ _SUFFIXES = (".json", ".json.gz")
 
 @dataclass(frozen=True)
 class Contender:
-    """A row of the table. specs: one for each seed, see `mrdamp.control.registry`; of a bound its name alone."""
+    """A row of the table. specs: one for each seed, see `mrdamp.control.registry`; of a bound its name alone.
+
+    periods: of control, that it was tuned with, or each seed trained with; None: not known.
+    """
 
     name: str
     specs: tuple[str, ...]
     bound: bool = False
+    periods: int | None = 0
 
     @property
     def learned(self) -> bool:
@@ -71,23 +76,28 @@ def _contender(
     # An option has an equals sign too, but a colon stands before it.
     name, what = (head, rest) if equals and ":" not in head else ("", given)
     if what in settings:
-        return Contender(name or what, (settings[what].spec,))
+        return Contender(name or what, (settings[what].spec,), periods=settings[what].periods)
     if what in shipped:
-        return Contender(name or what, tuple(f"{registry.POLICY}:{path}" for path in shipped[what]))
+        return _policies(name or what, shipped[what])
     if what.startswith(f"{registry.POLICY}:"):
         files = [f for part in what.partition(":")[2].split(",") for f in _files(Path(part))]
         if not files:
             raise InputError(f"compare: {what}: no policy file there; allowed: {', '.join(_SUFFIXES)}")
-        return Contender(name or files[0].stem, tuple(f"{registry.POLICY}:{f}" for f in files))
+        return _policies(name or files[0].stem, files)
     if own.is_own(what) and what.partition(":")[0] not in bench.kinds:
         place = what.partition(":")[0].partition(",")[0]
-        return Contender(name or Path(place).stem, (f"{registry.OWN}:{what}",))
+        return Contender(name or Path(place).stem, (f"{registry.OWN}:{what}",), periods=None)
     if what in bench.tuned:
         raise InputError(f"compare: {what} has not been tuned for this model; add --tune")
     if what.partition(":")[0] not in bench.kinds:
         known = (*bench.kinds, *bench.tuned, *shipped, f"{registry.POLICY}:FILES", "module:Class", "model.zip")
         raise InputError(f"controller {what!r} is unknown; there are {', '.join(known)}")
     return Contender(name or what, (what,))
+
+
+def _policies(name: str, files: Sequence[Path]) -> Contender:
+    periods = Policy.read(files[0]).about.get("timesteps")
+    return Contender(name, tuple(f"{registry.POLICY}:{f}" for f in files), periods=periods)
 
 
 def _files(path: Path) -> tuple[Path, ...]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,12 +15,23 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.compare import own
-from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, UNCONTROLLED, WITHOUT, Coil, Measure, digest
-from mrdamp.compare.motions import TUNING_AMPLITUDES, UNSEEN_AMPLITUDES, tuning_motions, unseen_motions
-from mrdamp.compare.on_chain import run_chain
+from mrdamp.compare.bench import (
+    DEFAULT,
+    ELECTRIC,
+    TUNED,
+    UNCONTROLLED,
+    WITHOUT,
+    Coil,
+    Measure,
+    Ranges,
+    digest,
+    of_kind,
+)
+from mrdamp.compare.motions import UNSEEN_AMPLITUDES, unseen_motions
+from mrdamp.compare.on_rows import run_rows
 from mrdamp.compare.plant_run import at_rest, require_period, require_periods
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
+from mrdamp.control.base import OWN, Controller, sensor_name
 from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.chain_rows import FRAMES, of_engine
@@ -29,13 +39,14 @@ from mrdamp.envs.frame_task import FrameTask
 from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
-from mrdamp.motions import GroundMotion
+from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
+from mrdamp.train.loads import validation_motions
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
-_VERSION = 4  # of what a kept run holds
+_VERSION = 5  # of what a kept run holds
 #: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 
@@ -44,7 +55,8 @@ _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 class FrameBench:
     """A frame with its damper, ready to run. model: of the rig `frame`; compression: how many times as fast motions
     are played; period: of the classical controllers, s; timestep: of the engine, s; engine: `mujoco`, or `chain` for
-    runs with the damper (an ideal actuator and the frame alone stay in MuJoCo). Raises InputError."""
+    runs with the damper (an ideal actuator and the frame alone stay in MuJoCo). told: the model that controllers are
+    made for, None: the true one. Raises InputError."""
 
     model: Model
     command_unit: str = "V"
@@ -52,6 +64,7 @@ class FrameBench:
     period: float = 1e-3
     timestep: float = 2.5e-4
     engine: str = "mujoco"
+    told: Model | None = None
 
     environment: ClassVar[str] = "frame"
     measures: ClassVar[tuple[Measure, ...]] = (
@@ -61,9 +74,13 @@ class FrameBench:
     )
     headline: ClassVar[tuple[str, ...]] = ("J1", "J2", "J4", "J5", "mean_command", "switching_rate")
     claimed: ClassVar[tuple[str, ...]] = ("J1", "J2", "mean_command")
-    tuned: ClassVar[Mapping[str, str]] = {**TUNED, "ideal-active-tuned": registry.IDEAL}
-    default: ClassVar[tuple[str, ...]] = (*DEFAULT, "ideal-active-tuned")
-    tuning_amplitudes: ClassVar[tuple[float, ...]] = TUNING_AMPLITUDES
+    tuned: ClassVar[Mapping[str, str]] = TUNED
+    #: The mean of peak drift and peak acceleration over the uncontrolled ones.
+    objective: ClassVar[Mapping[str, tuple[str, float]]] = {
+        "J1": ("drift_ratio", 0.5),
+        "J2": ("acceleration_ratio", 0.5),
+    }
+    option: ClassVar[str] = "motion"
     unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
     reference: ClassVar[str] = WITHOUT
     base: ClassVar[str] = "passive-on"
@@ -77,11 +94,27 @@ class FrameBench:
         require_period("compare", self.period)
         require_positive("compare", compression=self.compression, timestep=self.timestep)
         of_engine(FRAMES, self.engine)
+        true, told = self.model.structure, (self.told or self.model).structure
+        if true and told and (true.storeys, true.places) != (told.storeys, told.places):
+            raise InputError(
+                f"{self.told and self.told.name}: a frame of {told.storeys} storeys with dampers at {told.places}; "
+                f"allowed: that of {self.model.name}, {true.storeys} with {true.places}"
+            )
 
     @cached_property
     def site(self) -> registry.Site:
         """What controllers are made for."""
-        return registry.Site.of(self.model, self.period)
+        return registry.Site.of(self.told or self.model, self.period)
+
+    @property
+    def default(self) -> tuple[str, ...]:
+        """Of several dampers without an ideal actuator."""
+        return DEFAULT if self.places[1:] else (*DEFAULT, registry.IDEAL)
+
+    @property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """The floors of every damper."""
+        return self.site.frame.places
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -91,7 +124,8 @@ class FrameBench:
         registry.parse(spec)
         floors = range(1, self.site.frame.storeys + 1)
         names = [f"{what}_{j}" for what in ("acceleration", "displacement") for j in floors]
-        at_rest(self.controller(spec), [*names, "stroke", "stroke_velocity", "force"])
+        own = [sensor_name(name, k) for k in range(self.site.dampers) for name in OWN]
+        at_rest(self.controller(spec), [*names, *own])
 
     def history(self, spec: str, load: GroundMotion, amplitude: float) -> FrameRun:
         """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
@@ -105,7 +139,14 @@ class FrameBench:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
         if registry.is_ideal(spec):  # its force is its own command, which no sensor reads
             return registry.make(spec, self.site)
-        return own.make(spec, self.site, registry.make, partial(FrameTask, model=self.model))
+        return own.make(spec, self.site, registry.make, self._task)
+
+    @property
+    def _task(self) -> Callable[..., FrameTask]:
+        """Of rows of this frame."""
+        assert self.model.structure is not None
+        single = replace(self.model, structure=replace(self.model.structure, others=()))
+        return partial(FrameTask, model=single, damper_between=self.places)
 
     def played(self, load: GroundMotion, amplitude: float) -> GroundMotion:
         """The motion as the frame feels it."""
@@ -119,15 +160,17 @@ class FrameBench:
         every = max(1, math.ceil(controller.period / SAMPLE_TIME - 1e-9))
         finer: Controller = ZeroOrderHold(controller, every) if every > 1 else controller
         require_periods(played, finer.period)
-        if self.engine == "chain" and not ideal:
-            return run_chain(self.model, played, finer, timestep=self.timestep)
+        if not ideal and (self.engine == "chain" or self.places[1:]):
+            return run_rows(self.model, played, finer, timestep=self.timestep, engine=self.engine)
         return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:
         """Of a run."""
-        stroke = None if spec == UNCONTROLLED else run.stroke
-        frame, largest = self.site.frame, self.site.command_max
-        return evaluate(frame, run.time, run.drift, run.acceleration, run.force, stroke, run.command, largest)
+        frame, largest = self.model.structure, self.site.command_max
+        assert frame is not None
+        if spec == UNCONTROLLED:
+            return evaluate(frame, run.time, run.drift, run.acceleration, command_max=largest)
+        return evaluate(frame, run.time, run.drift, run.acceleration, run.force, run.stroke, run.command, largest)
 
     def run(self, spec: str, load: GroundMotion, amplitude: float) -> dict[str, Any]:
         return self.kept(spec, self.history(spec, load, amplitude))
@@ -139,9 +182,11 @@ class FrameBench:
         if spec == UNCONTROLLED or spec.partition(":")[0] == registry.IDEAL:
             return {"criteria": kept, "coil": None}
         mean, square = (
-            float(np.trapezoid(v, r.time)) / c.duration for v in (np.abs(r.current), r.current**2)
+            float(np.trapezoid(v, r.time, axis=0).mean()) / c.duration for v in (np.abs(r.current), r.current**2)
         )
-        return {"criteria": kept, "coil": Coil.of(self.command_unit).use(mean, square, c.duration)}
+        coil = Coil.of(self.command_unit).use(mean, square, c.duration)
+        return {"criteria": kept, "coil": {**coil, "coil_energy": len(self.places) * coil["coil_energy"]}}
+
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         c, coil = _criteria(kept), kept["coil"]
@@ -156,44 +201,33 @@ class FrameBench:
             "dissipated_energy": c.dissipated_energy,
         }
 
-    def grid(self, kind: str) -> tuple[str, ...]:
+    def ranges(self, kind: str) -> Ranges:
         """Forces are weighed in units of the structure's mass."""
-        frame, largest = self.site.frame, self.site.command_max
-        mass, first = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0])
-        weights = [k / mass**2 for k in (1e-3, 1e-1)]
-        balances = [30.0, 100.0, 300.0, 1000.0]
-        noise = [50.0, 2000.0]  # Dyke's, and that of the learned controllers
-        twentieths = (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)
-        choices: Mapping[str, Mapping[str, Sequence[float]]] = {
-            "constant": {"value": [largest * k / 20 for k in twentieths]},
-            "clipped-optimal": {
-                "balance": [1.0, 10.0, *balances, 3000.0],
-                "r": weights,
-                "noise_ratio": noise,
-                "level": [0.6, 1.0],
-            },
-            "modulated-optimal": {
-                "balance": balances,
-                "r": weights[1:],
-                "noise_ratio": noise,
-                "force_max": [self.site.force_max() * k for k in (0.1, 0.2, 0.5)],
-            },
-            "force-tracking": {"balance": [10.0, *balances], "r": weights, "noise_ratio": noise},
-            "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0], "noise_ratio": noise},
-            "skyhook": {
-                "damping": [first * mass * k for k in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)],
-                "leak": [2 * math.pi / first * k for k in (1.0, 2.0)],
-            },
-            registry.IDEAL: {"balance": [3.0, 10.0, *balances, 3000.0], "r": weights, "noise_ratio": noise},
+        frame, site = self.site.frame, self.site
+        mass, first, force = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0]), site.force_max()
+        noise, level, weak = {"noise_ratio": (10.0, 1e5)}, {"level": (0.1, 1.0)}, {"weak": (0.0, 0.3 * force)}
+        optimal = {"balance": (1.0, 1e4), "r": (1e-5 / mass**2, 10.0 / mass**2), **noise}
+        dashpot = {"damping": (0.1 * first * mass, 50.0 * first * mass), "leak": (1.0 / first, 100.0 / first)}
+        ranges: Mapping[str, Ranges] = {
+            "constant": {"value": (0.0, site.command_max)},
+            "clipped-optimal": {**optimal, **level, **weak},
+            "modulated-optimal": {**optimal, "force_max": (0.05 * force, 2.0 * force), **weak},
+            "force-tracking": {**optimal, **weak},
+            "lyapunov": {"balance": (1e-2, 1e4), **noise, **level, **weak},
+            "max-dissipation": {**noise, **level, **weak},
+            "skyhook": {**dashpot, **level, **weak},
         }
-        return specs(kind, choices)
+        return of_kind(ranges, kind)
 
-    def score(self, values: Mapping[str, float]) -> float:
-        """The mean of J1 and J2: peak drift and peak acceleration over the uncontrolled ones."""
-        return (values["J1"] + values["J2"]) / 2
+    def effort(self, kind: str) -> tuple[int, int]:
+        """Every amplitude is among the loads; inverse models are slow."""
+        return (17, 250_000) if kind == "force-tracking" else (8, 12_000_000)
+
+    def task(self, n: int) -> FrameTask:
+        return self._task(n, period=self.period, engine="chain", reward=None)
 
     def tuning_loads(self) -> tuple[GroundMotion, ...]:
-        return tuning_motions()
+        return tuple(m.compressed(self.compression / TIME_SCALE) for m in validation_motions())
 
     def unseen_loads(self) -> tuple[GroundMotion, ...]:
         return unseen_motions()
@@ -207,33 +241,25 @@ class FrameBench:
 
     def identity(self) -> str:
         loads = [load.name for load in self.tuning_loads()]
-        own = [self.model.to_dict()["model"], self.compression, self.period, loads, self.tuning_amplitudes]
-        return digest(own)
+        model = (self.told or self.model).to_dict()["model"]
+        return digest([model, self.places, self.compression, self.period, loads])
 
     def about(self) -> str:
         frame = self.site.frame
-        below, above = frame.damper_between
+        places = " and ".join(f"{below}-{above}" for below, above in self.places)
         return (
-            f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {below} and {above}, "
+            f"{self.model.name} in a frame of {frame.storeys} storeys, damper between floors {places}, "
             f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms; "
             f"{knowledge(self.model)}"
         )
 
     @cached_property
     def _own(self) -> bytes:
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
-        digest = hashlib.sha256(json.dumps([_VERSION, __version__, own, self.model.to_dict()]).encode())
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "told")}
+        models = [m and (m.to_dict(), m.structure and m.structure.places) for m in (self.model, self.told)]
+        digest = hashlib.sha256(json.dumps([_VERSION, __version__, own, models]).encode())
         digest.update(Path(library_path()).read_bytes())
         return digest.digest()
-
-
-def specs(kind: str, choices: Mapping[str, Mapping[str, Sequence[float]]]) -> tuple[str, ...]:
-    """Every point of a kind's options. Raises InputError for a kind that has none."""
-    if kind not in choices:
-        raise InputError(f"tuning: nothing to tune in {kind}; allowed: {', '.join(choices)}")
-    chosen = choices[kind]
-    points = itertools.product(*chosen.values())
-    return tuple(registry.spec(kind, dict(zip(chosen, point, strict=True))) for point in points)
 
 
 def _criteria(kept: Mapping[str, Any]) -> Criteria:

@@ -36,7 +36,7 @@ def write_comparison(
         write_atomic(folder / "paths.csv", paths_csv(result))
     write_atomic(folder / "result.json", to_json(result, bench.command_unit, about))
     page = comparison_page(result, bench, command)
-    if isinstance(bench, FrameBench):
+    if isinstance(bench, FrameBench) and not bench.places[1:]:
         amplitude = min(result.amplitudes, key=lambda a: abs(a - 1))
         case = f"{loads[0].name} at amplitude {amplitude:g}"
         assert isinstance(loads[0], GroundMotion)

@@ -151,7 +151,7 @@ class SavedPolicy:
             raise InputError(f"{zipped}: arguments: {first_line(error)}") from None
         self.name, self.period = Path(zipped).stem, float(made.rows.period)
         self.observer: Observer = made.observer
-        self._largest = float(made.command_max[0])
+        self._largest = made.command_max
         self._policy = _policy(zipped)
         for what, wanted in (("observation", made.observation_space), ("action", made.action_space)):
             space = getattr(self._policy, f"{what}_space")
@@ -164,17 +164,18 @@ class SavedPolicy:
 
     def reset(self) -> None:
         self.observer.reset()
-        self._command, self._state = 0.0, None
+        self._command, self._state = np.zeros(len(self._largest)), None
 
-    def command(self, t: float, y: Mapping[str, float]) -> float:
+    def command(self, t: float, y: Mapping[str, float]) -> Any:
+        """A command, or one a damper (m,)."""
         seen = self.observer(y, self._command)
         if self._statistics is not None:
             seen = self._statistics.normalize_obs(seen)
         starts = np.array([self._state is None])
         action, self._state = self._policy.predict(seen, self._state, starts, deterministic=True)
-        share = 0.5 * (float(action[0]) + 1.0)
-        self._command = self._largest * min(max(share, 0.0), 1.0)
-        return self._command if np.isfinite(share) else share
+        shares = 0.5 * (np.asarray(action, dtype=np.float64) + 1.0)
+        self._command = self._largest * np.clip(shares, 0.0, 1.0)
+        return self._command
 
 
 def _mapping(file: str) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender
 from mrdamp.compare.frame import SAMPLE_TIME
 from mrdamp.compare.shares import by_load, share
+from mrdamp.compare.summary import difference
 from mrdamp.compare.tables import (
     claim_rows,
     columns,
@@ -23,6 +24,9 @@ from mrdamp.compare.tables import (
     share_columns,
     share_note,
     share_rows,
+    spread_columns,
+    spread_note,
+    spread_rows,
 )
 from mrdamp.model.core import Array
 from mrdamp.pictures.bound import Share, search_paths, shares
@@ -72,6 +76,8 @@ def comparison_page(result: Comparison, bench: Bench, command: str) -> Page:
             claim_rows(result, name, bench.claimed),
             "Run by run, with 95 % bootstrap intervals; below zero the learned one has less.",
         )
+    if result.others:
+        page.table("Other structures", spread_columns(result), spread_rows(result), spread_note(result))
     if result.bounds:
         _add_bounds(page, result)
     if len(result.amplitudes) > 1:
@@ -233,12 +239,17 @@ def _few(result: Comparison) -> list[str]:
 def _summary(result: Comparison, bench: Bench) -> str:
     runs = len(result.loads) * len(result.amplitudes)
     rated = {
-        c.name: bench.score({m.key: result.summary(c.name, m.key).mean for m in result.measures})
+        c.name: result.rated(c.name)
         for c in result.contenders
         if np.isfinite(result.summary(c.name, "mean_command").mean) and not c.bound
     }
     text = f"{sum(not c.bound for c in result.contenders)} controllers, {runs} run{'s' * (runs != 1)} each"
     if not rated:
         return f"{text}."
-    best = min(rated, key=rated.__getitem__)
-    return f"{text}: the best controller of a damper is {best}, at {rated[best]:.0%} of {bench.reference} on average."
+    best = min(rated, key=lambda name: float(np.mean(rated[name])))
+    apart = {name: difference(rated[best], other).high < 0 for name, other in rated.items() if name != best}
+    ties = [name for name, clear in apart.items() if not clear]
+    least = f"{best} has {np.mean(rated[best]):.0%} of {bench.reference} on average"
+    if ties:
+        return f"{text}: {least}, the least with a damper; no interval parts it from {', '.join(ties)}."
+    return f"{text}: {least}, and is the best controller of a damper."

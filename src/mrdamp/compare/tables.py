@@ -37,7 +37,7 @@ def short(value: float) -> str:
 def columns(result: Comparison, unit: str) -> tuple[str, ...]:
     """Heads of the table of means."""
     way = ("way to clairvoyant",) if result.bounds else ()
-    return ("controller", *(m.title.format(unit=unit) for m in result.measures), *way)
+    return ("controller", *(m.title.format(unit=unit) for m in result.measures), "budget (1e6 periods)", *way)
 
 
 def mean_rows(result: Comparison) -> list[Row]:
@@ -52,6 +52,7 @@ def mean_rows(result: Comparison) -> list[Row]:
         for m in result.measures:
             s = result.summary(c.name, m.key)
             cells.append(f"{short(s.mean)} ({short(s.worst)})" if m.ratio else short(s.mean))
+        cells.append("–" if c.periods is None or c.bound else f"{c.periods / 1e6:.3g}")
         if first is not None:
             cells.append(short(share(result, c.name, first).mean))
         rows.append((c.name, *cells))
@@ -70,6 +71,29 @@ def claim_rows(result: Comparison, learned: str, keys: Sequence[str]) -> list[Ro
         for c in result.contenders
         if c.name != learned
     ]
+
+
+def spread_columns(result: Comparison) -> tuple[str, ...]:
+    """Heads of the table of other structures."""
+    return ("controller", *result.others)
+
+
+def spread_rows(result: Comparison) -> list[Row]:
+    """The objective less that of the base on the same structure, with 95 % intervals of the paired difference."""
+    return [
+        (c.name, *(_spread(other.gain(c.name), sign=True) for other in result.others.values()))
+        for c in next(iter(result.others.values())).contenders
+        if c.name != result.base
+    ]
+
+
+def spread_note(result: Comparison) -> str:
+    """What that table holds."""
+    made_of = " and ".join(result.objective)
+    return (
+        f"The mean of {made_of} less that of {result.base} on the same structure, which controllers do not know: "
+        "below 0 a controller keeps a gain."
+    )
 
 
 def share_columns(result: Comparison) -> tuple[str, ...]:
@@ -152,6 +176,9 @@ def report(result: Comparison, bench: Bench, about: str) -> str:
         parts.append(markdown(share_columns(result), share_rows(result)))
         heads = ("load", *(c.name for c in result.contenders if not c.bound))
         parts.append(markdown(heads, load_share_rows(result)))
+    if result.others:
+        parts.append(f"## On structures that are not as controllers are told\n\n{spread_note(result)}\n")
+        parts.append(markdown(spread_columns(result), spread_rows(result)))
     for c in result.contenders:
         if c.learned:
             parts.append(f"## {c.name} less the others, 95 % intervals of the paired difference\n")
@@ -204,7 +231,7 @@ def to_json(result: Comparison, unit: str, about: str) -> str:
 
     rows: dict[str, Any] = {}
     for c in result.contenders:
-        rows[c.name] = {"specs": list(c.specs), "measures": {}}
+        rows[c.name] = {"specs": list(c.specs), "periods": c.periods, "measures": {}}
         for m in result.measures:
             s = result.summary(c.name, m.key)
             runs = result.values[c.name][m.key]
@@ -212,6 +239,10 @@ def to_json(result: Comparison, unit: str, about: str) -> str:
                 **{key: number(value) for key, value in vars(s).items()},
                 "runs": [[[number(float(v)) for v in line] for line in seed] for seed in runs],
             }
+        gains = {name: other.gain(c.name) for name, other in result.others.items() if c.name in other.values}
+        rows[c.name]["spread"] = {
+            name: {key: number(getattr(gain, key)) for key in ("mean", "low", "high")} for name, gain in gains.items()
+        }
     for name, row in rows.items():
         shares = {bound: share(result, name, bound) for bound in result.bounds}
         row["way"] = {

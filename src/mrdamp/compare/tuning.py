@@ -1,21 +1,35 @@
-"""Controllers tuned on loads of their own: a grid over the options of each kind, evaluated by the bench's score."""
+"""Controllers tuned on loads of their own: differential evolution over every option of a kind, on rows of the chain."""
 
 from __future__ import annotations
 
-import itertools
 import json
+import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import differential_evolution
 
-from mrdamp.compare.bench import UNCONTROLLED, Bench, Load
+from mrdamp.compare.bench import UNCONTROLLED, Bench, Load, digest, score
 from mrdamp.compare.runner import Progress, run_all
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.zero_order_hold import ZeroOrderHold
+from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
+from mrdamp.model.core import Array
+
+#: Of the options' range: members for each option in a generation. The search ends where the scores of a generation
+#: are as near to each other as this, or after the budget.
+_MEMBERS, _FLAT = 4, 1e-3
+_CHOSEN = 5  # of the best settings of a search, evaluated on all loads
+_FAILED = 10.0  # score of a setting that no controller can be made of
+_SEED = 47
 
 
 class Run(NamedTuple):
@@ -41,10 +55,13 @@ class Runs:
 
 @dataclass(frozen=True)
 class Setting:
-    """A tuned controller: its spec, and the score that it had on the tuning loads."""
+    """A tuned controller. spec; score: on the tuning loads; periods: of control, simulated for it; curve: (periods,
+    best score so far) after each generation, on the loads of the search."""
 
     spec: str
     score: float
+    periods: int = 0
+    curve: Sequence[tuple[int, float]] = ()
 
 
 def run_grid(
@@ -68,6 +85,144 @@ def run_grid(
     }
 
 
+class Loops:
+    """Closed loops of several controllers, each under all loads, at once on the chain.
+
+    Attributes: task; periods, of all loops so far.
+    """
+
+    def __init__(self, bench: Bench, loads: Sequence[Load], controllers: int) -> None:
+        self.bench, self.loads, self.periods = bench, loads, 0
+        self.task: Task = bench.task(len(loads) * controllers)
+
+    def scores(self, controllers: Sequence[Controller]) -> list[float]:
+        """What tuning makes small, of each: the mean over the loads, as `mrdamp.compare.bench.score`."""
+        means = {key: values.mean(axis=1).tolist() for key, values in self.run(controllers).items()}
+        each = zip(*means.values(), strict=True)
+        return [score(self.bench, dict(zip(means, row, strict=True))) for row in each]
+
+    def run(self, controllers: Sequence[Controller]) -> dict[str, Array]:
+        """The measures that make the objective, (controllers, loads) each. Controllers act at their own periods."""
+        task, many = self.task, len(self.loads)
+        names, dampers = task.rows.names, len(task.command_max)
+        rngs = [np.random.default_rng(0)] * task.n
+        for row in range(task.n):
+            task.reset([row], rngs, {self.bench.option: self.loads[row % many]})
+        period = task.rows.period
+        acting = [_at_every(controller, period) for controller in controllers]
+        for controller in acting:
+            controller.reset()
+        commands, alive = np.zeros((dampers, task.n)), np.arange(task.n) < many * len(controllers)
+        columns = [task.score.NAMES.index(info) for info, _ in self.bench.objective.values()]
+        found, time = np.zeros((task.n, len(columns))), 0.0
+        while alive.any():
+            measured = task.measured.T.copy()  # which the next step writes over, and controllers remember
+            for k, controller in enumerate(acting):
+                own = slice(k * many, (k + 1) * many)
+                commands[:, own] = controller.command(time, dict(zip(names, measured[:, own], strict=True)))
+            step = task.step(2.0 * commands.T / task.command_max - 1.0)
+            ended = step.over & alive
+            found[ended] = step.info[ended][:, columns]
+            self.periods += int(alive.sum())
+            alive &= ~step.over
+            time += period
+        each = found.reshape(-1, many, len(columns))[: len(controllers)]
+        return dict(zip(self.bench.objective, np.moveaxis(each, 2, 0), strict=True))
+
+
+def _at_every(controller: Controller, period: float) -> Controller:
+    """The controller asked every period, s. Raises InputError for one whose own is no multiple of it."""
+    every = round(controller.period / period)
+    if every < 1 or abs(every * period - controller.period) > 1e-9 * period:
+        raise InputError(
+            f"controller {controller.name}: period is {controller.period:g} s; allowed here: multiples of {period:g} s"
+        )
+    return ZeroOrderHold(controller, every)
+
+
+class Search:
+    """One search: from points of the unit cube to specs and their scores."""
+
+    def __init__(self, bench: Bench, kind: str) -> None:
+        self.bench, self.kind = bench, kind
+        self.ranges, self.loads = bench.ranges(kind), list(bench.tuning_loads())
+        self.stride, self.budget = bench.effort(kind)
+        members = max(5, _MEMBERS * len(self.ranges))  # as SciPy has them
+        self.loops = Loops(bench, self.loads[:: self.stride], members)
+        self.found: dict[str, float] = {}
+        self.curve: list[tuple[int, float]] = []
+
+    def spec(self, point: Sequence[float]) -> str:
+        """Options at a point of the unit cube; a range whose lower end is above 0 is divided in the logarithm."""
+        options = {}
+        for share, (name, (low, high)) in zip(point, self.ranges.items(), strict=True):
+            options[name] = low * (high / low) ** share if low > 0 else low + share * (high - low)
+        return registry.spec(self.kind, options)
+
+    def scores(self, specs: Sequence[str], loops: Loops) -> dict[str, float]:
+        """Of specs; a large number where no such controller can be made."""
+        made, found = {}, dict.fromkeys(specs, _FAILED)
+        for spec in specs:
+            with suppress(InputError):
+                made[spec] = self.bench.controller(spec)
+        return found | dict(zip(made, loops.scores(list(made.values())), strict=True))
+
+    def __call__(self, points: Array) -> Array:
+        """(members,) scores of points (options, members)."""
+        if self.loops.periods >= self.budget:
+            raise _Spent
+        specs = [self.spec(point) for point in points.T.tolist()]
+        self.found |= self.scores([spec for spec in dict.fromkeys(specs) if spec not in self.found], self.loops)
+        self.curve.append((self.loops.periods, min(self.found.values())))
+        return np.array([self.found[spec] for spec in specs])
+
+    def _start(self) -> Array | None:
+        """Among the first points: what the package has for this kind, or for another one with all of these options."""
+        known = [registry.options_of(setting.spec) for setting in (shipped(self.bench) or {}).values()]
+        known.sort(key=lambda found: found[0] != self.kind)
+        for _, options in known:
+            if set(self.ranges) <= set(options):
+                point = []
+                for name, (low, high) in self.ranges.items():
+                    value = min(max(options[name], low), high)
+                    log = math.log(value / low) / math.log(high / low) if low > 0 else 0.0
+                    point.append(log if low > 0 else (value - low) / (high - low))
+                return np.array(point)
+        return None
+
+    def run(self, seed: int = _SEED) -> Setting:
+        """The best setting. Raises InputError where there is none."""
+        cube = [(0.0, 1.0)] * len(self.ranges)
+        with suppress(_Spent):
+            differential_evolution(
+                self, cube, x0=self._start(), popsize=_MEMBERS, tol=_FLAT, polish=False, vectorized=True,
+                updating="deferred", rng=np.random.default_rng(seed), maxiter=10_000,
+            )  # fmt: skip
+        every = Loops(self.bench, self.loads[:: 1 if self.stride <= 8 else 4], _CHOSEN)
+        scores = self.scores(sorted(self.found, key=self.found.__getitem__)[:_CHOSEN], every)
+        spec = min(scores, key=scores.__getitem__)
+        if scores[spec] >= _FAILED:
+            raise InputError(f"tuning: no setting of {self.kind} makes a controller")
+        return Setting(spec, scores[spec], self.loops.periods + every.periods, self.curve)
+
+
+class _Spent(Exception):
+    """The budget is used up."""
+
+
+@dataclass(frozen=True)
+class _Searches:
+    """Searches on a bench, by kind, for `run_all`."""
+
+    bench: Bench
+
+    def key(self, kind: str) -> str:
+        return digest(["tuning", self.bench.identity(), kind, dict(self.bench.ranges(kind)), self.bench.effort(kind)])
+
+    def run(self, kind: str) -> dict[str, Any]:
+        return vars(Search(self.bench, kind).run())
+
+
 def tune(
     bench: Bench,
     names: Sequence[str] | None = None,
@@ -77,13 +232,10 @@ def tune(
     progress: Progress | None = None,
 ) -> dict[str, Setting]:
     """The best setting of each named controller, of all that are tuned by default. keep: see `run_all`."""
-    cases = list(itertools.product(bench.tuning_loads(), bench.tuning_amplitudes))
-    grids = {name: bench.grid(bench.tuned[name]) for name in (bench.tuned if names is None else names)}
-    tried = list(dict.fromkeys(itertools.chain(*grids.values())))
-    values = run_grid(bench, tried, cases, jobs=jobs, keep=keep, progress=progress, what="tuning")
-    scores = {spec: float(np.mean([bench.score(v) for v in rows])) for spec, rows in values.items()}
-    best = {name: min(specs, key=scores.__getitem__) for name, specs in grids.items()}
-    return {name: Setting(spec, scores[spec]) for name, spec in best.items()}
+    kinds = {name: bench.tuned[name] for name in (bench.tuned if names is None else names)}
+    work = _Searches(bench)
+    found = run_all(work, list(kinds.values()), jobs=jobs, keep=keep, progress=progress, what="tuning")
+    return {name: Setting(**setting) for name, setting in zip(kinds, found, strict=True)}
 
 
 def shipped(bench: Bench) -> dict[str, Setting] | None:
@@ -104,8 +256,7 @@ def to_dict(settings: Mapping[str, Setting], bench: Bench) -> dict[str, Any]:
     """For JSON."""
     return {
         "identity": bench.identity(),
-        "loads": [load.name for load in bench.tuning_loads()],
-        "amplitudes": list(bench.tuning_amplitudes),
+        "loads": len(bench.tuning_loads()),
         "settings": {name: vars(setting) for name, setting in settings.items()},
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 
 @runtime_checkable
@@ -19,9 +19,11 @@ class Controller(Protocol):
     | `stroke` | piston displacement, extension positive, m |
     | `stroke_velocity` | its velocity, m/s |
     | `force` | the damper's force, positive when it is being extended, N |
+    | `stroke_2`, `force_2` .. | those of a second damper .. |
 
     The caller calls `reset` before a run and then `command` at t = 0, period, 2 period, ...,
-    exactly once each, and holds the command until the next call.
+    exactly once each, and holds the command until the next call. Controllers of the package take measurements of many
+    runs at once too, (rows,) each.
     """
 
     @property
@@ -36,4 +38,18 @@ class Controller(Protocol):
         """Forget the past; the structure is at rest."""
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
-        """Command (A or V, as the damper's parameters) from the measurements y at time t (s)."""
+        """Command (A or V, as the damper's parameters) from the measurements y at time t (s); of m dampers (m,)."""
+
+
+def sensor_name(signal: str, k: int) -> str:
+    """Of damper k's signal, from 0: `force`, `force_2` .."""
+    return signal if k == 0 else f"{signal}_{k + 1}"
+
+
+def of_damper(y: Mapping[str, Any], k: int) -> Mapping[str, Any]:
+    """The measurements y with those of damper k, from 0, under the names of the first."""
+    return y if k == 0 else {**y, **{name: y[sensor_name(name, k)] for name in OWN if sensor_name(name, k) in y}}
+
+
+#: Measurements of each damper.
+OWN = ("stroke", "stroke_velocity", "force")

@@ -23,7 +23,7 @@ from mrdamp.control.base import Controller
 from mrdamp.control.clipped_optimal import plant_force
 from mrdamp.control.estimator import Estimator
 from mrdamp.control.force_control import Follower, ForceController, Modulated, OnOff, Tracking
-from mrdamp.control.lyapunov import BangBang, plant_lyapunov_matrix
+from mrdamp.control.lyapunov import bang_bang, plant_lyapunov_matrix
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.plant import Plant
 from mrdamp.control.skyhook import SkyhookForce
@@ -101,19 +101,20 @@ def cable_clipped_optimal(
     noise_ratio: float = 10.0,
     follower: Follower | None = None,
     name: str = "clipped-optimal",
+    level: float = 1.0,
 ) -> ForceController:
     """Clipped-optimal control of the RMS motion, from the accelerations at the site's places, stroke and force.
 
     r: weight of the force squared, m2/N2, against the mean square motion. noise_ratio: intensity of each load's noise
     ((N/m)^2 s) over that of the measurements', in units of 0.05 m/s2 and 0.02 mm. follower: of the wanted force, on/off
-    switching by default. Raises InputError.
+    switching between 0 and level, of the largest command, by default. Raises InputError.
     """
     names, deviation = _measured(site)
     aim = plant_force(
         cable_plant(site.cable), lambda rows: cable_outputs(site.cable, site.places, rows), _motion(site), r,
         noise_ratio, site.period, names, deviation,
     )  # fmt: skip
-    return ForceController(aim, follower or OnOff(site.command_max), site.period, name)
+    return ForceController(aim, follower or OnOff(level * site.command_max), site.period, name)
 
 
 def cable_force_tracking(site: CableSite, r: float = 1e-9, noise_ratio: float = 10.0) -> ForceController:
@@ -124,23 +125,23 @@ def cable_force_tracking(site: CableSite, r: float = 1e-9, noise_ratio: float = 
     return cable_clipped_optimal(site, r, noise_ratio, Tracking(inverse), "force-tracking")
 
 
-def cable_lyapunov(site: CableSite, noise_ratio: float = 10.0) -> BangBang:
+def cable_lyapunov(site: CableSite, noise_ratio: float = 10.0, level: float = 1.0) -> ForceController:
     """Control by the Lyapunov function of the mean square motion. Raises InputError."""
     linear = cable_plant(site.cable)
     p = plant_lyapunov_matrix(
         linear, lambda rows: cable_outputs(site.cable, site.places, rows), _motion(site)
     )
-    return _bang_bang(site, -p @ linear.b, noise_ratio, "lyapunov")
+    return _bang_bang(site, -p @ linear.b, noise_ratio, level, "lyapunov")
 
 
-def cable_max_dissipation(site: CableSite, noise_ratio: float = 10.0) -> BangBang:
+def cable_max_dissipation(site: CableSite, noise_ratio: float = 10.0, level: float = 1.0) -> ForceController:
     """The field on wherever the damper's force resists the cable's motion. Raises InputError."""
     shape = site.cable.at(site.cable.damper_at)
-    return _bang_bang(site, np.concatenate([np.zeros(len(shape)), shape]), noise_ratio, "max-dissipation")
+    return _bang_bang(site, np.concatenate([np.zeros(len(shape)), shape]), noise_ratio, level, "max-dissipation")
 
 
 def cable_skyhook(
-    site: CableSite, damping: float | None = None, leak: float | None = None
+    site: CableSite, damping: float | None = None, leak: float | None = None, level: float = 1.0
 ) -> ForceController:
     """A dashpot at the damper, from the first place's accelerometer, with on/off switching.
 
@@ -152,7 +153,7 @@ def cable_skyhook(
     best = 0.1 * c.mass * c.length * c.first / c.damper_at if damping is None else damping
     tau = 2 * math.pi / c.first if leak is None else leak
     aim = SkyhookForce(1, 1.0, best, tau, site.period)
-    return ForceController(aim, OnOff(site.command_max), site.period, "skyhook")
+    return ForceController(aim, OnOff(level * site.command_max), site.period, "skyhook")
 
 
 def _measured(site: CableSite) -> tuple[tuple[str, ...], FloatArray]:
@@ -166,26 +167,29 @@ def _motion(site: CableSite) -> dict[str, float]:
     return {f"mode_{k}": 1.0 for k in range(1, len(site.cable.natural) + 1)}
 
 
-def _bang_bang(site: CableSite, direction: FloatArray, noise_ratio: float, name: str) -> BangBang:
+def _bang_bang(
+    site: CableSite, direction: FloatArray, noise_ratio: float, level: float, name: str
+) -> ForceController:
     names, deviation = _measured(site)
     require_positive(name, noise_ratio=noise_ratio)
     rows = cable_outputs(site.cable, site.places, names)
     estimator = Estimator(cable_plant(site.cable), *rows, names, noise_ratio, site.period, deviation)
-    return BangBang(direction, estimator, site.command_max, site.period, name)
+    return bang_bang(direction, estimator, level * site.command_max, site.period, name)
 
 
+_LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
 _OPTIMAL = {"r": 1e-9, "noise_ratio": 10.0}
 #: Kind -> options with their defaults; NaN: worked out from the site.
 OPTIONS: Mapping[str, Mapping[str, float]] = {
     "passive-off": {},
     "passive-on": {},
     "constant": {"value": 0.0},
-    "clipped-optimal": _OPTIMAL,
+    "clipped-optimal": {**_OPTIMAL, **_LEVEL},
     "modulated-optimal": {**_OPTIMAL, "force_max": math.nan},
     "force-tracking": _OPTIMAL,
-    "lyapunov": {"noise_ratio": 10.0},
-    "max-dissipation": {"noise_ratio": 10.0},
-    "skyhook": {"damping": math.nan, "leak": math.nan},
+    "lyapunov": {"noise_ratio": 10.0, **_LEVEL},
+    "max-dissipation": {"noise_ratio": 10.0, **_LEVEL},
+    "skyhook": {"damping": math.nan, "leak": math.nan, **_LEVEL},
 }
 
 
@@ -201,13 +205,13 @@ def make(spec: str, site: CableSite) -> Controller:
         "passive-off": lambda: passive_off(site.period),
         "passive-on": lambda: passive_on(site.command_max, site.period),
         "constant": lambda: Constant(o["value"], f"constant {o['value']:g}", site.period),
-        "clipped-optimal": lambda: cable_clipped_optimal(site, o["r"], o["noise_ratio"]),
+        "clipped-optimal": lambda: cable_clipped_optimal(site, o["r"], o["noise_ratio"], level=o["level"]),
         "modulated-optimal": lambda: cable_clipped_optimal(
             site, o["r"], o["noise_ratio"], Modulated(site.command_max, largest), "modulated-optimal"
         ),
         "force-tracking": lambda: cable_force_tracking(site, o["r"], o["noise_ratio"]),
-        "lyapunov": lambda: cable_lyapunov(site, o["noise_ratio"]),
-        "max-dissipation": lambda: cable_max_dissipation(site, o["noise_ratio"]),
-        "skyhook": lambda: cable_skyhook(site, **given),
+        "lyapunov": lambda: cable_lyapunov(site, o["noise_ratio"], o["level"]),
+        "max-dissipation": lambda: cable_max_dissipation(site, o["noise_ratio"], o["level"]),
+        "skyhook": lambda: cable_skyhook(site, **given, level=o["level"]),
     }
     return builders[kind]()

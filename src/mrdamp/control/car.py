@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Switching(_FromVelocities):
 
     def command(self, t: float, y: Mapping[str, float]) -> float:
         wheel, body = self._velocities(t, y)
-        return self._on if self._switch(wheel, body, y["stroke_velocity"], y["acceleration_2"]) else 0.0
+        return self._on * self._switch(wheel, body, y["stroke_velocity"], y["acceleration_2"])
 
 
 def skyhook_switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
@@ -101,9 +102,9 @@ def sh_add_switch(alpha: float) -> Switch:
     """alpha: rad/s, above which acceleration decides. Raises InputError."""
     require_positive("sh-add", alpha=alpha)
 
-    def switch(wheel: float, body: float, stroke: float, acceleration: float) -> bool:
+    def switch(wheel: float, body: float, stroke: float, acceleration: float) -> Any:
         rules = acceleration**2 > (alpha * body) ** 2
-        return (acceleration if rules else body) * stroke > 0
+        return np.where(rules, acceleration, body) * stroke > 0
 
     return switch
 

@@ -21,6 +21,7 @@ from scipy.linalg import expm, solve_discrete_are
 from mrdamp.control.car_plant import MEASURED, CarSite, car_outputs, car_plant, regulated
 from mrdamp.control.estimator import Estimator
 from mrdamp.errors import InputError
+from mrdamp.structures import FloatArray
 
 _MOST = 200  # forces in a horizon
 
@@ -90,14 +91,29 @@ class MpcForce:
 
     def reset(self) -> None:
         self._estimator.reset()
-        self._solver.warm_start(x=np.zeros(self._steps), y=np.zeros(self._steps))
+        rest = np.zeros(self._steps)
+        self._solver.warm_start(x=rest, y=rest)
+        self._before: list[tuple[Any, Any]] = []
 
-    def __call__(self, t: float, y: Mapping[str, float]) -> float:
-        state = self._estimator(y)
-        extends = y["stroke_velocity"] > 0
+    def __call__(self, t: float, y: Mapping[str, float]) -> Any:
+        states, extends = self._estimator(y), np.asarray(y["stroke_velocity"]) > 0
+        if states.ndim == 1:
+            return self._solve(t, states, bool(extends))[0]
+        rest = np.zeros(self._steps)
+        found = []
+        for (x, dual), state, way in zip(
+            self._before or [(rest, rest)] * len(extends), states.T, extends.tolist(), strict=True
+        ):
+            self._solver.warm_start(x=x, y=dual)
+            found.append(self._solve(t, state, way))
+        self._before = [(solved.x, solved.y) for _, solved in found]
+        return np.array([force for force, _ in found])
+
+    def _solve(self, t: float, state: FloatArray, extends: bool) -> tuple[float, Any]:
+        """The force, N, from the states (n,), and the solution."""
         self._low[0], self._high[0] = (0.0, 1.0) if extends else (-1.0, 0.0)
         self._solver.update(q=self._slope @ state, l=self._low, u=self._high)
         found = self._solver.solve(raise_error=False)
         if not np.isfinite(found.x[0]):
             raise InputError(f"clipped-mpc: no solution at {t:g} s: {found.info.status}")
-        return float(np.clip(found.x[0], self._low[0], self._high[0])) * self._largest
+        return float(np.clip(found.x[0], self._low[0], self._high[0])) * self._largest, found

@@ -14,14 +14,15 @@ digital controller of its own.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
 from mrdamp.control.estimator import Estimator
-from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, clip
+from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, clip, for_each
 from mrdamp.control.lqg import regulator_gain
 from mrdamp.control.plant import Plant, outputs, plant
 from mrdamp.errors import InputError, require_positive
@@ -40,7 +41,7 @@ Outputs = Callable[[Sequence[str]], tuple[FloatArray, FloatArray]]
 
 
 class OptimalForce:
-    """fc = -k s_hat, the aim above; built by `optimal_force`. k (n,); estimator: of the n states."""
+    """fc = -k s_hat, the aim above; built by `optimal_force`. k (n,), of m dampers (m, n); estimator: of the states."""
 
     def __init__(self, k: FloatArray, estimator: Estimator) -> None:
         self.k = k
@@ -49,8 +50,8 @@ class OptimalForce:
     def reset(self) -> None:
         self.estimator.reset()
 
-    def __call__(self, t: float, y: Mapping[str, float]) -> float:
-        return -float(self.k @ self.estimator(y))
+    def __call__(self, t: float, y: Mapping[str, float]) -> Any:
+        return -(self.k @ self.estimator(y))
 
 
 def default_measurements(frame: ShearFrame) -> tuple[str, ...]:
@@ -135,7 +136,8 @@ def clipped_optimal(
     command_max: A or V; period: s; lqg: options, see `Lqg`. Raises InputError.
     """
     require_positive("clipped_optimal", command_max=command_max)
-    return ForceController(optimal_force(frame, period, **lqg), OnOff(command_max), period, name)
+    follower = for_each(lambda: OnOff(command_max), len(frame.places))
+    return ForceController(optimal_force(frame, period, **lqg), follower, period, name)
 
 
 def modulated_optimal(
@@ -147,13 +149,15 @@ def modulated_optimal(
 ) -> ForceController:
     """The same aim, followed by a command in proportion to it; force_max in N, see `Modulated`."""
     aim = optimal_force(frame, period, **lqg)
-    return ForceController(aim, Modulated(command_max, force_max), period, "modulated-optimal")
+    follower = for_each(lambda: Modulated(command_max, force_max), len(frame.places))
+    return ForceController(aim, follower, period, "modulated-optimal")
 
 
 def force_tracking(frame: ShearFrame, inverse: Inverse, **lqg: Unpack[Lqg]) -> ForceController:
     """The same aim, followed by an inverse model of the damper in place of on/off switching, at its period."""
     aim = optimal_force(frame, inverse.period, **lqg)
-    return ForceController(aim, Tracking(inverse), inverse.period, "force-tracking")
+    follower = for_each(lambda: Tracking(copy.deepcopy(inverse)), len(frame.places))
+    return ForceController(aim, follower, inverse.period, "force-tracking")
 
 
 def ideal_active(

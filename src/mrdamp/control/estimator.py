@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mrdamp.control.base import sensor_name
 from mrdamp.control.lqg import first_order_hold, kalman_gain
 from mrdamp.control.plant import Plant
 from mrdamp.errors import InputError
@@ -41,12 +42,14 @@ class Estimator:
         self.measurements = tuple(measurements)
         self.gain = kalman_gain(linear.a, linear.e, c, noise_ratio, deviation)
         drive = np.column_stack([self.gain, linear.b - self.gain @ d])  # inputs: y, then f
+        forces = range(drive.shape[1] - len(self.measurements))
+        self._inputs = (*self.measurements, *(sensor_name("force", k) for k in forces))
         self._phi, self._g0, self._g1 = first_order_hold(linear.a - self.gain @ c, drive, period)
         self.reset()
 
     @property
     def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(n, n), (n, p + 1), (n, p + 1) of s_hat+ = m0 s_hat + m1 y + m2 y+, y the measurements, then the force."""
+        """(n, n), (n, p + m), (n, p + m) of s_hat+ = m0 s_hat + m1 y + m2 y+, y the measurements, then the m forces."""
         return self._phi, self._g0, self._g1
 
     def reset(self) -> None:
@@ -55,9 +58,11 @@ class Estimator:
         self._last: FloatArray | None = None
 
     def __call__(self, y: Mapping[str, float]) -> FloatArray:
-        """s_hat (n,) with the measurements y of now; `force` is one of them, in N."""
-        now = np.array([*(y[name] for name in self.measurements), y["force"]])
-        if self._last is not None:
+        """s_hat (n,) with the measurements y of now, (n, rows) with those of many runs; `force` (N) is among them."""
+        now = np.array([y[name] for name in self._inputs])
+        if self._last is None:
+            self.estimate = np.zeros((len(self._phi), *now.shape[1:]))
+        else:
             self.estimate = self._phi @ self.estimate + self._g0 @ self._last + self._g1 @ now
         self._last = now
         return self.estimate

@@ -6,11 +6,15 @@ follower (the command that brings the damper's own force near it). fc is the wan
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+
+from mrdamp.control.base import OWN, of_damper
 from mrdamp.errors import InputError, require_positive
 
 if TYPE_CHECKING:
@@ -38,7 +42,10 @@ class Follower(Protocol):
 
 
 class ForceController:
-    """Aim and follower as one controller. Attributes: aim; follower; wanted, the last wanted force, N."""
+    """Aim and follower as one controller. Attributes: aim; follower; wanted, the last wanted force, N.
+
+    Of an aim with a force for each of m dampers (m,) the follower is `Each`.
+    """
 
     def __init__(self, aim: Aim, follower: Follower, period: float, name: str) -> None:
         if not 0 < period < math.inf:
@@ -59,7 +66,42 @@ class ForceController:
 
 def clip(wanted: float, force: float, command_max: float) -> float:
     """command_max * H((wanted - force) * force); H(0) = 0. Forces in N."""
-    return command_max if (wanted - force) * force > 0 else 0.0
+    return command_max * ((wanted - force) * force > 0)
+
+
+class Each:
+    """A follower for each of several dampers, whose wanted forces come together (m,)."""
+
+    def __init__(self, followers: Sequence[Follower]) -> None:
+        self.followers = tuple(followers)
+
+    def reset(self) -> None:
+        for follower in self.followers:
+            follower.reset()
+
+    def __call__(self, wanted: Any, t: float, y: Mapping[str, float]) -> Any:
+        return np.array([f(wanted[k], t, of_damper(y, k)) for k, f in enumerate(self.followers)])
+
+
+def for_each(make: Callable[[], Follower], dampers: int) -> Follower:
+    """A follower of one damper, or of several."""
+    return make() if dampers == 1 else Each([make() for _ in range(dampers)])
+
+
+@dataclass(frozen=True)
+class Resisting:
+    """The full command wherever the force has the sign of the wanted one, whatever its size. command_max: A or V."""
+
+    command_max: float
+
+    def __post_init__(self) -> None:
+        require_positive("controller", command_max=self.command_max)
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
+        return self.command_max * (wanted * y["force"] > 0)
 
 
 @dataclass(frozen=True)
@@ -100,21 +142,30 @@ class Modulated:
         """Nothing to forget."""
 
     def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
-        share = min(1.0, abs(wanted) / self.force_max)
+        share = np.minimum(1.0, abs(wanted) / self.force_max)
         return clip(wanted, y["force"], share * self.command_max)
 
 
-@dataclass(frozen=True)
 class Tracking:
     """Force tracking: the command of the damper's inverse model, in place of on/off switching."""
 
-    inverse: Inverse
+    def __init__(self, inverse: Inverse) -> None:
+        self.inverse = inverse
+        self._rows: list[Inverse] = []
 
     def reset(self) -> None:
         self.inverse.reset()
+        self._rows = []
 
-    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
-        return self.inverse.command(t, wanted, y)
+    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> Any:
+        if np.ndim(wanted) == 0:
+            return self.inverse.command(t, wanted, y)
+        # An inverse has the past of one run.
+        forces = np.asarray(wanted).tolist()
+        self._rows = self._rows or [copy.deepcopy(self.inverse) for _ in forces]
+        seen = zip(*(np.asarray(y[name]).tolist() for name in OWN), strict=True)
+        each = zip(self._rows, forces, seen, strict=True)
+        return np.array([i.command(t, f, dict(zip(OWN, s, strict=True))) for i, f, s in each])
 
 
 @dataclass(frozen=True)
@@ -126,5 +177,5 @@ class Direct:
     def reset(self) -> None:
         """Nothing to forget."""
 
-    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> float:
-        return min(max(wanted, -self.force_max), self.force_max)
+    def __call__(self, wanted: float, t: float, y: Mapping[str, float]) -> Any:
+        return np.minimum(np.maximum(wanted, -self.force_max), self.force_max)

@@ -7,6 +7,7 @@ out as the force grows, before it would add to it. At rest it costs current for 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrdamp.control.base import Controller, sensor_name
 from mrdamp.errors import InputError, require_positive
 
 
@@ -58,3 +60,26 @@ class LeastCommand:
             return cls(float(data["level"]), float(data["fade"]), *rest)
         except (TypeError, KeyError, ValueError) as error:
             raise InputError(f"least command: {error}") from None
+
+
+class AtLeast:
+    """A controller whose command is never below the least one of each damper's leaky peak of |force|.
+
+    leak: s, of the peaks; dampers: how many. Attributes: inner; name; period, s.
+    """
+
+    def __init__(self, inner: Controller, least: LeastCommand, leak: float, dampers: int = 1) -> None:
+        self.inner, self.name, self.period = inner, inner.name, inner.period
+        self._least, self._fall = least, math.exp(-inner.period / leak)
+        self._forces = [sensor_name("force", k) for k in range(dampers)]
+        self.reset()
+
+    def reset(self) -> None:
+        self.inner.reset()
+        self._peaks: Any = 0.0
+
+    def command(self, t: float, y: Mapping[str, float]) -> Any:
+        forces = np.array([y[name] for name in self._forces])
+        self._peaks = np.maximum(np.abs(forces), self._fall * self._peaks)
+        least = self._least(self._peaks)
+        return np.maximum(self.inner.command(t, y), least if len(least) > 1 else least[0])

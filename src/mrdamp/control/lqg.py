@@ -17,22 +17,25 @@ def regulator_gain(
 ) -> FloatArray:
     """k (2N,) of f = -k s, which minimises the integral of y^T diag(q) y + r f^2, y = c s + d f.
 
-    a (n, n), b (n,), c (p, n), d (p,), q (p,) weights, r > 0 in 1/N^2 times the unit of the cost.
+    a (n, n), b (n,), c (p, n), d (p,), q (p,) weights, r > 0 in 1/N^2 times the unit of the cost. For m forces b is
+    (n, m), d (p, m) and k (m, n).
     Where y holds the force itself (d not 0) the cross terms of the cost are kept. Raises
     InputError where no such gain is found: the cost then does not see a mode that barely decays.
     """
     # The force is solved for in units that make its weight one: r is 1e-17 in N^-2.
-    weight = r + float(d @ (q * d))
-    unit = 1 / np.sqrt(weight)
-    cross = (c.T @ (q * d) * unit)[:, None]
-    scaled = b[:, None] * unit
+    drive, through = b.reshape(len(b), -1), d.reshape(len(d), -1)
+    many = drive.shape[1]
+    weight = r * np.eye(many) + through.T @ (q[:, None] * through)
+    unit = np.linalg.inv(np.linalg.cholesky(weight)).T
+    cross = c.T @ (q[:, None] * through) @ unit
+    scaled = drive @ unit
     with _needs_stable(
         f"no stable regulator found for r = {r:g}; raise r or regulate more measurements"
     ) as check:
-        p = solve_continuous_are(a, scaled, c.T @ (q[:, None] * c), np.eye(1), s=cross)
-        k = np.asarray((scaled.T @ p + cross.T)[0] * unit, dtype=np.float64)
-        check(a - np.outer(b, k))
-    return k
+        p = solve_continuous_are(a, scaled, c.T @ (q[:, None] * c), np.eye(many), s=cross)
+        k = np.asarray(unit @ (scaled.T @ p + cross.T), dtype=np.float64)
+        check(a - drive @ k)
+    return k if b.ndim > 1 else k[0]
 
 
 def kalman_gain(

@@ -16,32 +16,23 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from mrdamp.control.clipped_optimal import Outputs, frame_estimator
+from mrdamp.control.clipped_optimal import OptimalForce, Outputs, frame_estimator
 from mrdamp.control.estimator import Estimator
+from mrdamp.control.force_control import ForceController, Resisting, for_each
 from mrdamp.control.plant import Plant, outputs, plant
 from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
 
 
-class BangBang:
-    """v = v_max H((direction^T s_hat) f); built by `lyapunov` and `max_dissipation`.
-
-    direction (2N,), of the force that is good; estimator: of the states (2N,); command_max: A or V.
-    """
-
-    def __init__(
-        self, direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str
-    ):
-        require_positive(f"controller {name}", command_max=command_max)
-        self.direction, self.estimator = direction, estimator
-        self.command_max, self.period, self.name = command_max, period, name
-
-    def reset(self) -> None:
-        self.estimator.reset()
-
-    def command(self, t: float, y: Mapping[str, float]) -> float:
-        good = float(self.direction @ self.estimator(y)) * y["force"]
-        return self.command_max if good > 0 else 0.0
+def bang_bang(
+    direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str
+) -> ForceController:
+    """v = v_max H((direction^T s_hat) f). direction (2N,), of m dampers (2N, m), of the force that is good; estimator:
+    of the states (2N,); command_max: A or V."""
+    require_positive(f"controller {name}", command_max=command_max)
+    dampers = 1 if direction.ndim == 1 else direction.shape[1]
+    follower = for_each(lambda: Resisting(command_max), dampers)
+    return ForceController(OptimalForce(-direction.T, estimator), follower, period, name)
 
 
 def lyapunov_matrix(frame: ShearFrame, weights: Mapping[str, float]) -> FloatArray:
@@ -67,7 +58,7 @@ def lyapunov(
     noise_ratio: float = 50.0,
     period: float = 1e-3,
     name: str = "lyapunov",
-) -> BangBang:
+) -> ForceController:
     """Control by the Lyapunov function of the named outputs' weighted squares.
 
     command_max: A or V. weights: by measurement name or `drift_j`, 1 on every floor's absolute acceleration by
@@ -75,7 +66,7 @@ def lyapunov(
     """
     chosen = weights or {f"acceleration_{j}": 1.0 for j in range(1, frame.storeys + 1)}
     direction = -lyapunov_matrix(frame, chosen) @ plant(frame).b
-    return BangBang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)
+    return bang_bang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)
 
 
 def max_dissipation(
@@ -84,8 +75,7 @@ def max_dissipation(
     noise_ratio: float = 50.0,
     period: float = 1e-3,
     name: str = "max-dissipation",
-) -> BangBang:
+) -> ForceController:
     """The field on wherever the damper's force resists its motion: V is the frame's energy. Raises InputError."""
-    n = frame.storeys
-    direction = np.concatenate([np.zeros(n), -frame.gamma])
-    return BangBang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)
+    direction = np.concatenate([np.zeros_like(frame.gamma), -frame.gamma])
+    return bang_bang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)

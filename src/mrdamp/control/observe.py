@@ -227,15 +227,19 @@ class Observer:
         self._past.clear()
 
     def __call__(self, y: Mapping[str, float], last_command: ArrayLike) -> Observation:
-        """(size,) from the measurements y and the command(s) of the period that ended. Raises InputError."""
+        """(size,) from the measurements y and the command(s) of the period that ended; from those of many runs
+        (rows, size), with commands (rows,) or (rows, dampers). Raises InputError."""
         try:
-            values = np.array([y[name] for name in self.signals], dtype=np.float64)
+            values = np.array([y[name] for name in self.signals], dtype=np.float64).T
         except KeyError as error:
             raise InputError(f"observer: no measurement {error}; there are: {', '.join(y)}") from None
-        last = np.broadcast_to(np.asarray(last_command, dtype=np.float64), (len(self.command_max),))
+        last = np.asarray(last_command, dtype=np.float64)
+        if last.ndim and last.shape == values.shape[:-1]:  # of one damper each
+            last = last[:, None]
+        last = np.broadcast_to(last, (*values.shape[:-1], len(self.command_max)))
         now = self.scaled(values, last, self._past[0] if self._past else None)
         self._past[:] = [now, *self._past[: self.history - 1]] if self._past else [now] * self.history
-        return np.concatenate(self._past).astype(np.float32)
+        return np.concatenate(self._past, axis=-1).astype(np.float32)
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""

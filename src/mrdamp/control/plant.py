@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamp.control.base import sensor_name
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray, ShearFrame
 
 
 @dataclass(frozen=True)
 class Plant:
-    """a: (2N, 2N); b: (2N,) per N of damper force; e: (2N,) per m/s2 of ground acceleration, or (2N, k) of k loads."""
+    """a: (2N, 2N); b: (2N,) per N of damper force, of m dampers (2N, m); e: (2N,) per m/s2 of ground acceleration, of k
+    loads (2N, k)."""
 
     a: FloatArray
     b: FloatArray
@@ -35,13 +37,13 @@ def plant(frame: ShearFrame) -> Plant:
     a[n:, n:] = -inverse @ frame.damping_matrix
     return Plant(
         a=a,
-        b=np.concatenate([np.zeros(n), inverse @ frame.gamma]),
+        b=np.concatenate([np.zeros_like(frame.gamma), inverse @ frame.gamma]),
         e=np.concatenate([np.zeros(n), -np.ones(n)]),
     )
 
 
 def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Rows c (p, 2N) and feedthrough d (p,) of the named measurements (see control.base).
+    """Rows c (p, 2N) and feedthrough d (p,), of m dampers (p, m), of the named measurements (see control.base).
 
     Absolute accelerations are M^-1 (Gamma f - K x - C x'): the ground's own does not appear.
     `drift_j` (m) may be named too. Raises InputError on a name the frame does not have.
@@ -49,14 +51,15 @@ def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatA
     n = frame.storeys
     linear = plant(frame)
     c = np.zeros((len(names), 2 * n))
-    d = np.zeros(len(names))
+    d = np.zeros((len(names), *linear.b.shape[1:]))
+    strokes = {sensor_name("stroke", k): gamma for k, gamma in enumerate(np.reshape(frame.gamma, (n, -1)).T)}
     for row, name in enumerate(names):
         match = re.fullmatch(r"(acceleration|displacement|drift)_([1-9]\d*)", name)
         floor = int(match.group(2)) - 1 if match else 0
-        if name == "stroke":
-            c[row, :n] = -frame.gamma
-        elif name == "stroke_velocity":
-            c[row, n:] = -frame.gamma
+        if name in strokes:
+            c[row, :n] = -strokes[name]
+        elif name.replace("_velocity", "") in strokes:
+            c[row, n:] = -strokes[name.replace("_velocity", "")]
         elif match is None or floor >= n:
             raise InputError(
                 f"measurement {name!r} is unknown; allowed: acceleration_i, displacement_i, drift_i "

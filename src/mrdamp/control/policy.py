@@ -115,7 +115,7 @@ class Policy:
     def reset(self) -> None:
         """Forget the past, of the rows of `commands` too."""
         self.observer.reset()
-        self._command = 0.0
+        self._command: Any = 0.0
         self._state: State | None = None
         self._held: Array | None = None
         self._unlagged.reset()
@@ -134,9 +134,11 @@ class Policy:
         self._unlagged = Unlagged(self.period, sensor_lag)
         return self
 
-    def command(self, t: float, y: Mapping[str, float]) -> float:
+    def command(self, t: float, y: Mapping[str, float]) -> Any:
         y = self._unlagged(y)
-        self._command = float(self.commands(self.observer(y, self._command)[None], y.get("force", 0.0))[0])
+        seen = self.observer(y, self._command)
+        found = self.commands(np.atleast_2d(seen), y.get("force", 0.0))
+        self._command = found if seen.ndim > 1 else float(found[0])
         return self._command
 
     def commands(self, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:

@@ -17,6 +17,7 @@ from mrdamp.control.clipped_optimal import (
     ideal_active,
     modulated_optimal,
 )
+from mrdamp.control.least_command import AtLeast, LeastCommand
 from mrdamp.control.lyapunov import lyapunov, max_dissipation
 from mrdamp.control.passive import Constant, passive_off, passive_on
 from mrdamp.control.skyhook import skyhook
@@ -27,12 +28,13 @@ from mrdamp.structures import ShearFrame
 POLICY, OWN = "policy", "own"
 IDEAL = "ideal-active"
 Options = dict[str, float]
+_LEAK = 15.0  # periods of the first mode, of the peak that `weak` is compared with
 
 
 @dataclass(frozen=True)
 class Site:
-    """What a controller is made for: the frame, the damper's model (rig `damper`), the largest command (A or V) and
-    the control period, s."""
+    """What a controller is made for: the frame with the places of its dampers, the damper's model (rig `damper`), the
+    largest command (A or V) and the control period, s."""
 
     frame: ShearFrame
     damper: Model
@@ -41,7 +43,7 @@ class Site:
 
     @classmethod
     def of(cls, model: Model, period: float = 1e-3) -> Site:
-        """From a model of the rig `frame`. Raises InputError."""
+        """From a model of the rig `frame`, its frame with what it can hold of the effects. Raises InputError."""
         if model.structure is None:
             raise InputError(f"{model.name}: rig damper has no frame")
         largest = model.attributes.get("command_max", math.nan)
@@ -49,7 +51,13 @@ class Site:
             raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
         own = tuple(e for e in model.effects if e.place is None)
         damper = replace(model, rig="damper", structure=None, effects=own)
-        return cls(model.structure, damper, largest, period)
+        held, s = model.frame, model.structure
+        frame = ShearFrame(held.mass, held.stiffness, held.damping, s.damper_between, s.others)
+        return cls(frame, damper, largest, period)
+
+    @property
+    def dampers(self) -> int:
+        return len(self.frame.places)
 
     def force_max(self) -> float:
         """N at the largest command, of the damper moved at 0.1 m/s through 1 cm: the size of its forces."""
@@ -110,15 +118,17 @@ def _active(site: Site, o: Mapping[str, float]) -> Controller:
 
 def _lyapunov(site: Site, o: Mapping[str, float]) -> Controller:
     weights = balanced(site.frame, o["balance"])
-    return lyapunov(site.frame, site.command_max, weights, o["noise_ratio"], site.period)
+    return lyapunov(site.frame, o["level"] * site.command_max, weights, o["noise_ratio"], site.period)
 
 
 def _skyhook(site: Site, o: Mapping[str, float]) -> Controller:
     given = {key: None if math.isnan(o[key]) else o[key] for key in ("damping", "leak")}
-    return skyhook(site.frame, site.command_max, given["damping"], given["leak"], site.period)
+    return skyhook(site.frame, o["level"] * site.command_max, given["damping"], given["leak"], site.period)
 
 
 _DYKE = {"balance": math.nan, "r": 1e-17, "noise_ratio": 50.0}
+_LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
+_WEAK = {"weak": 0.0}  # N, that the damper resists weak motion with, where its command is never small: `_at_least`
 _BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
 
 ENTRIES: Mapping[str, Entry] = {
@@ -132,24 +142,30 @@ ENTRIES: Mapping[str, Entry] = {
     "clipped-optimal": Entry(
         _optimal,
         "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",
-        {**_DYKE, "level": 1.0},
+        {**_DYKE, **_LEVEL, **_WEAK},
     ),
     "modulated-optimal": Entry(
-        _modulated, "LQG force with a command in proportion to it", {**_BALANCED, "force_max": math.nan}
+        _modulated,
+        "LQG force with a command in proportion to it",
+        {**_BALANCED, "force_max": math.nan, **_WEAK},
     ),
-    "force-tracking": Entry(_tracking, "LQG force through the damper's inverse model", _BALANCED),
+    "force-tracking": Entry(_tracking, "LQG force through the damper's inverse model", {**_BALANCED, **_WEAK}),
     "lyapunov": Entry(
-        _lyapunov, "on where the force takes a Lyapunov function down", {"balance": 1.0, "noise_ratio": 50.0}
+        _lyapunov,
+        "on where the force takes a Lyapunov function down",
+        {"balance": 1.0, "noise_ratio": 50.0, **_LEVEL, **_WEAK},
     ),
     "max-dissipation": Entry(
-        lambda site, o: max_dissipation(site.frame, site.command_max, o["noise_ratio"], site.period),
+        lambda site, o: max_dissipation(
+            site.frame, o["level"] * site.command_max, o["noise_ratio"], site.period
+        ),
         "on where the force resists the damper's motion",
-        {"noise_ratio": 50.0},
+        {"noise_ratio": 50.0, **_LEVEL, **_WEAK},
     ),
     "skyhook": Entry(
         _skyhook,
         "a dashpot to a fixed point in space, with on/off switching",
-        {"damping": math.nan, "leak": math.nan},
+        {"damping": math.nan, "leak": math.nan, **_LEVEL, **_WEAK},
     ),
     IDEAL: Entry(_active, "the LQG force itself, from an ideal actuator that can push as well", _BALANCED),
 }
@@ -186,6 +202,12 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
     return kind, "", options
 
 
+def options_of(spec: str) -> tuple[str, Options]:
+    """Kind and options of what `spec` wrote."""
+    kind, _, rest = spec.partition(":")
+    return kind, {key: float(value) for key, _, value in (part.partition("=") for part in rest.split(",") if part)}
+
+
 def policy(path: str) -> Controller:
     """An exported policy. Raises InputError."""
     from mrdamp.control.policy import Policy
@@ -202,7 +224,16 @@ def make(spec: str, site: Site) -> Controller:
     if kind == POLICY:
         return policy(path)
     entry = ENTRIES[kind]
-    return entry.build(site, {**entry.options, **options})
+    o = {**entry.options, **options}
+    return _at_least(entry.build(site, o), o.get("weak", 0.0), site)
+
+
+def _at_least(controller: Controller, weak: float, site: Site) -> Controller:
+    """With the least command of the learned policies, for a force `weak` of the damper without current, N."""
+    if not weak:
+        return controller
+    least = LeastCommand(site.command_max, 1.4 * weak, 0.7 * weak, 0.5 * weak)
+    return AtLeast(controller, least, _LEAK / float(site.frame.frequencies[0]), site.dampers)
 
 
 def is_ideal(spec: str) -> bool:

@@ -8,11 +8,12 @@ follows from the floor's accelerometer by a leaky integrator, v' = a - v / tau, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from mrdamp.control.force_control import Follower, ForceController, OnOff
+from mrdamp.control.force_control import Aim, Follower, ForceController, OnOff, for_each
 from mrdamp.errors import require_positive
 from mrdamp.structures import ShearFrame
 
@@ -37,10 +38,26 @@ class SkyhookForce:
 
     def __call__(self, t: float, y: Mapping[str, float]) -> float:
         now = y[self.signal]
-        if self._before is not None:
+        if self._before is None:
+            self.velocity = 0.0 * now  # of many runs as well
+        else:
             self.velocity = self._decay * self.velocity + self._first * self._before + self._last * now
         self._before = now
         return self.gain * self.velocity
+
+
+class Several:
+    """An aim for each of several dampers: their wanted forces (m,)."""
+
+    def __init__(self, aims: Sequence[Aim]) -> None:
+        self.aims = tuple(aims)
+
+    def reset(self) -> None:
+        for aim in self.aims:
+            aim.reset()
+
+    def __call__(self, t: float, y: Mapping[str, float]) -> Any:
+        return np.array([aim(t, y) for aim in self.aims])
 
 
 def skyhook(
@@ -60,7 +77,8 @@ def skyhook(
     """
     first = float(2 * np.pi * frame.frequencies[0])
     c = first * float(frame.mass.sum()) if damping is None else damping
-    upper = max(frame.damper_between)
-    sign = 1.0 if upper == frame.damper_between[1] else -1.0
-    aim = SkyhookForce(upper, sign, c, 2 * math.pi / first if leak is None else leak, period)
-    return ForceController(aim, follower or OnOff(command_max), period, name)
+    tau = 2 * math.pi / first if leak is None else leak
+    # Of the two floors of a damper the rod is at the second.
+    aims = [SkyhookForce(max(p), 1.0 if max(p) == p[1] else -1.0, c, tau, period) for p in frame.places]
+    aim = aims[0] if len(aims) == 1 else Several(aims)
+    return ForceController(aim, follower or for_each(lambda: OnOff(command_max), len(aims)), period, name)

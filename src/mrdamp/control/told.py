@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
+import numpy as np
+
 from mrdamp.control.base import Controller
 from mrdamp.control.policy import Policy
 from mrdamp.control.unlagged import Unlagged
@@ -40,11 +42,13 @@ class Told:
     """A controller whose measured force has no lag of its sensor, its command clamped to what the damper takes.
 
     Raises InputError for a command that is no number and for whatever else it raises. Attributes: inner; name; period,
-    s; takes: the least and the largest command, A or V.
+    s; takes: the least and the largest command, A or V; dampers: how many commands it may give.
     """
 
-    def __init__(self, inner: Controller, sensor_lag: float, takes: tuple[float, float], name: str = "") -> None:
-        self.inner, self.name, self.takes = inner, name or inner.name, takes
+    def __init__(
+        self, inner: Controller, sensor_lag: float, takes: tuple[float, float], name: str = "", dampers: int = 1
+    ) -> None:
+        self.inner, self.name, self.takes, self.dampers = inner, name or inner.name, takes, dampers
         self.period = float(inner.period)  # NumPy's numbers as well: MJCF cannot hold them
         self._force = Unlagged(self.period, sensor_lag)
 
@@ -52,15 +56,18 @@ class Told:
         ask(self.name, self.inner.reset)
         self._force.reset()
 
-    def command(self, t: float, y: Mapping[str, float]) -> float:
+    def command(self, t: float, y: Mapping[str, float]) -> Any:
         found = ask(self.name, self.inner.command, t, self._force(y))
+        rows, (least, largest) = np.shape(next(iter(y.values()))), self.takes
         try:
-            command = float(finite("command", found, (1, 1))[0, 0])
-        except InputError:
+            values = finite("command", found, (self.dampers, *(rows or (1,))) if np.size(found) > 1 else (1, 1))
+        except ValueError:  # InputError is one
             said = f"controller {self.name}: its command at {t:g} s is {found!r}"
-            raise InputError(f"{said}; allowed: a finite number") from None
-        least, largest = self.takes
-        return min(max(command, least), largest)
+            many = f", or {self.dampers} of them" if self.dampers > 1 else ""
+            raise InputError(f"{said}; allowed: a finite number{many}") from None
+        if values.size == 1:  # of all dampers
+            return min(max(float(values[0, 0]), least), largest)
+        return np.clip(values, least, largest).reshape((self.dampers, *rows) if self.dampers > 1 else rows)
 
 
 def ask(name: str, call: Callable[..., Any], *given: Any) -> Any:
@@ -93,7 +100,7 @@ def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Tol
         made.matched(damper.command_lag)
     # As the chain clamps: without command_min a command acts by its size. 0 is no command, also of a law above it.
     least = min(0.0, damper.attributes.get("command_min", -largest))
-    return Told(made, damper.sensor_lag, (least, largest), name)
+    return Told(made, damper.sensor_lag, (least, largest), name, getattr(site, "dampers", 1))
 
 
 def knowledge(damper: Model) -> str:

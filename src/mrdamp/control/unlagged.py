@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 
 from mrdamp.errors import InputError
 
 
 class Unlagged:
-    """Measurements whose `force` is the one that, held over the control period, gives the sensor's reading.
+    """Measurements whose forces, held over the control period, give the readings of their sensors.
 
     Exact for such a force and a first-order lag. period, sensor_lag: s; with no lag the measurements are left as they
     are. Raises InputError.
@@ -22,11 +23,12 @@ class Unlagged:
         self.reset()
 
     def reset(self) -> None:
-        self._force: float | None = None
+        self._forces: Mapping[str, float] = {}
 
     def __call__(self, y: Mapping[str, float]) -> Mapping[str, float]:
-        if not self._kept or "force" not in y:
+        forces = {name: value for name, value in y.items() if re.fullmatch(r"force(_\d+)?", name)} if self._kept else {}
+        if not forces:
             return y
-        before = y["force"] if self._force is None else self._force
-        self._force = y["force"]
-        return {**y, "force": (y["force"] - self._kept * before) / (1.0 - self._kept)}
+        before = self._forces or forces
+        self._forces = forces
+        return {**y, **{name: (f - self._kept * before[name]) / (1.0 - self._kept) for name, f in forces.items()}}

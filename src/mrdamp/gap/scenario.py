@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamp import sets
-from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.bench import of_kind
 from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
@@ -61,7 +63,6 @@ class Scenario:
         self.learning = Learning.of(controller, seed, trainings)
         self.loads = [m.compressed(TIME_SCALE) for m in unseen_motions()[:count]]
         self.training = [m.compressed(TIME_SCALE) for m in tuning_motions()]
-        self.bench = FrameBench(nominal)
         # By name: a process that tunes has copies of the motions.
         self._reference = {m.name: self.criteria(nominal, None, m) for m in (*self.loads, *self.training)}
 
@@ -71,7 +72,7 @@ class Scenario:
         return self.learning is not None and self.learning.algorithm == "es"
 
     def site(self, model: Model) -> registry.Site:
-        return registry.Site.of(folded(model))
+        return registry.Site.of(model)
 
     def of(self, run: FrameRun) -> Criteria:
         assert self.nominal.structure is not None
@@ -112,7 +113,7 @@ class Scenario:
             return self.learning.train(simulators, site, progress)
         if not is_tuned(self.controller):
             return told(partial(registry.make, self.controller), site)
-        specs = self.bench.grid(self.controller)[:: 1 if self.controller == "constant" else 3]
+        specs = candidates(self.controller, site)
         tasks = [(self, p, spec, site) for spec in specs for p in plants]
         found = np.reshape(list(mapped(_tuning_score, tasks, self.jobs)), (len(specs), len(plants)))
         return told(partial(registry.make, specs[int(np.argmin(found.mean(axis=1)))]), site)
@@ -138,6 +139,33 @@ class Scenario:
         return replace(self.nominal, structure=frame, parameters=scaled)
 
 
+def candidates(kind: str, site: registry.Site) -> tuple[str, ...]:
+    """Specs of a kind that a study tries: runs on a real frame are few. Raises InputError for one without options."""
+    frame, largest = site.frame, site.command_max
+    mass, first = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0])
+    weights, noise = [k / mass**2 for k in (1e-3, 1e-1)], [50.0, 2000.0]
+    balances = [30.0, 100.0, 300.0, 1000.0]
+    optimal = {"balance": balances, "r": weights, "noise_ratio": noise}
+    choices: Mapping[str, Mapping[str, Sequence[float]]] = {
+        "constant": {"value": [largest * k / 20 for k in (0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)]},
+        "clipped-optimal": {**optimal, "balance": [1.0, 10.0, *balances, 3000.0], "level": [0.6, 1.0]},
+        "modulated-optimal": {
+            **optimal,
+            "r": weights[1:],
+            "force_max": [site.force_max() * k for k in (0.1, 0.2, 0.5)],
+        },
+        "force-tracking": {**optimal, "balance": [10.0, *balances]},
+        "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0], "noise_ratio": noise},
+        "skyhook": {
+            "damping": [first * mass * k for k in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)],
+            "leak": [2 * math.pi / first * k for k in (1.0, 2.0)],
+        },
+    }
+    chosen = of_kind(choices, kind)
+    points = [dict(zip(chosen, point, strict=True)) for point in itertools.product(*chosen.values())]
+    return tuple(registry.spec(kind, point) for point in points)[:: 1 if kind == "constant" else 3]
+
+
 def is_tuned(controller: str) -> bool:
     """A kind by its name alone is tuned; one with options, or a policy's file, is left as it is."""
     return ":" not in controller
@@ -148,11 +176,3 @@ def _tuning_score(scenario: Scenario, plant: Plant, spec: str, site: registry.Si
     return scenario.score(
         [scenario.criteria(plant, controller, load) for load in scenario.training], scenario.training
     )
-
-
-def folded(model: Model) -> Model:
-    """The model with what a linear frame can hold of its effects in the structure: what a controller is made for."""
-    frame, s = model.frame, model.structure
-    assert s is not None
-    structure = ShearFrame(frame.mass, frame.stiffness, frame.damping, s.damper_between)
-    return replace(model, structure=structure, effects=tuple(e for e in model.effects if e.place is None))

@@ -87,7 +87,8 @@ def evaluate(
 
     time (n,) s, increasing; drift (n, N) m; acceleration (n, N) m/s2, absolute; force (n,) N,
     positive when the damper is being extended, None: no damper; stroke (n,) m, None: from the
-    drifts; command (n,) A or V, held between samples, None: zero. command_max: the swing the
+    drifts; command (n,) A or V, held between samples, None: zero. Of m dampers, the frame's, these
+    are (n, m): peaks are of the worst, commands means over them, energies sums. command_max: the swing the
     switching rate counts in, None: the largest |command|. Raises InputError on shapes that do
     not fit, on NaN and on a time that does not increase.
     """
@@ -98,9 +99,15 @@ def evaluate(
     d = _array("drift", drift, (n, frame.storeys))
     a = _array("acceleration", acceleration, (n, frame.storeys))
     x = frame.displacement(d)
-    f = np.zeros(n) if force is None else _array("force", force, (n,))
-    s = frame.stroke(x) if stroke is None else _array("stroke", stroke, (n,))
-    u = np.zeros(n) if command is None else _array("command", command, (n,))
+    many = (n, len(frame.places)) if frame.others else (n,)
+    f, s, u = (
+        _array(name, default if values is None else values, many).reshape(n, -1)
+        for name, values, default in (
+            ("force", force, np.zeros(many)),
+            ("stroke", stroke, frame.stroke(x)),
+            ("command", command, np.zeros(many)),
+        )
+    )
     # Newton for the whole structure: what the ground carries is the sum of mass times acceleration.
     shear = a @ frame.mass
     swing = float(np.abs(u).max()) if command_max is None else command_max
@@ -116,12 +123,12 @@ def evaluate(
         peak_base_shear=float(np.abs(shear).max()),
         rms_base_shear=float(_norm(t, shear)),
         peak_force=float(np.abs(f).max()),
-        rms_force=float(_norm(t, f)),
+        rms_force=float(_norm(t, f).max()),
         peak_stroke=float(np.abs(s).max()),
-        dissipated_energy=float(np.sum((f[1:] + f[:-1]) / 2 * np.diff(s))),
-        mean_command=float(np.abs(u[:-1]) @ held),
-        rms_command=float(np.sqrt(u[:-1] ** 2 @ held)),
-        switching_rate=float(np.abs(np.diff(u)).sum() / swing / duration) if swing > 0 else 0.0,
+        dissipated_energy=float(np.sum((f[1:] + f[:-1]) / 2 * np.diff(s, axis=0))),
+        mean_command=float(np.abs(u[:-1]).mean(axis=1) @ held),
+        rms_command=float(np.sqrt((u[:-1] ** 2).mean(axis=1) @ held)),
+        switching_rate=float(np.abs(np.diff(u, axis=0)).sum() / u.shape[1] / swing / duration) if swing > 0 else 0.0,
         weight=frame.weight,
     )
 

@@ -31,7 +31,8 @@ class ShearFrame:
 
     mass: (N,) kg, floors 1..N. stiffness: (N,) N/m and damping: (N,) N s/m, storeys 1..N
     (storey 1 joins the ground to floor 1). damper_between: the floors the damper stands
-    between; its stroke is the displacement of the second less that of the first.
+    between; its stroke is the displacement of the second less that of the first. others: those of
+    further dampers.
     Sequences are turned into read-only arrays. Raises InputError on unequal lengths, on a
     mass or stiffness that is not positive, on negative damping, on floors that do not exist.
     """
@@ -40,6 +41,7 @@ class ShearFrame:
     stiffness: FloatArray
     damping: FloatArray
     damper_between: tuple[int, int] = (0, 1)
+    others: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("mass", "stiffness", "damping"):
@@ -59,15 +61,16 @@ class ShearFrame:
                     f"structure: {name} of storey {bad[0] + 1} is {values[bad[0]]:g}; allowed: {allowed}"
                 )
         object.__setattr__(self, "damper_between", _floors(self.damper_between, n))
+        object.__setattr__(self, "others", tuple(_floors(floors, n) for floors in self.others))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ShearFrame):
             return NotImplemented
-        return self.to_dict() == other.to_dict() and self.damper_between == other.damper_between
+        return self.to_dict() == other.to_dict() and self.places == other.places
 
     def __hash__(self) -> int:
         return hash(
-            (self.mass.tobytes(), self.stiffness.tobytes(), self.damping.tobytes(), self.damper_between)
+            (self.mass.tobytes(), self.stiffness.tobytes(), self.damping.tobytes(), self.places)
         )
 
     @property
@@ -90,12 +93,17 @@ class ShearFrame:
         return _chain(self.stiffness)
 
     @property
+    def places(self) -> tuple[tuple[int, int], ...]:
+        """The floors of every damper."""
+        return (self.damper_between, *self.others)
+
+    @property
     def gamma(self) -> FloatArray:
-        """(N,) the floors on which the damper's force acts, with its signs (see the module)."""
-        g = np.zeros(self.storeys + 1)
-        g[self.damper_between[0]] = 1.0
-        g[self.damper_between[1]] = -1.0
-        return g[1:]
+        """(N,) the floors on which the damper's force acts, with its signs (see the module); (N, m) of several."""
+        g = np.zeros((self.storeys + 1, len(self.places)))
+        for k, (lower, upper) in enumerate(self.places):
+            g[lower, k], g[upper, k] = 1.0, -1.0
+        return g[1:] if self.others else g[1:, 0]
 
     @property
     def weight(self) -> float:
@@ -123,7 +131,7 @@ class ShearFrame:
         return np.asarray(np.diff(np.asarray(displacement, dtype=np.float64), axis=-1, prepend=0.0))
 
     def stroke(self, displacement: ArrayLike) -> FloatArray:
-        """(...) piston displacement, extension positive, from (..., N) floor displacements, m."""
+        """(...) piston displacement, extension positive, from (..., N) floor displacements, m; (..., m) of several."""
         return np.asarray(np.asarray(displacement, dtype=np.float64) @ -self.gamma)
 
     def to_dict(self) -> dict[str, list[float]]:

@@ -1,0 +1,112 @@
+"""The same comparison on frames whose stiffness or mass is not what controllers are told."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mrdamp.compare.bench import digest
+from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.contenders import Contender
+from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.runner import Progress, run_all
+from mrdamp.compare.tuning import Loops
+from mrdamp.control import registry
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion
+
+PARTS = ("stiffness", "mass")
+
+
+def scaled(model: Model, part: str, factor: float) -> Model:
+    """The model of a frame with the stiffness of every storey, or the mass of every floor, times a factor."""
+    assert model.structure is not None
+    return replace(model, structure=replace(model.structure, **{part: factor * getattr(model.structure, part)}))
+
+
+class _Case(NamedTuple):
+    """A controller, all of its seeds, on one of several structures."""
+
+    structure: str
+    row: Contender
+
+
+@dataclass(frozen=True)
+class _Structures:
+    """Runs on rows of several structures, for `run_all`."""
+
+    benches: Mapping[str, FrameBench]
+    loads: tuple[GroundMotion, ...]
+    amplitudes: tuple[float, ...]
+
+    def key(self, task: _Case) -> str:
+        cases = itertools.product(task.row.specs, self.loads, self.amplitudes)
+        return digest(["rows", *(self.benches[task.structure].key(*case) for case in cases)])
+
+    def run(self, task: _Case) -> dict[str, Any]:
+        bench = self.benches[task.structure]
+        loads = [bench.played(load, a) for load in self.loads for a in self.amplitudes]
+        loops = Loops(bench, loads, len(task.row.specs))
+        found = loops.run([bench.controller(spec) for spec in task.row.specs])
+        return {key: values.tolist() for key, values in found.items()}
+
+
+def on_rows(
+    benches: Mapping[str, FrameBench],
+    rows: Sequence[Contender],
+    loads: Sequence[GroundMotion],
+    amplitudes: Sequence[float],
+    *,
+    jobs: int = 1,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Comparison]:
+    """Comparisons on several benches, whose measures are those that make the objective. jobs, keep: see `run_all`."""
+    shape = len(loads), len(amplitudes)
+    work = _Structures(benches, tuple(loads), tuple(amplitudes))
+    tasks = [_Case(name, row) for name in benches for row in rows]
+    results = iter(run_all(work, tasks, jobs=jobs, keep=keep, progress=progress, what="structures"))
+    found = {}
+    for name, bench in benches.items():
+        values = {
+            row.name: {key: np.array(each).reshape(-1, *shape) for key, each in next(results).items()} for row in rows
+        }
+        found[name] = Comparison(
+            tuple(rows), tuple(m for m in bench.measures if m.key in bench.objective), tuple(m.name for m in loads),
+            tuple(amplitudes), values, base=bench.base,
+            objective={key: weight for key, (_, weight) in bench.objective.items()},
+        )  # fmt: skip
+    return found
+
+
+def with_spread(
+    bench: FrameBench,
+    result: Comparison,
+    loads: Sequence[GroundMotion],
+    percent: Sequence[float],
+    *,
+    jobs: int = 1,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """The comparison, with `others`: stiffness and mass less and more by each percentage, on rows of the chain.
+
+    percent: above 0 and below 100. jobs, keep: see `mrdamp.compare.runner.run_all`.
+    """
+    # An ideal actuator is no damper, and rows have dampers.
+    rows = [c for c in result.contenders if not c.bound and not registry.is_ideal(c.specs[0])]
+    if result.base not in [c.name for c in rows]:
+        rows.insert(0, Contender(result.base, (result.base,)))
+    signed, told = sorted({sign * p for p in percent for sign in (-1, 1)}), bench.told or bench.model
+    benches = {
+        f"{part} {p:+g} %": replace(bench, model=scaled(bench.model, part, 1 + p / 100), told=told)
+        for part in PARTS
+        for p in signed
+    }
+    others = on_rows(benches, rows, loads, result.amplitudes, jobs=jobs, keep=keep, progress=progress)
+    return replace(result, others=others)

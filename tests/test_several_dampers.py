@@ -1,0 +1,172 @@
+"""A frame of a user's file, of four storeys with two dampers: its mechanics, its controllers, and `mine=`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from command_call import caller
+from mrdamp.commands.compare import add_to
+from mrdamp.compare.bench import UNCONTROLLED
+from mrdamp.compare.contenders import contenders
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
+from mrdamp.control.lqg import regulator_gain
+from mrdamp.control.plant import outputs, plant
+from mrdamp.envs import FrameEnv
+from mrdamp.envs.frame_xml import frame_models, frame_xml
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.motions import kanai_tajimi
+from mrdamp.structures import ShearFrame
+
+MASS, STIFFNESS, DAMPING = [120.0, 110.0, 100.0, 80.0], [7e5, 6e5, 5e5, 4e5], [150.0, 90.0, 60.0, 40.0]
+PLACES = ((0, 1), (1, 2))
+LOAD = kanai_tajimi(7, duration=5.0)
+OWN = '''
+class Two:
+    """1 V below, half a volt above; each only while its damper resists."""
+    name, period = "two", 0.002
+
+    def __init__(self, site):
+        assert site.dampers == 2
+
+    def reset(self):
+        pass
+
+    def command(self, t, y):
+        return [1.0, 0.5]
+
+
+class Three(Two):
+    def command(self, t, y):
+        return [1.0, 0.5, 0.0]
+'''
+run = caller(add_to)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model as a user writes it."""
+    path = tmp_path_factory.mktemp("model") / "tower.json"
+    damper = frame_model()
+    frame = ShearFrame(np.array(MASS), np.array(STIFFNESS), np.array(DAMPING))
+    replace(damper, structure=frame, name="tower").write(path)
+    return path
+
+
+def bench(file: Path, engine: str = "chain") -> FrameBench:
+    model = Model.read(file)
+    assert model.structure is not None
+    return FrameBench(replace(model, structure=replace(model.structure, others=PLACES[1:])), engine=engine)
+
+
+def test_the_plant_is_the_engines_own(file: Path) -> None:
+    """Accelerations of the floors for states and forces at random, from the joints' masses and springs in MuJoCo."""
+    known = bench(file).site.frame
+    models = frame_models(Model.read(file), None, PLACES)
+    m = mujoco.MjModel.from_xml_string(frame_xml(models, 1e-4))
+    m.opt.gravity[:] = 0.0
+    d, rng, linear = mujoco.MjData(m), np.random.default_rng(0), plant(known)
+    joints = [m.joint(f"storey{j}") for j in range(1, 5)]
+    at = [int(j.dofadr[0]) for j in joints]
+    for _ in range(5):
+        drift, rate = rng.standard_normal(4) * 1e-3, rng.standard_normal(4) * 1e-2
+        mujoco.mj_resetData(m, d)
+        d.qpos[[int(j.qposadr[0]) for j in joints]], d.qvel[at] = drift, rate
+        mujoco.mj_forward(m, d)
+        force = np.array([d.sensor("pull").data[0], d.sensor("pull_2").data[0]])
+        # Relative to the ground, whose own acceleration the engine has too.
+        own = np.cumsum(d.qacc[at])
+        state = np.concatenate([np.cumsum(drift), np.cumsum(rate)])
+        found = (linear.a @ state - linear.b @ force)[4:]
+        np.testing.assert_allclose(found, own, atol=2e-6)
+        stroke, _ = outputs(known, ["stroke", "stroke_2", "stroke_velocity_2"])
+        read = [float(d.sensor(name).data[0]) for name in ("stroke", "stroke_2", "stroke_velocity_2")]
+        np.testing.assert_allclose(stroke @ state, read, rtol=1e-9, atol=1e-12)
+
+
+def test_the_regulator_of_two_forces_on_two_oscillators_is_that_of_each() -> None:
+    """x'' = -w^2 x + f: min of q x^2 + r f^2 gives k = [-w^2 + sqrt(w^4 + q/r), sqrt(2 k_1)] by hand."""
+    w, q, r = np.array([3.0, 5.0]), np.array([4.0, 9.0]), 0.1
+    a = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(w**2), np.zeros((2, 2))]])
+    b, c = np.vstack([np.zeros((2, 2)), np.eye(2)]), np.hstack([np.eye(2), np.zeros((2, 2))])
+    k = regulator_gain(a, b, c, np.zeros((2, 2)), q, r)
+    first = -(w**2) + np.sqrt(w**4 + q / r)
+    np.testing.assert_allclose(k, np.hstack([np.diag(first), np.diag(np.sqrt(2 * first))]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "spec", ["clipped-optimal", "force-tracking", "lyapunov", "skyhook", "max-dissipation:weak=80"]
+)
+def test_each_damper_has_a_command_of_its_own(file: Path, spec: str) -> None:
+    made, off = bench(file), "passive-off"
+    made.check(spec)
+    found, without = (made.history(s, LOAD, 1.0) for s in (spec, off))
+    assert found.command.shape == found.force.shape == (len(found.time), 2)
+    assert (found.command[:, 0] != found.command[:, 1]).any()
+    assert np.abs(found.drift).max() < np.abs(without.drift).max()
+    chain, engine = (np.abs(bench(file, e).history(spec, LOAD, 1.0).drift).max() for e in ("chain", "mujoco"))
+    assert chain == pytest.approx(engine, rel=0.03)
+
+
+def test_a_command_for_each_damper_in_the_table(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = tmp_path / "own_two.py"
+    own.write_text(OWN)
+    LOAD.save(tmp_path / "shake.csv")
+    call: list[str | Path] = ["compare", "frame", "--model", file, "--dampers", "0-1", "1-2", "--engine", "chain"]
+    call += ["--command-unit", "V", "--motions", tmp_path / "shake.csv", "--jobs", "1", "--json"]
+    assert run(*call, "--controllers", f"mine={own}:Two", "passive-on") == 0
+    found = json.loads(capsys.readouterr().out)["controllers"]
+    assert found["mine"]["measures"]["mean_command"]["mean"] == pytest.approx(0.75)
+    # Behind the driver's lag of 1/190 s, of five fifths of a second: 1 A at 3 V, 5 ohm, both coils.
+    lasts, lag = 1.0, 1 / 190
+    coils = 5.0 * (lasts - 1.5 * lag) * ((1 / 3) ** 2 + (0.5 / 3) ** 2)
+    assert found["mine"]["measures"]["coil_energy"]["mean"] == pytest.approx(coils, rel=5e-3)
+    with pytest.raises(InputError, match=r"its command at 0 s is .*; allowed: a finite number, or 2 of them"):
+        run(*call, "--controllers", f"mine={own}:Three")
+
+
+def test_a_model_of_stable_baselines3_commands_both(file: Path, tmp_path: Path) -> None:
+    sb3 = pytest.importorskip("stable_baselines3", reason="needs stable-baselines3")
+    model = sb3.PPO("MlpPolicy", FrameEnv(model=file, damper_between=PLACES), seed=0, device="cpu")
+    model.policy.action_net.weight.data.zero_()
+    model.policy.action_net.bias.data[:] = sb3.common.utils.th.tensor([0.0, -0.5])
+    model.save(tmp_path / "model.zip")
+    made = bench(file)
+    ((spec,),) = (row.specs for row in contenders(made, [f"mine={tmp_path / 'model.zip'}"], {}))
+    # A half and a quarter of 2.25 V.
+    found = made.history(spec, LOAD, 1.0).command
+    np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-6)
+
+
+def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:
+    """Free of dampers the ratio of RMS stroke to drift is that of the file's structure: floors 0-1 and 1-2."""
+    made = bench(file)
+    history = made.history(UNCONTROLLED, LOAD, 1.0)
+    peak = made.criteria(UNCONTROLLED, history).peak_stroke
+    assert peak == pytest.approx(np.abs(history.drift[:, :2]).max(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
+        (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
+        (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
+        (("frame", "--dampers", "0-1", "1-2", "--controllers", "skyhook-tuned"), "not tuned for this model yet"),
+        (("frame", "--spread", "0", "--controllers", "passive-on", "--engine", "chain"), "--spread 0; allowed"),
+    ],
+)
+def test_what_a_frame_with_several_dampers_does_not_have(
+    arguments: tuple[str, ...], says: str, tmp_path: Path
+) -> None:
+    LOAD.save(tmp_path / "shake.csv")
+    more = ("--motions", str(tmp_path / "shake.csv"), "--jobs", "1") if arguments[0] == "frame" else ()
+    with pytest.raises(InputError, match=says.replace("(", r"\(")):
+        run("compare", *arguments, *more)

@@ -1,0 +1,210 @@
+"""Renews the tables of docs/control.md on the frame, between `<!-- NAME -->` and `<!-- end -->`, on rows of the chain.
+
+    mrdamp compare frame --tune --jobs 2 -o out/tune && cp out/tune/tuned.json src/mrdamp/data/controllers/frame.json
+    for k in -10 10; do
+      python tools/off_nominal_case.py --stiffness=$k out/k$k && mrdamp diagnose out/k$k/case -o out/k$k/diagnosis
+    done
+    mrdamp compare frame --engine chain -o out/compare
+    python tools/control_tables.py --work out
+
+Reads out/compare/result.json, where there is one, and the diagnosed models; runs the rest, and keeps runs in
+out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table stays as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mrdamp.compare import tuning
+from mrdamp.compare.comparison import Comparison
+from mrdamp.compare.contenders import Contender, contenders, shipped_policies
+from mrdamp.compare.dyke1996 import frame_model
+from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.motions import read_motions, unseen_motions
+from mrdamp.compare.spread import PARTS, on_rows, scaled
+from mrdamp.compare.summary import Summary, difference
+from mrdamp.compare.tables import markdown, short
+from mrdamp.files import write_atomic
+from mrdamp.model import Effect, Model
+from mrdamp.motions import GroundMotion
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE, RECORDS = ROOT / "docs" / "control.md", ROOT.parent / "shared" / "data" / "earthquakes"
+AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+PERCENT = (-10, -5, 5, 10)
+LAG = 0.003  # s, of the force sensor
+MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
+
+
+def main() -> None:
+    p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    p.add_argument("--work", type=Path, default=Path("out"), help="folder of the runs and the diagnosed models")
+    p.add_argument("--jobs", type=int, default=2)
+    a = p.parse_args()
+    tables = Tables(a.work, a.jobs)
+    text = PAGE.read_text(encoding="utf-8")
+    for name in [found for found in re.findall(r"<!-- ([a-z]+) -->\n", text) if found != "end"]:
+        found = getattr(tables, name)()
+        if found is not None:
+            head, _, rest = text.partition(f"<!-- {name} -->\n")
+            text = f"{head}<!-- {name} -->\n\n{found}\n<!-- end -->{rest.partition('<!-- end -->')[2]}"
+            write_atomic(PAGE, text)
+        print(f"{name}: {'left as it is' if found is None else 'renewed'}", flush=True)
+
+
+class Tables:
+    """Each method is a table, by the name in the page; None leaves it as it is."""
+
+    def __init__(self, work: Path, jobs: int) -> None:
+        self.work, self.jobs = work, jobs
+        self.bench = FrameBench(frame_model(), engine="chain")
+        settings = tuning.shipped(self.bench)
+        assert settings is not None
+        self.settings, shipped = settings, shipped_policies("frame")
+        names = ["passive-off", "passive-on", *settings, *shipped]
+        self.rows = contenders(self.bench, names, settings, shipped)
+
+    def run(
+        self, benches: Mapping[str, FrameBench], loads: Sequence[GroundMotion], amplitudes: Sequence[float],
+        rows: Sequence[Contender] | None = None,
+    ) -> dict[str, Comparison]:  # fmt: skip
+        keep = self.work / "tables.jsonl"
+        return on_rows(benches, rows or self.rows, loads, amplitudes, jobs=self.jobs, keep=keep)
+
+    def budget(self) -> str:
+        """What more budget brings: the best score of the search after shares of it."""
+        shares = (0.1, 0.25, 0.5, 0.75, 1.0)
+        rows = []
+        for name, s in self.settings.items():
+            last = s.curve[-1][0]
+            best = [min(v for k, v in s.curve if k <= max(share * last, s.curve[0][0])) for share in shares]
+            rows.append((name, f"`{s.spec}`", f"{s.periods / 1e6:.1f}", *(f"{v:.4f}" for v in best), f"{s.score:.4f}"))
+        return markdown(("controller", "setting", "1e6 periods", *(f"{x:.0%}" for x in shares), "last choice"), rows)
+
+    def unseen(self) -> str:
+        """Every measure of every run from the comparison's own file; without it the peaks, on rows."""
+        file = self.work / "compare" / "result.json"
+        if not file.is_file():
+            result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
+            return markdown(("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods"), _peaks(result))
+        data = json.loads(file.read_text(encoding="utf-8"))["controllers"]
+        ratios = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
+        plain = ("mean_command", "coil_energy", "switching_rate")
+        rows = []
+        for name, row in data.items():
+            m = row["measures"]
+            cells = [f"{m[key]['mean']:.3f} ({m[key]['worst']:.3f})" for key in ratios]
+            cells += ["–" if m[key]["mean"] is None else short(m[key]["mean"]) for key in plain]
+            periods = row["periods"]
+            rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
+        return markdown(("controller", *ratios, "mean V", "coil J", "1/s", "1e6 periods"), rows)
+
+    def unseendifferences(self) -> str:
+        return _differences(self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""])
+
+    def measured(self) -> str | None:
+        if not RECORDS.is_dir():
+            return None
+        result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
+        heads = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
+        return f"{markdown(heads, _peaks(result))}\n{_differences(result)}"
+
+    def spread(self) -> str:
+        model = self.bench.model
+        benches = {
+            f"{part} {p:+d} %": replace(self.bench, model=scaled(model, part, 1 + p / 100), told=model)
+            for part in PARTS
+            for p in PERCENT
+        }
+        found = self.run({"as told": self.bench, **benches}, unseen_motions(), self.bench.unseen_amplitudes)
+        rows = [
+            (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name), True) for r in found.values()))
+            for c in self.rows
+            if c.name != "passive-on"
+        ]
+        return markdown(("less passive-on", *found), rows)
+
+    def told(self) -> str | None:
+        """Told wrong, told right, and told by the diagnosis."""
+        rows, chosen = [], [c for c in self.rows if c.name in (*MODEL_BASED, "passive-on")]
+        for percent in (-10, 10):
+            file = self.work / f"k{percent}" / "diagnosis" / "corrected.json"
+            if not file.is_file():
+                continue
+            true = scaled(self.bench.model, "stiffness", 1 + percent / 100)
+            benches = {
+                "the nominal frame": replace(self.bench, model=true, told=self.bench.model),
+                "the true frame": replace(self.bench, model=true),
+                "the diagnosed frame": replace(self.bench, model=true, told=Model.read(file)),
+            }
+            found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes, chosen)
+            for told, result in found.items():
+                gains = (_spread(result.gain(name), True) for name in MODEL_BASED)
+                rows.append((f"{percent:+d} %", told, *gains))
+        return markdown(("stiffness", "told", *MODEL_BASED), rows) if rows else None
+
+    def lag(self) -> str:
+        """A force sensor that lags, known and unknown."""
+        model = self.bench.model
+        lagged = replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": LAG})))
+        benches = {
+            "no lag": self.bench,
+            "3 ms, told": replace(self.bench, model=lagged),
+            "3 ms, not told": replace(self.bench, model=lagged, told=model),
+        }
+        found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
+        rows = [
+            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}" for r in found.values()))
+            for c in self.rows
+        ]
+        return markdown(("mean of J1 and J2", *found), rows)
+
+
+def _peaks(result: Comparison) -> list[tuple[str, ...]]:
+    return [
+        (
+            _name(c.name, len(c.specs)),
+            *(_spread(result.summary(c.name, key)) for key in ("J1", "J2")),
+            _spread(result.gain(c.name), True),
+            "–" if c.periods is None else f"{c.periods / 1e6:.3g}",
+        )
+        for c in result.contenders
+    ]
+
+
+def _differences(result: Comparison) -> str:
+    """Each learned controller less each tuned one, and what may be said of it."""
+    learned = [c.name for c in result.contenders if c.learned]
+    rows = [
+        (
+            c.name,
+            *(
+                _spread(difference(result.values[name][key], result.values[c.name][key]), True)
+                for name in learned
+                for key in ("J1", "J2")
+            ),
+        )
+        for c in result.contenders
+        if not c.learned
+    ]
+    return markdown(("less", *(f"{name}: {key}" for name in learned for key in ("J1", "J2"))), rows)
+
+
+def _name(name: str, seeds: int) -> str:
+    return f"{name}, {seeds} seeds" if seeds > 1 else name
+
+
+def _spread(s: Summary, sign: bool = False) -> str:
+    """As the page writes them: .302 (.270 to .341)."""
+    form = "+.3f" if sign else ".3f"
+    values = [re.sub(r"^([+-]?)0\.", r"\1.", f"{v:{form}}") for v in (s.mean, s.low, s.high)]
+    return f"{values[0]} ({values[1]} to {values[2]})"
+
+
+if __name__ == "__main__":
+    main()
