@@ -228,7 +228,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = [m for m in MUTANTS if any(text in m.name for text in a.only)]
     known: dict[str, str] = {}
     if RESULTS.is_file() and not a.again:
-        known = json.loads(RESULTS.read_text())
+        known = {name: found for name, found in json.loads(RESULTS.read_text()).items() if found == "killed"}
     left = [m for m in chosen if m.name not in known]
     if left:
         prepare(build=any(m.cpp for m in left))
