@@ -109,3 +109,12 @@ def test_a_frame_at_rest_is_no_reference() -> None:
     rest = evaluate(FRAME, [0.0, 1.0], np.zeros((2, 2)), np.zeros((2, 2)))
     with pytest.raises(InputError, match="peak drift of the uncontrolled run is 0"):
         sine_run().relative_to(rest)
+
+
+def test_the_peak_force_counts_and_the_size_of_the_command() -> None:
+    """Force 0, 60, 0 N: its RMS is less. Commands 1 and -1 V, a second each, have a mean size of 1 V."""
+    frame = ShearFrame(np.array([2.0]), np.array([100.0]), np.array([1.0]), (0, 1))
+    move = np.array([[0.1], [0.2], [0.0]])
+    found = evaluate(frame, [0.0, 1.0, 2.0], move, move, [0.0, 60.0, 0.0], command=[1.0, -1.0, 0.0])
+    assert found.relative_to(found).j11 == pytest.approx(60 / (2 * 9.80665))
+    assert found.mean_command == pytest.approx(1.0)

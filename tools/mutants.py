@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import json
 import multiprocessing
 import os
@@ -227,7 +228,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = [m for m in MUTANTS if any(text in m.name for text in a.only)]
     known: dict[str, str] = {}
     if RESULTS.is_file() and not a.again:
-        known = json.loads(RESULTS.read_text())
+        known = {name: found for name, found in json.loads(RESULTS.read_text()).items() if found == "killed"}
     left = [m for m in chosen if m.name not in known]
     if left:
         prepare(build=any(m.cpp for m in left))
@@ -331,8 +332,11 @@ def _pytest(arguments: Sequence[str], number: str) -> int | None:
 def _in_copy(arguments: Sequence[str], number: str) -> None:
     os.chdir(TREE)
     os.environ["MRDAMP_MUTANT"] = number
-    sys.meta_path[:] = [f for f in sys.meta_path if "InplaceFinder" not in type(f).__name__]  # the editable install's
+    sys.meta_path[:] = [f for f in sys.meta_path if "ScikitBuild" not in type(f).__name__]  # the editable install
     sys.path.insert(0, str(TREE / "src"))
+    sys.dont_write_bytecode = True
+    if importlib.util.find_spec("mrdamp").origin != str(TREE / "src" / "mrdamp" / "__init__.py"):  # type: ignore[union-attr]
+        os._exit(99)  # another copy would let every mutant live
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
         code = pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-m", "not slow", *arguments])
     os._exit(code)

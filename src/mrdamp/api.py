@@ -105,8 +105,11 @@ def train(
     environment: mrdamp/Frame-v0, mrdamp/Cable-v0 or mrdamp/QuarterCar-v0. The same call goes on where one stopped.
     options: of `mrdamp.train.settings.Options` (timesteps, model, overrides, evaluations, ...).
     """
+    from mrdamp.errors import InputError
     from mrdamp.train.settings import Options
     from mrdamp.train.sweep import sweep
 
+    if not seeds:
+        raise InputError("train: seeds is empty; give at least one")
     chosen = Options(environment, algorithm, seeds[0], **options)
     return sweep(chosen, Path(out), seeds, jobs=jobs, progress=progress)[0].results
