@@ -11,7 +11,7 @@ from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide, of_fit, of_parameters
-from mrdamp.diagnosis.fits.final import FinalFit
+from mrdamp.diagnosis.fits.final import FinalFit, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -110,7 +110,7 @@ def never_worse(
     reason = True
     if decision.verdict in ("effect", "unknown"):
         most = 1 - MATERIAL if decision.verdict == "effect" else UNNAMED_GAP**2
-        chosen = fits[decision.chosen.index]
+        chosen = least_left_out(search, fits[decision.chosen.index])
         left, before = (search.problem.gaps(r) for r in (search.predicted(chosen), search.residual))
         pooled = float(np.sum(left**2) / np.sum(before**2))  # as in the report; the other one as fitted
         reason = max(pooled, search.problem.cost(left) / search.nominal_cost) <= most
