@@ -110,6 +110,7 @@ def test_control_has_its_law_alone(control: Made) -> None:
     assert label["misfit_of"] or label["law"] != label["nominal_law"]
 
 
+@pytest.mark.slow
 def test_cause_opens_a_gap_of_its_own(gained: Made, framed: Made) -> None:
     for _, _, label in (gained, framed):
         assert label["size"]

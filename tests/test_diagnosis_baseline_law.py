@@ -133,6 +133,7 @@ def test_a_simulator_is_kept_if_nothing_is_gained_or_cannot_be_tried() -> None:
     assert baseline_law(rig(best), baseline()) is None
 
 
+@pytest.mark.slow
 def test_a_law_is_not_extrapolated_to_commands_that_the_baseline_lacks() -> None:
     low = [r for r in baseline() if r.command.max() < 0.9]
     low += [Record(f"{r.name} again", None, DT, r.channels) for r in low]

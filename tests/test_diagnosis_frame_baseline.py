@@ -66,6 +66,7 @@ def test_the_law_of_a_frames_damper_is_found_on_its_baseline() -> None:
     assert error[1] < 0.5 * error[0]
 
 
+@pytest.mark.slow
 def test_the_given_gap_is_of_the_frames_channels() -> None:
     one, again = case(), found()
     problem = Problem(FrameRig(one.model, one.baseline), coarse=True)

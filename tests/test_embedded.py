@@ -195,7 +195,7 @@ def test_the_generator_is_independent_of_the_plugin() -> None:
 
 
 PLAIN = [
-    *("motions.motion", "motions.files", "errors", "files"),
+    *("motions.motion", "motions.files", "errors", "files", "shown"),
     *(f"records.{name}" for name in ("record", "csv_file", "division", "motion", "sampling", "channels")),
 ]
 

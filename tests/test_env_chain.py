@@ -78,7 +78,8 @@ SIGNALS = (
 
 
 def off(found: Array, wanted: Array) -> float:
-    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
+    size = float(np.mean(wanted**2)) or 1.0  # a part of no weight is zero in both
+    return float(np.sqrt(np.mean((found - wanted) ** 2) / size))
 
 
 def frame(law: str, more: Mapping[str, float] = LAG, placed: tuple[Effect, ...] = ()) -> Model:

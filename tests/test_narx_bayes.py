@@ -55,6 +55,7 @@ def test_evidence_of_a_linear_model_is_the_density_of_its_data() -> None:
     assert (found.alpha, found.beta) == (alpha, beta)
 
 
+@pytest.mark.slow
 def test_reestimated_alpha_and_beta_maximise_the_evidence() -> None:
     """Against a direct search over both with the closed form; the noise is found too."""
     problem = linear(300, np.array([1.0, 0.5, 0.2, 2.0, 1.0, 0.7]), 0.3, seed=1)

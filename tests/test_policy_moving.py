@@ -161,6 +161,7 @@ def test_settings_that_do_not_fit_are_refused(
         EvolutionRun(options, settings(options), tmp_path)
 
 
+@pytest.mark.slow
 def test_shipped_policies_of_the_car_are_five_different_seeds_that_ride_better_than_clipped_lq() -> None:
     bench = CarBench(engine="chain")
     rows = contenders(bench, ["learned", "learned-comfort"], {}, shipped_policies("car"))

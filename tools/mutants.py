@@ -193,7 +193,7 @@ MUTANTS = (
            ("j11=self.peak_force / self.weight", "j11=self.rms_force / self.weight"),
            ("j12=self.peak_stroke / u.peak_stroke", "j12=u.peak_stroke / self.peak_stroke"),
            ("(f[1:] + f[:-1]) / 2", "(f[1:] + f[:-1])"),
-           ("np.abs(u[:-1]) @ held", "u[:-1] @ held"),
+           ("np.abs(u[:-1]).mean(axis=1) @ held", "u[:-1].mean(axis=1) @ held"),
            ("shear = a @ frame.mass", "shear = a @ frame.stiffness"),
            ("np.trapezoid(values**2, t, axis=0) / (t[-1] - t[0])", "np.trapezoid(values**2, t, axis=0)")),
     *_some("comfort (ISO 2631-1)", "src/mrdamp/simulation/comfort.py", "env_car car_control",
