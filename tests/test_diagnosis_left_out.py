@@ -164,3 +164,13 @@ def test_what_a_curve_of_the_command_explains_is_no_evidence_for_a_cause(cubic: 
         assert float(search.predicted(free) @ search.predicted(free)) > 20 * noise
     else:
         assert left == pytest.approx(alone, rel=0.05)
+
+
+def test_what_a_step_of_the_free_law_gives_is_not_put_down_to_curves() -> None:
+    """A fit of the law's gain that stopped half way, in the residuals of its folds too."""
+    search = Search(Problem(CommandedToy(toy({"gain": 2.6}, noise=0.02).records)), 1e-6)
+    half = fit(search.problem, search.base.hypothesis, 0.5 * search.base.point, most=0)
+    search.fits[True, frozenset()] = half
+    search._predicted[half.name, half.point.tobytes()] = half.residual
+    assert search.ratio(search.versions(half)[1][0], half.residual) < 0.05
+    assert search.curved > 0.9

@@ -63,7 +63,7 @@ def left_out_ratios(search: Search, fits: Sequence[Fit]) -> dict[int, float]:
         return replace(scored([f], direct=search.direct)[0], penalty=0.0, left_out=out[id(f)])
 
     out = {id(f): left(f, law.residual, fitted=True) for f in moving}
-    alone, curved = search.predicted(law), search.curved
+    alone, curved = search.law_alone, search.curved
     out[id(law)] = left(law, alone) / curved
     free = of_parameters(own(law), baseline=search.own > 0)
     most = {id(f): of_fit(own(f), free) for f in moving}

@@ -7,6 +7,7 @@ tenth of the cycle counts there, whatever the law misses in the rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from mrdamp.diagnosis.constants import CELL_SCALE
 from mrdamp.diagnosis.fits.least_squares import DAMPING, PRIOR_WEIGHT, ROUGHLY, Fit, gauss_newton
+from mrdamp.diagnosis.hypotheses.nominal_effects import own_settings
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array
 from mrdamp.records.motion import share_of_stroke
@@ -25,6 +27,8 @@ Numbers = NDArray[np.intp]
 _GROUPS, _PARTS, _SEED = 4, 3, 1
 #: Degree of a parameter's curve over the command.
 _DEGREE = 2
+#: Parameters of the Bouc-Wen laws that are springs.
+_SPRINGS = frozenset({"k0", "k1", "x0"})
 #: Share of a matrix's trace that is added where neither the records nor a prior determine a coordinate.
 _RIDGE = 1e-12
 #: Parts of a stroke.
@@ -85,31 +89,46 @@ def refitted(problem: Problem, found: Fit, left: Mask) -> Array:
     return r
 
 
-def curves(problem: Problem, law: Fit) -> Array:
-    """Changes of the residuals (samples, coordinates) if each nominal parameter is a curve of the command.
+@dataclass(frozen=True)
+class Curves:
+    """Changes of the residuals (samples, columns) if parameters of the law are curves of the command, to first order,
+    and the inverse standard deviations of their priors (columns,)."""
+
+    columns: Array
+    prior: Array
+
+    @classmethod
+    def none(cls, samples: int) -> Curves:
+        return cls(np.zeros((samples, 0)), np.zeros(0))
+
+
+def curves(problem: Problem, law: Fit) -> Curves:
+    """Curves of the command of all parameters of a law but its springs, which act without a field.
 
     law: fit of the nominal parameters alone. The sensitivity to a parameter times a polynomial of the command is, to
-    first order, the sensitivity to the parameter's change with the command. Empty for a frame, whose parameters are
+    first order, the sensitivity to the parameter's change with the command. None for a frame, whose parameters are
     mostly its structure's, and for a constant command.
     """
     conditions = [problem.rig.conditions(b.record) for b in problem.blocks]
     if not (of_force(problem) and all("command" in c for c in conditions)):
-        return np.zeros((problem.samples, 0))
+        return Curves.none(problem.samples)
     parts = [c["command"][problem.taken(b.record)] for b, c in zip(problem.blocks, conditions, strict=True)]
     command = np.concatenate(parts)
     low, width = float(command.min()), float(np.ptp(command))
     if not width:
-        return np.zeros((problem.samples, 0))
+        return Curves.none(problem.samples)
+    without = _SPRINGS | set(own_settings(problem.rig.model({}).effects))
+    own = np.array([c.name not in without for c in law.hypothesis.coordinates])
     shapes = legvander(2 * (command - low) / width - 1, _DEGREE)[:, 1:]
-    return np.hstack([law.jacobian * shape[:, None] for shape in shapes.T])
+    columns = np.hstack([law.jacobian[:, own] * shape[:, None] for shape in shapes.T])
+    return Curves(columns, np.tile(law.hypothesis.prior()[own], _DEGREE))
 
 
-def beside_curves(found: Fit, law: Fit, columns: Array, left: Sequence[Mask]) -> Array:
-    """Residuals (samples,) of a fit if the nominal parameters are curves of the command (`curves`) besides, to first
-    order: of each fold `left` as predicted by the others, or of all samples as fitted if there are no folds."""
-    parts = [(found.jacobian, found.hypothesis.prior())]
+def beside_curves(found: Fit, law: Fit, added: Curves, left: Sequence[Mask]) -> Array:
+    """Residuals (samples,) of a fit if parameters of the law are curves of the command besides, to first order: of each
+    fold `left` as predicted by the others, or of all samples as fitted if there are no folds."""
+    parts = [(found.jacobian, found.hypothesis.prior()), (added.columns, added.prior)]
     parts += [] if found.hypothesis.nominal else [(law.jacobian, law.hypothesis.prior())]
-    parts += [(columns, np.resize(law.hypothesis.prior(), columns.shape[1]))]
     j, prior = np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     out = np.empty(len(j))
     for mask in left or [np.zeros(len(j), dtype=bool)]:

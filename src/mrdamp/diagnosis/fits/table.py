@@ -15,6 +15,7 @@ from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
 from mrdamp.diagnosis.fits.cache import Cache
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.fits.left_out import (
+    Curves,
     Mask,
     Numbers,
     beside_curves,
@@ -106,9 +107,19 @@ class FitTable:
         return folds(self.problem)
 
     @cached_property
-    def curves(self) -> Array:
-        """See `left_out.curves`; without a column if baseline records determine the law."""
-        return np.zeros((self.problem.samples, 0)) if self.own else curves(self.problem, self.base)
+    def curves(self) -> Curves:
+        """See `left_out.curves`; none if baseline records determine the law."""
+        return Curves.none(self.problem.samples) if self.own else curves(self.problem, self.base)
+
+    @cached_property
+    def law_alone(self) -> Array:
+        """Left-out residuals (samples,) of the nominal parameters alone. A free law may not have come to its end: a
+        step of all parameters on each fold counts where it predicts better."""
+        own = self.predicted(self.base)
+        if not self.curves.prior.size:
+            return own
+        further = beside_curves(self.base, self.base, Curves.none(self.problem.samples), self.folds)
+        return min((own, further), key=lambda r: self.ratio(r, self.residual))
 
     def predicted(self, found: Fit) -> Array:
         """Residuals (samples,) of a fit on folds that it was not fitted to."""
@@ -121,7 +132,7 @@ class FitTable:
         """Residuals (samples,) of a fit on folds that it was not fitted to (`fitted`: as fitted), and those with
         nominal parameters that are curves of the command (True)."""
         own = found.residual if fitted else self.predicted(found)
-        if not self.curves.shape[1]:
+        if not self.curves.prior.size:
             return [(own, False)]
         folds = () if fitted else self.folds
         return [(own, False), (beside_curves(found, self.base, self.curves, folds), True)]
@@ -133,8 +144,7 @@ class FitTable:
     @property
     def curved(self) -> float:
         """What curves of the command leave of the left-out squares of the law alone; 1 if they do not help."""
-        alone = self.predicted(self.base)
-        return min(self.ratio(r, alone) for r, _ in self.versions(self.base))
+        return min(self.ratio(r, self.law_alone) for r in (self.law_alone, self.versions(self.base)[-1][0]))
 
     def ratio(self, residual: Array, reference: Array) -> float:
         """Share of the squares of a reference (samples,) that a residual (samples,) leaves in the cells
