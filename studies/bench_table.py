@@ -1,7 +1,7 @@
 """Figures of scored benches with 95 % intervals, as a table: `python studies/bench_table.py ROWS.json|FOLDER ...`.
 
 ROWS.json: rows that `mrdamp blindtest` or --save wrote. FOLDER: a bench of studies/spike_bench.py with the answers of
-`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. studies/rows/another_law.json
+`mrdamp diagnose` in answers/CASE, which are scored first. Several are pooled. studies/rows/measured.json
 holds rows of docs/diagnosis/README.md.
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,8 @@ from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.residuals import Problem
-from toy_rig import toy
+from mrdamp.model import Model
+from toy_rig import ToyRig, toy
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +65,22 @@ def test_a_correction_has_to_hold_on_left_out_records(
     assert after.verdict == "unknown"
     assert after.chosen.causes == ()
     assert after.unknown == (0.6 if verdict == "unknown" else UNSTEADY)
+
+
+def test_a_simulator_that_no_model_file_takes_is_not_handed_over() -> None:
+    """Its damping is negative at every command, whatever it predicts."""
+
+    class Wild(ToyRig):
+        def model(self, settings: Mapping[str, float]) -> Model:
+            own = super().model(settings)
+            return replace(own, parameters={**own.parameters, "c0a": -1.0 if "cubic" in settings else 1.0})
+
+    search = Search(Problem(Wild(toy({"cubic": 0.5}, 0.02).records)), 1e-9)
+    search.extend(False, 1)
+    fits = [*search.ranked(False), *search.ranked(True)]
+    decision = decided(search, fits, {}, None)
+    best = fits[decision.chosen.index]
+    assert best.hypothesis.causes == ("cubic",)
+    final = FinalFit(best, (), search.problem.gaps(best.residual), search.problem)
+    handed, after = never_worse(search, fits, final, decision)
+    assert (after.verdict, handed.fit.hypothesis.coordinates) == ("unknown", ())

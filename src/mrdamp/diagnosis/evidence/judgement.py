@@ -11,7 +11,7 @@ from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
 from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.penalties import of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide, of_fit, of_parameters
-from mrdamp.diagnosis.fits.final import FinalFit, least_left_out
+from mrdamp.diagnosis.fits.final import FinalFit, in_file, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
@@ -97,7 +97,7 @@ def never_worse(
     search: Search, fits: Sequence[Fit], final: FinalFit, decision: Decision
 ) -> tuple[FinalFit, Decision]:
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
-    it on left-out whole records.
+    it on left-out whole records, or if no model file takes it.
 
     A named cause has to take MATERIAL of the nominal squares off. Without one the fit is a correction without a reason,
     and has to reduce the gap on left-out folds to UNNAMED_GAP of the nominal one.
@@ -114,7 +114,7 @@ def never_worse(
         left, before = (search.problem.gaps(r) for r in (search.predicted(chosen), search.residual))
         pooled = float(np.sum(left**2) / np.sum(before**2))  # as in the report; the other one as fitted
         reason = max(pooled, search.problem.cost(left) / search.nominal_cost) <= most
-    if reason and problem.cost(final.heldout) <= problem.cost(gaps):
+    if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)
     refused = replace(decision, verdict="unknown", unknown=unknown)

@@ -4,6 +4,7 @@ their form."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from mrdamp.diagnosis.fits.second_cause import others
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
+from mrdamp.errors import InputError
+from mrdamp.model import Model
 from mrdamp.model.core import Array
 
 #: A correction of the form is kept if it reduces the excess on left-out records by this share.
@@ -126,15 +129,15 @@ def final_fit(
 
 
 def least_left_out(search: Search, chosen: Fit) -> Fit:
-    """The fit of the chosen causes with the least error on left-out folds.
+    """The fit of the chosen causes with the least error on left-out folds, of those that a model file takes.
 
     Nominal parameters stay fixed unless free ones reduce the error by _FREER: they were identified on this
     rig.
     """
-    causes = set(chosen.hypothesis.causes)
+    causes, rig = set(chosen.hypothesis.causes), search.problem.rig
     found = {
         free: min(
-            [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes][:_OTHERS],
+            [f for f in search.ranked(free) if set(f.hypothesis.causes) == causes and in_file(rig, f)][:_OTHERS],
             key=search.left_out_cost,
             default=None,
         )
@@ -145,6 +148,14 @@ def least_left_out(search: Search, chosen: Fit) -> Fit:
         return fixed_law or free or chosen
     better = search.left_out_cost(free) < (1 - _FREER) * search.left_out_cost(fixed_law)
     return free if better else fixed_law
+
+
+def in_file(rig: Rig, found: Fit) -> bool:
+    """True if a model file takes the simulator of a fit: no coefficient is negative at both ends of the command."""
+    with suppress(InputError):
+        Model.from_dict(rig.model(found.settings).to_dict())
+        return True
+    return False
 
 
 def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
