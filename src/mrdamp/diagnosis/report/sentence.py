@@ -86,7 +86,7 @@ def _sentence(d: Diagnosis) -> str:
                 f"The rig has not changed ({likely}): the simulator's gap is {percent(g.nominal)} on these records and"
                 f" {percent(g.baseline)} on the baseline's."
             )
-        agreed = f"its gap of {percent(g.nominal)} is the noise of the records"
+        agreed = f"its gap is {percent(g.nominal)}, the noise of the records {percent(g.noise_floor)}"
         return f"The simulator agrees with the rig ({likely}): {agreed}."
     if d.verdict == "parameters":
         return (
