@@ -24,14 +24,11 @@ from mrdamp.motions import GroundMotion, embedded_motion, kanai_tajimi
 from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996
 from refusals import refuses
+from test_env_chain import off
 from test_env_view import can_draw
 
 SHORT = SyntheticMotions(duration=4.0)  # 0.8 s as it is played
 STRONG = kanai_tajimi(3, duration=12.0, pga=5.0).compressed(5.0)
-
-
-def off(found: Array, wanted: Array) -> float:
-    return float(np.sqrt(np.mean((found - wanted) ** 2) / np.mean(wanted**2)))
 
 
 def commands(n: int) -> Array:
@@ -42,9 +39,8 @@ def commands(n: int) -> Array:
 def test_the_frame_agrees_with_scipy(floor: int) -> None:
     """Held commands, a motion that changes within the control period; peaks at the engine's steps."""
     motion = kanai_tajimi(3, duration=7.0, pga=5.0).compressed(5.0)
-    env = FrameEnv(
-        damper_between=(floor - 1, floor), signals=("displacement_3", "acceleration_1", "force", "current")
-    )
+    seen_by = ("displacement_3", "acceleration_1", "force", "current")
+    env = FrameEnv(damper_between=(floor - 1, floor), signals=seen_by)
     env.reset(options={"motion": motion})
     n = 270
     u = commands(n)
@@ -56,9 +52,7 @@ def test_the_frame_agrees_with_scipy(floor: int) -> None:
         observation, _, _, _, info = env.step(np.array([2 * value / 2.25 - 1], np.float32))
         seen.append(observation[:4] * scales)
     found = np.array(seen)
-    channels = (
-        wanted["displacement"][:, 2], wanted["acceleration"][:, 0], wanted["force"], wanted["current"],
-    )  # fmt: skip
+    channels = wanted["displacement"][:, 2], wanted["acceleration"][:, 0], wanted["force"], wanted["current"]
     for k, channel in enumerate(channels):
         assert off(found[:, k], channel[10::10]) < 0.01, k
     drift = np.abs(np.diff(wanted["displacement"], axis=1, prepend=0.0)).max()

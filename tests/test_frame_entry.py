@@ -12,6 +12,7 @@ from scipy.signal import lsim, lti
 from mrdamp.errors import InputError
 from mrdamp.model import core
 from mrdamp.model.core import Array, FrameInput
+from test_env_chain import off
 
 BOUC_WEN = {
     "c0a": 300.0, "c0b": 150.0, "alpha_a": 60.0, "alpha_b": 250.0, "gamma": 900.0, "beta": 600.0, "A": 1500.0,
@@ -67,10 +68,6 @@ def reference(frame: FrameInput, tau: float, friction: float = 0.0, storey: int 
     out = {f"displacement_{j + 1}": s[j] for j in range(n)} | {"force": forces, "current": s[-1]}
     absolute = [acceleration(s[:n, j], s[n : 2 * n, j], forces[j]) for j in range(len(TIME))]
     return out | {f"acceleration_{j + 1}": np.array(absolute)[:, j] for j in range(n)}
-
-
-def off(a: Array, b: Array) -> float:
-    return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)))
 
 
 def frame_of(n: int, between: tuple[int, int], friction: Array | None = None) -> FrameInput:

@@ -299,10 +299,8 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
     if found.stepped:
-        rows = [
-            (row["record"], *(f"{100 * row[k]:.2f}" for k in ("offline_gap", "mujoco_gap", "difference")))
-            for row in found.stepped
-        ]
+        gaps = "offline_gap", "mujoco_gap", "difference"
+        rows = [(row["record"], *(f"{100 * row[k]:.2f}" for k in gaps)) for row in found.stepped]
         out.table(
             "The corrected simulator in MuJoCo",
             ("record", "gap offline, %", "gap in MuJoCo, %", "between the two, %"),
