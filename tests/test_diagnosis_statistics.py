@@ -153,7 +153,7 @@ def test_probabilities_are_even_between_equals_and_a_free_law_pays() -> None:
     assert sets[("a",)] == pytest.approx(sets[("b",)])
     assert of_cause(sets)["a"] == pytest.approx(0.5, abs=1e-3)
     freed = Scored((), True, 0.1, 0, 2, left_out=0.1)
-    assert decide([nominal, a, freed], 0.01).chosen.causes == ("a",)
+    assert decide([nominal, a, freed], 0.01, own=0.005).chosen.causes == ("a",)  # a baseline determines the law
 
 
 def test_noise_is_read_from_repeats_and_from_the_high_band() -> None:

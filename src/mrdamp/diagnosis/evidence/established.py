@@ -17,7 +17,6 @@ import numpy as np
 from mrdamp.diagnosis.constants import (
     CAUSE,
     EVIDENCE_GAIN,
-    LAW,
     NUMBER,
     SECOND_CAUSE,
     TIED_BY_NATURE,
@@ -43,15 +42,14 @@ class Standing:
     others: float
 
 
-def utility(left: float, causes: int, numbers: int, *, law: bool = False, penalty: float = 0.0) -> float:
+def utility(left: float, causes: int, numbers: int, *, penalty: float = 0.0) -> float:
     """Utility (nats) of a fit relative to the simulator without its causes.
 
     left: what the fit leaves of the left-out squares of that simulator (`fits.left_out.ratio`). causes, numbers: number
-    of causes and of their parameters. law: nominal parameters are free as a cause of their own. penalty: nats against
-    the fit.
+    of causes and of their parameters. penalty: nats against the fit.
     """
     gain = -EVIDENCE_GAIN * math.log(max(left, _LEAST))
-    size = CAUSE * causes + SECOND_CAUSE * (causes > 1) + NUMBER * numbers + LAW * law
+    size = CAUSE * causes + SECOND_CAUSE * (causes > 1) + NUMBER * numbers
     return gain - size - penalty
 
 

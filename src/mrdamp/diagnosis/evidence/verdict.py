@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.diagnosis.constants import (
+    CAUSE,
     LAPSE,
     LAPSE_NONE,
     LAPSE_UNKNOWN,
@@ -142,21 +143,23 @@ def _without_cause(known: Mapping[tuple[str, ...], float]) -> tuple[str, ...]:
     return max(none, key=lambda k: known.get(k, 0.0))
 
 
-def of_parameters(law: Scored | None, *, baseline: bool) -> float:
-    """Utility (nats) of wrong nominal parameters (`law`: they alone are free), which a cause beside free ones has
-    besides its own. Without a baseline free parameters are no worse than fixed ones."""
-    own = -LAW if law is None else of_fit(law)
-    return own if baseline else max(own, 0.0)
+def of_parameters(law: Scored | None, *, baseline: bool) -> tuple[float, float]:
+    """Utility (nats) of wrong nominal parameters (`law`: they alone are free): alone, and beside a cause.
+
+    Without a baseline, which determines them, they count as a cause, and beside one they are no worse than fixed ones.
+    """
+    gain = 0.0 if law is None else utility(law.left_out, 0, 0, penalty=law.penalty)
+    alone = gain - (LAW if baseline else CAUSE)
+    return alone, alone if baseline else max(alone, 0.0)
 
 
-def of_fit(found: Scored, free: float = 0.0) -> float:
-    """Utility (nats) of a fit over the nominal simulator. free: of free nominal parameters, if it has causes beside
-    them (`of_parameters`)."""
-    if not found.causes and not found.free:
-        return 0.0
-    law = found.free and not found.causes
-    own = utility(found.left_out, len(found.causes), found.numbers, law=law, penalty=found.penalty)
-    return own + found.direct + free * bool(found.free and found.causes)
+def of_fit(found: Scored, free: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Utility (nats) of a fit over the nominal simulator. free: of free nominal parameters (`of_parameters`)."""
+    alone, beside = free if found.free else (0.0, 0.0)
+    if not found.causes:
+        return alone
+    own = utility(found.left_out, len(found.causes), found.numbers, penalty=found.penalty)
+    return own + found.direct + beside
 
 
 def beyond(left: float) -> float:
