@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrdamp.diagnosis.constants import SECOND_CAUSE
+from mrdamp.diagnosis.constants import CAUSE, LAW, SECOND_CAUSE
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import of_itself, unreferenced
@@ -56,9 +56,14 @@ def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
         left, more = min(search.ratio(r, before) for r, _ in search.versions(f)), len(f.point) - numbers
         direct = search.direct.get(f.hypothesis.causes[-1], 0.0)
         worth.append(utility(left, 1, more, penalty=of_itself(f)) - SECOND_CAUSE + direct)
+    freed = None if parent.hypothesis.nominal else search.smallest(True, parent.hypothesis.causes)
+    names: list[tuple[str, ...]] = [(f.hypothesis.causes[-1],) for f in tried]
+    if freed is not None:
+        names.append(("parameters",))
+        left = min(search.ratio(r, before) for r, _ in search.versions(freed))
+        worth.append(utility(left, 0, 0, penalty=LAW if search.own else CAUSE))
     sets: dict[tuple[str, ...], float] = {}
-    names = [(), *((f.hypothesis.causes[-1],) for f in tried)]
-    for name, p in zip(names, softmax([0.0, *worth]), strict=True):
+    for name, p in zip([(), *names], softmax([0.0, *worth]), strict=True):
         sets[name] = sets.get(name, 0.0) + float(p)
     found = standing(sets)
     if found is None or not found.probability > 0.5:
