@@ -83,11 +83,9 @@ def table(
     head += ["mark"] if any(row.mark is not None for row in t.rows) else []
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     models = {row.file: run(name, row, t.cutoff, data) for row in t.rows}
-    by_record: dict[str, dict[str, float]] = {}
     for row in t.rows:
         model = models[row.file]
         fitted, new = ([error(model, r) for r in half] for half in (records.train, records.validation))
-        by_record[row.name] = {e.record: e.nrmse for e in new}
         values: list[float | None] = [pooled(fitted), pooled(new)]
         if t.sample_time:
             rest = [slower(r, t.sample_time) for r in records.validation]
@@ -99,7 +97,7 @@ def table(
         figures[row.file] = [*values, row.mark]
         values += [row.mark] if "mark" in head else []
         lines.append("| " + " | ".join([row.name, *("" if v is None else f"{v:.3f}" for v in values)]) + " |")
-    lines += ["", *details(by_record), ""]
+    lines += [""]
     return lines, models
 
 
@@ -124,17 +122,6 @@ def slower(record: Record, sample_time: float) -> Record:
     s = series(record, sample_time)
     channels = {"displacement_m": s.x, "velocity_m_s": s.v, "command": s.i, "force_N": s.force}
     return Record(record.name, None, sample_time, channels)
-
-
-def details(found: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Errors by held-out record, folded away."""
-    lines = ["<details><summary>by held-out record</summary>", ""]
-    lines += ["| record | " + " | ".join(found) + " |", "|---|" + "---|" * len(found)]
-    for record in next(iter(found.values())):
-        lines.append(
-            f"| {record} | " + " | ".join(f"{errors[record]:.3f}" for errors in found.values()) + " |"
-        )
-    return [*lines, "", "</details>"]
 
 
 def left_out(name: str, page: Page, records: RecordSet) -> list[str]:
