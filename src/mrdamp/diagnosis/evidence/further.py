@@ -19,8 +19,8 @@ from mrdamp.diagnosis.fits.search import Search
 
 #: Largest number of causes.
 _MOST = 3
-#: What the next rival leaves over what a further cause leaves, at least. Left-out squares of one cause differ by a few per
-#: cent from split to split of four measured rigs, and beside a wrong law a second cause and its rivals gain nearly alike.
+#: What the next rival leaves over what a further cause leaves, at least. Left-out squares of one cause differ by a few
+#: per cent from split to split of four measured rigs, and beside a wrong law a second cause and its rivals gain alike.
 _MARGIN = 1.1
 
 
