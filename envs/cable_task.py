@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from mrdamp import sets
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
-from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
+from mrdamp.envs.cable_reward import CableReward, free_run
 from mrdamp.envs.chain_rows import CABLES
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import Task, check_options
+from mrdamp.envs.weights import Score
 from mrdamp.errors import require_kind
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
@@ -98,7 +99,7 @@ class CableTask(Task):
         observer = given.observes(
             lambda full: cable_sensors(self.cable, places, float(maximum[0]), full), maximum, _TYPICAL
         )
-        super().__init__(rows, CableScore(self.weights, n), observer, maximum, given.noise)
+        super().__init__(rows, Score(self.weights, n), observer, maximum, given.noise)
 
     drawn_size = 0.45
 

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.envs.car_reward import CarReward, CarScore, reference_run
+from mrdamp.envs.car_reward import CarReward, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
 from mrdamp.envs.chain_rows import CARS
 from mrdamp.envs.frame_task import largest_force
 from mrdamp.envs.options import RowOptions, TaskOptions, model_of
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.task import Task, check_options
+from mrdamp.envs.weights import Score
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
 from mrdamp.simulation.roads import Road, read_road
@@ -83,7 +84,7 @@ class CarTask(Task):
         observer = given.observes(
             lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum, _TYPICAL
         )
-        super().__init__(rows, CarScore(self.weights, n), observer, maximum, given.noise)
+        super().__init__(rows, Score(self.weights, n), observer, maximum, given.noise)
 
     drawn_size = 0.05
 

@@ -16,8 +16,9 @@ from mrdamp.envs.frame_xml import Position, sensor_name
 from mrdamp.envs.loads import MotionSource, SyntheticMotions, cut, played
 from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.plant import placed
-from mrdamp.envs.reward import FrameReward, Score, reference_run
+from mrdamp.envs.reward import FrameReward, reference_run
 from mrdamp.envs.task import Task, check_options
+from mrdamp.envs.weights import Score
 from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model, core
 from mrdamp.motions import GroundMotion

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,10 @@ from scipy.integrate import solve_ivp
 from scipy.stats import spearmanr
 
 from mrdamp.control.passive import Constant
-from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
-from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
+from mrdamp.envs.cable_reward import CableReward, free_run
+from mrdamp.envs.car_reward import CarReward
+from mrdamp.envs.reward import FrameReward, reference_run
+from mrdamp.envs.weights import Score, Weights
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
@@ -65,37 +66,54 @@ def test_a_free_cable_follows_a_load_along_its_lines() -> None:
     assert (motion * of, shaking * of, held) == pytest.approx((*squares, energy.max()), rel=1e-3)
 
 
-def test_each_part_of_a_frames_reward() -> None:
-    """Two periods by hand: costs are negative, the energy taken in is not, and a peak counts by its rise."""
-    weights = FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
-                          energy=11.0, exponent=2.0)  # fmt: skip
-    score = Score(weights, 1)
-    score.start(0, astuple(Reference(drift=0.01, acceleration=4.0, strain_energy=8.0)), 50)
-    first, info = score.of(np.array([[0.004, 2.0, 0.6, 0.5, 1.2, 0.4]]))
-    # A hundred times the weight: of sums, and of means over 50 periods.
-    expected = [-4 * 0.4**2, -6 * 0.5**2, -500 * 0.4, -700 * 0.5, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
-    np.testing.assert_allclose(info[0, :7], expected)
-    np.testing.assert_allclose(first, sum(expected))
-    second, info = score.of(np.array([[0.006, 1.0, 0.0, 0.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(second, -4 * 0.6**2 - 6 * 0.25**2 - 500 * 0.2)
-    named = dict(zip(Score.NAMES, info[0], strict=True))
-    assert named["peak_drift"] == pytest.approx(0.006)
-    assert named["acceleration_ratio"] == pytest.approx(0.5)
-    assert named["mean_current"] == pytest.approx(0.6)
-    assert named["dissipated_energy"] == pytest.approx(0.4)
+@pytest.mark.parametrize(
+    ("weights", "reference", "period", "parts", "info"),
+    [
+        (
+            FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
+                        energy=11.0),
+            [0.01, 4.0, 8.0], [0.004, 2.0, 0.6, 0.5, 1.2, 0.4],
+            [-4 * 0.4**2, -6 * 0.5**2, -500 * 0.4, -700 * 0.5, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8],
+            {"peak_drift": 0.004, "acceleration_ratio": 0.5},
+        ),
+        (
+            CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=4.0),
+            [1e-4, 4.0, 8.0], [2.5e-5, 1.0, 0.6, 0.5, 1.2, 0.4],
+            [-4 * 0.25**2, -6 * 0.25**2, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8],
+            {"motion_ratio": 0.5, "rms_motion": 5e-3},
+        ),
+        (
+            CarReward(comfort=2.0, holding=3.0, stroke=5.0, airborne=7.0, current=0.5, power=0.25),
+            [4.0, 0.04, 1e-4], [1.0, 0.01, 4e-4, 0.05, 0.2, 0.6, 0.5, 1.2, 0.4],
+            [-4 * 0.25, -6 * 0.25, -10 * 4, -14 * 0.2, -1 * 0.6, -0.5 * 0.5],
+            {"weighted_acceleration": 1.0, "load_ratio": 0.5, "rms_stroke": 0.02, "stroke_ratio": 2.0,
+             "peak_stroke": 0.05, "airborne": 0.2},
+        ),
+    ],
+)  # fmt: skip
+def test_each_part_of_a_reward(
+    weights: Weights, reference: list[float], period: list[float], parts: list[float], info: dict[str, float]
+) -> None:
+    """By hand over 50 periods, a hundred times the weight: costs are negative, the energy taken in is not."""
+    for one in (False, True):
+        score = Score(weights, 1)
+        score.start(0, reference, 50)
+        reward, found = score.of_one(period) if one else score.of(np.array([period]))
+        named = found if isinstance(found, dict) else dict(zip(score.NAMES, found[0], strict=True))
+        np.testing.assert_allclose([named[f"reward_{part.name}"] for part in weights.table], parts)
+        np.testing.assert_allclose(reward, sum(parts))
+        expected = {**info, "mean_current": 1.2, "mean_power": 0.5, "dissipated_energy": 0.4}
+        assert {name: named[name] for name in expected} == pytest.approx(expected)
 
 
-def test_each_part_of_a_cables_reward() -> None:
-    weights = CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=2.0)
-    score = CableScore(weights, 1)
-    score.start(0, np.array([1e-4, 4.0, 8.0]), 50)
-    reward, info = score.of(np.array([[2.5e-5, 1.0, 0.6, 0.5, 1.2, 0.4]]))
-    expected = [-4 * 0.25, -6 * 0.25, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
-    np.testing.assert_allclose(info[0, :5], expected)
-    np.testing.assert_allclose(reward, sum(expected))
-    named = dict(zip(CableScore.NAMES, info[0], strict=True))
-    assert named["motion_ratio"] == pytest.approx(0.5)
-    assert named["rms_motion"] == pytest.approx(5e-3)
+def test_a_peak_counts_by_its_rise() -> None:
+    score = Score(FrameReward(drift_peak=5.0, acceleration_peak=7.0, drift=0.0, acceleration=0.0), 1)
+    score.start(0, [0.01, 4.0, 8.0], 50)
+    score.of_one([0.004, 2.0, 0.6, 0.5, 1.2, 0.4])
+    reward, info = score.of_one([0.006, 1.0, 0.0, 0.0, 0.0, 0.0])
+    assert reward == pytest.approx(-500 * 0.2)
+    assert (info["peak_drift"], info["acceleration_ratio"]) == pytest.approx((0.006, 0.5))
+    assert (info["mean_current"], info["dissipated_energy"]) == pytest.approx((0.6, 0.4))
 
 
 @pytest.mark.slow
