@@ -94,7 +94,7 @@ def python_env(law: PythonDamper, finer: int = 1) -> FrameEnv:
     env = FrameEnv(motions=MOTIONS)
     rows = env.task.rows
     assert isinstance(rows, FrameRows)
-    rows.plants = PythonPlants(rows.plants, frame_xml(rows.models, rows.plants.timestep), law, finer)
+    rows.plants = PythonPlants(rows.plants, frame_xml(rows.structure.models, rows.plants.timestep), law, finer)
     return env
 
 

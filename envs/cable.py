@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from mrdamp.envs.cable_task import CableTask
-from mrdamp.envs.cable_view import CableView
 from mrdamp.envs.plant_env import PlantEnv
-from mrdamp.envs.view import View
 
 
 class CableEnv(PlantEnv[CableTask]):
@@ -108,11 +104,4 @@ class CableEnv(PlantEnv[CableTask]):
     * v0: first version
     """
 
-    cameras = ("front", "along", "damper")
-
-    @staticmethod
-    def make_task(**arguments: Any) -> CableTask:
-        return CableTask(1, **arguments)
-
-    def make_view(self, camera: str, size: tuple[int, int]) -> View:
-        return CableView(self.task.cable, self.task.model, camera, size)
+    made = CableTask

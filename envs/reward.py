@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +63,7 @@ class FrameReward(Weights):
             raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
 
 
-@dataclass(frozen=True)
-class Reference:
+class Reference(NamedTuple):
     """Response of the frame in the reference run: peaks over storeys or floors, SI."""
 
     drift: float  # m

@@ -130,7 +130,7 @@ class Score:
         self.values[row, : self._first] = reference
         self.values[row, -1] = periods
 
-    def _run(self, period: Sequence[Any], v: list[Any], larger: Any, root: Any) -> tuple[list[Any], list[Any]]:
+    def _run(self, period: Any, v: Any, larger: Any, root: Any) -> tuple[list[Any], list[Any]]:
         """Parts and totals from columns of results and of `values`, which move on; of numbers as of arrays (n,)."""
         parts, totals = [], []
         for part, sign in zip(self.weights.table, self._signs, strict=True):
@@ -171,4 +171,4 @@ class Score:
         parts, totals = self._run(period, values, max, math.sqrt)
         self.values[0] = values
         self._parts[:] = parts
-        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, (*parts, *totals), strict=True))
+        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, (*self._parts.tolist(), *totals), strict=True))

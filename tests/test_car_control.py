@@ -26,7 +26,7 @@ from mrdamp.control.car import (
     skyhook_switch,
 )
 from mrdamp.control.car_plant import CarSite, car_plant, regulated
-from mrdamp.envs.car_task import CarPlant
+from mrdamp.envs import CarPlant
 from mrdamp.errors import InputError
 from mrdamp.simulation.roads import Road, iso8608
 

@@ -67,7 +67,8 @@ def test_the_parts_are_the_reward() -> None:
     info: dict[str, Any] = {}
     for k in range(400):
         _, reward, _, _, info = env.step(np.array([math.sin(0.1 * k)], np.float32))
-        assert reward == pytest.approx(sum(value for name, value in info.items() if name.startswith("reward_")), abs=1e-12)
+        parts = [value for name, value in info.items() if name.startswith("reward_")]
+        assert reward == pytest.approx(sum(parts), abs=1e-12)
         motion -= info["reward_motion"]
     periods = math.floor(start["duration"] / 0.005 + 1e-9) + 1
     assert info["motion_ratio"] == pytest.approx(math.sqrt(motion * periods / 100 / 400))

@@ -234,7 +234,7 @@ def test_the_shipped_model_is_the_environments() -> None:
     ends = []
     for text in (
         models_xml.path("quarter_car").read_text(encoding="utf-8"),
-        car_xml(CAR, CarTask(1).model, 5e-4),
+        car_xml(CAR, CarTask(1).structure.models[0], 5e-4),
     ):
         model = mujoco.MjModel.from_xml_string(text)
         data = mujoco.MjData(model)

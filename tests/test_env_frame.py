@@ -210,7 +210,8 @@ def test_the_parts_are_the_reward_and_follow_the_weights() -> None:
     current = 0.0
     for _ in range(120):
         _, reward, _, _, infos = env.step(np.array([0.5], np.float32))
-        assert reward == pytest.approx(sum(value for name, value in infos.items() if name.startswith("reward_")), abs=1e-12)
+        parts = [value for name, value in infos.items() if name.startswith("reward_")]
+        assert reward == pytest.approx(sum(parts), abs=1e-12)
         total += infos["reward_drift_peak"]
         current += infos["reward_current"]
         now = np.array([infos["drift_ratio"], infos["acceleration_ratio"]])

@@ -23,10 +23,10 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
-from mrdamp.train import loads
 from mrdamp.train.asymmetric import POLICIES
 from mrdamp.train.evaluate import forces
 from mrdamp.train.export import memory, network

@@ -22,13 +22,13 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.soft_policy import SoftPolicy
-from mrdamp.train.worlds import FrameWorld
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class AdjointRun(Run):
         self._earlier = _earlier(own["start"], options.seed)
         super().__init__(options, chosen, out, 1)
         torch.set_num_threads(1)  # the matrices are small
-        if not isinstance(self.world, FrameWorld) or not chosen.teacher or self.levels is None:
+        if self.world.kind is not Frame or not chosen.teacher or self.levels is None:
             raise InputError("adjoint: allowed: mrdamp/Frame-v0, action: force, and a teacher")
         if chosen.viscous or chosen.switch:
             raise InputError("adjoint: hyperparameters: viscous and switch are not allowed")
@@ -216,13 +216,13 @@ class AdjointRun(Run):
         references = self.loop.references()
         alive = np.arange(len(run.channels))[:, None] <= run.lasts
         total = 0.0
-        for k, (group, c) in enumerate(zip(self.loop.groups, self.world.criteria, strict=True)):
+        for k, (group, part) in enumerate(zip(self.loop.groups, self.world.shares, strict=True)):
             size = np.abs(run.channels[:, :, group]) * alive[:, :, None]
             largest = size.max(axis=(0, 2), keepdims=True)
             near = (size / largest) ** _NORM
             whole = near.sum(axis=(0, 2), keepdims=True)
             norm = largest * whole ** (1 / _NORM)
-            share = c.share / (self._loads * references[None, :, k, None])
+            share = part / (self._loads * references[None, :, k, None])
             total += float((share * norm).sum())
             slope = share * norm / whole * near / np.maximum(size, 1e-30)
             by_channel[:, :, group] = slope * np.sign(run.channels[:, :, group])

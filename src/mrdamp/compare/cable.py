@@ -33,12 +33,12 @@ from mrdamp.control.base import Controller
 from mrdamp.control.told import knowledge
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
 from mrdamp.envs.cable_reward import free_run
-from mrdamp.envs.cable_task import CablePlant, CableTask, cable_damper, default_places
-from mrdamp.envs.chain_rows import CABLES
+from mrdamp.envs.cable_task import Cable, CableTask, cable_damper, default_places
+from mrdamp.envs.plant import CablePlant
+from mrdamp.envs.training_loads import validation_loads
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
-from mrdamp.train.loads import validation_loads
 
 _VERSION = 3
 #: Seeds of the loads; from nine million on they are for judging alone.
@@ -52,7 +52,7 @@ class CableBench(PlantBench):
 
     cable: StayCable = field(default_factory=StayCable)
     model: Model = field(default_factory=cable_damper, kw_only=True)
-    timestep: float = field(default=CABLES["mujoco"][1], kw_only=True)
+    timestep: float = field(default=Cable.engines["mujoco"][1], kw_only=True)
 
     environment: ClassVar[str] = "cable"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS
@@ -82,7 +82,7 @@ class CableBench(PlantBench):
 
     def run(self, spec: str, load: CableLoad, amplitude: float) -> dict[str, Any]:
         if spec == UNCONTROLLED:
-            forces = self.plant(self.period).rows.forces(load.scaled(amplitude))
+            forces = self.cable.forces(amplitude * load.force, load.places)
             free = free_run(self.cable, forces, load.sample_time)
             return {"motion": math.sqrt(float(free[0]))}
         return self.driven(self.controller(spec), load, amplitude)

@@ -25,13 +25,14 @@ from mrdamp.control.car_plant import CarSite
 from mrdamp.control.told import knowledge
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import CarPlant, CarTask, car_damper
+from mrdamp.envs.car_task import CarTask, car_damper
+from mrdamp.envs.plant import CarPlant
+from mrdamp.envs.training_loads import validation_roads
 from mrdamp.errors import InputError
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608
 from mrdamp.structures.cars import QuarterCar
-from mrdamp.train.loads import validation_roads
 
 _VERSION = 3
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.

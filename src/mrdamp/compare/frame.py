@@ -34,15 +34,15 @@ from mrdamp.control import registry
 from mrdamp.control.base import OWN, Controller, sensor_name
 from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
-from mrdamp.envs.chain_rows import FRAMES, of_engine
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame_task import Frame, FrameTask
+from mrdamp.envs.plants import of_engine
+from mrdamp.envs.training_loads import validation_motions
 from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
-from mrdamp.train.loads import validation_motions
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
@@ -93,7 +93,7 @@ class FrameBench:
     def __post_init__(self) -> None:
         require_period("compare", self.period)
         require_positive("compare", compression=self.compression, timestep=self.timestep)
-        of_engine(FRAMES, self.engine)
+        of_engine(Frame.engines, self.engine)
         true, told = self.model.structure, (self.told or self.model).structure
         if true and told and (true.storeys, true.places) != (told.storeys, told.places):
             raise InputError(

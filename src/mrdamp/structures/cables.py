@@ -119,6 +119,10 @@ class StayCable:
         hats[:, [0, -1]] *= 0.5  # the trapezoidal rule
         return np.asarray(self.length / 4000 * hats @ self.at(x))
 
+    def forces(self, force: FloatArray, places: FloatArray) -> FloatArray:
+        """(samples, N+1) N on the natural coordinates from a load (samples, p), N/m, at places x / L (p,)."""
+        return np.asarray(force @ self.load_matrix(places))
+
     def irvine(self, count: int) -> FloatArray:
         """(count,) rad/s, natural frequencies of the flat-sag cable by Irvine's equations, ascending.
 
