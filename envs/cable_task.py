@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.control import cable as controllers
+from mrdamp.control import registry
 from mrdamp.control.base import Controller
+from mrdamp.control.cable import CableSite
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, free_run
 from mrdamp.envs.cable_rows import CableRows
@@ -124,8 +125,8 @@ class Cable(Structure):
 
     def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
         places = default_places(self.cable)
-        return controllers.make(
-            spec, controllers.CableSite(self.cable, command_max, places, force_max, period, self.models[0])
+        return registry.make(
+            spec, CableSite(self.cable, command_max, places, force_max, period, self.models[0])
         )
 
     def load(self, rng: np.random.Generator, source: LoadSource, options: Mapping[str, Any]) -> CableLoad:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.control import car as controllers
+from mrdamp.control import registry
 from mrdamp.control.base import Controller
-from mrdamp.control.car_plant import CarSite
+from mrdamp.control.car import CarSite
 from mrdamp.envs.car_reward import CarReward, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
 from mrdamp.envs.car_rows import CarRows
@@ -125,7 +125,7 @@ class Car(Structure):
         return validation_roads()
 
     def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        return controllers.make(spec, CarSite(self.car, self.models[0], command_max, force_max, period))
+        return registry.make(spec, CarSite(self.car, self.models[0], command_max, force_max, period))
 
     def load(self, rng: np.random.Generator, source: RoadSource, options: Mapping[str, Any]) -> Road:
         road, speed = options.get("road"), options.get("speed")

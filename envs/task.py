@@ -10,7 +10,7 @@ import hashlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -260,6 +260,14 @@ class KindTask(Task):
     def __init__(self, n: int = 1, **arguments: Any) -> None:
         structure, others = divided(self.kind, arguments)
         super().__init__(structure, n, **others)
+
+
+def task_of(structure: Structure, n: int, **arguments: Any) -> Task:
+    """n rows of a structure, with other arguments of its environment, its own fields among them."""
+    own = {f.name for f in fields(structure)}  # type: ignore[arg-type]
+    others = {"loads" if k == structure.source else k: v for k, v in arguments.items() if k not in own}
+    changed: Any = replace(structure, **{k: v for k, v in arguments.items() if k in own})  # type: ignore[type-var]
+    return Task(changed, n, **others)
 
 
 def divided(kind: type[Structure], arguments: Mapping[str, Any]) -> tuple[Structure, dict[str, Any]]:

@@ -17,16 +17,16 @@ import json
 import pickle
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from mrdamp.compare.plant_run import require_period
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
@@ -39,6 +39,22 @@ _NAMED = re.compile(r"(?P<place>.+\.py|[A-Za-z_][\w.]*):(?P<name>[A-Za-z_]\w*)")
 
 #: Makes the task of one row that a model was trained in, from arguments of its environment.
 MakeTask = Callable[..., Task]
+_PERIODS = 1e-5, 10.0  # s
+
+
+def at_rest(controller: Controller, names: Sequence[str]) -> None:
+    """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run.
+
+    names: of the measurements. Raises InputError.
+    """
+    controller.reset()
+    controller.command(0.0, dict.fromkeys(names, 0.0))
+
+
+def require_period(what: str, period: Any) -> None:
+    """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
+    if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
+        raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
 
 
 def is_own(what: str) -> bool:
@@ -46,12 +62,12 @@ def is_own(what: str) -> bool:
     return what.partition(",")[0].endswith(".zip") or _NAMED.fullmatch(what) is not None
 
 
-def make(spec: str, site: Site, builtin: Callable[[str, Site], Controller], task: MakeTask) -> Told:
+def make(spec: str, site: Site, task: MakeTask) -> Told:
     """The controller of a spec, from outside or built in, told of the site's damper. Raises InputError."""
     kind, _, rest = spec.partition(":")
     if kind == registry.OWN:
         return told(partial(_build, rest, task), site, rest)
-    return told(partial(builtin, spec), site)
+    return told(partial(registry.make, spec), site)
 
 
 def files_of(spec: str) -> bytes:
