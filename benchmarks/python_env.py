@@ -68,7 +68,7 @@ class PythonPlants(Plants):
             self.law = damper.control(data, 1, model.opt.timestep)
             self.law(model, data)
         law, record = self.law, self._record["sensordata"][0]
-        load = self._at(np.zeros(1, np.int64), self.step[:, None] + self._ahead)[0, :, 0].tolist()
+        load = self.loads_at(np.zeros(1, np.int64), self.step[:, None] + self._ahead)[0, :, 0].tolist()
         push, sensors, own = data.ctrl, data.sensordata, []
         frame = record[:, : len(sensors)]
         for k in range(self.inner):

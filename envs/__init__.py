@@ -5,6 +5,7 @@
 | `mrdamp/Frame-v0` | a shear frame under ground motions (`FrameEnv`) |
 | `mrdamp/Cable-v0` | a stay cable under wind (`CableEnv`) |
 | `mrdamp/QuarterCar-v0` | a quarter car on a road (`CarEnv`) |
+| `mrdamp/Structure-v0` | a structure of one's own (`StructureEnv`) |
 
 `import mrdamp` registers the ids; `gymnasium.make("mrdamp:mrdamp/Frame-v0")` needs no import. The same structures for
 a controller, without rewards and episodes: `FramePlant`, `CablePlant`, `CarPlant`. Vector environments:
@@ -24,7 +25,9 @@ from mrdamp.envs.car_roads import Bumps, IsoRoads, RecordedRoads
 from mrdamp.envs.car_task import Car, CarTask, car_damper
 from mrdamp.envs.frame import FrameEnv
 from mrdamp.envs.frame_task import Frame, FrameTask, default_damper
+from mrdamp.envs.linear import Goal, LinearStructure, Mechanics
 from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
+from mrdamp.envs.own import StructureEnv
 from mrdamp.envs.plant import CablePlant, CarPlant, FramePlant, Plant
 from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.reward import FrameReward
@@ -51,7 +54,10 @@ __all__ = [
     "FramePlant",
     "FrameReward",
     "FrameTask",
+    "Goal",
     "IsoRoads",
+    "LinearStructure",
+    "Mechanics",
     "MixedMotions",
     "Observer",
     "Plant",
@@ -59,6 +65,7 @@ __all__ = [
     "RecordedMotions",
     "RecordedRoads",
     "Structure",
+    "StructureEnv",
     "SyntheticMotions",
     "WindLoads",
     "cable_damper",

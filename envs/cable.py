@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mrdamp.envs.cable_task import CableTask
+from mrdamp.envs.cable_task import Cable
 from mrdamp.envs.plant_env import PlantEnv
 
 
-class CableEnv(PlantEnv[CableTask]):
+class CableEnv(PlantEnv):
     """
     ## Description
 
@@ -104,4 +104,4 @@ class CableEnv(PlantEnv[CableTask]):
     * v0: first version
     """
 
-    made = CableTask
+    kind = Cable

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mrdamp.envs.car_task import CarTask
+from mrdamp.envs.car_task import Car
 from mrdamp.envs.plant_env import PlantEnv
 
 
-class CarEnv(PlantEnv[CarTask]):
+class CarEnv(PlantEnv):
     """
     ## Description
 
@@ -87,4 +87,4 @@ class CarEnv(PlantEnv[CarTask]):
     * v0: first version
     """
 
-    made = CarTask
+    kind = Car

@@ -91,9 +91,15 @@ class CableChain(Chained, CableRows):
     """`CableRows` on the chain."""
 
     def _build(self) -> None:
-        cable, damper = self.cable, self.structure.models[0]
-        here, mass = cable.at(cable.damper_at), cable.mass * cable.length
-        self._hold(ChainRows.modes(cable.natural, cable.ratio, here, self._at, mass, damper, self.stepping))
+        cable, w = self.cable, self.cable.natural
+        here = cable.at(cable.damper_at)[None]
+        rate = np.hstack([np.diag(-w * w), np.diag(-2 * cable.ratio * w)])
+        self._hold(
+            ChainRows.linear(
+                rate, np.eye(len(w)), here, -here.T, self._at, self.structure.models, self.stepping,
+                cable.mass * cable.length,
+            )
+        )  # fmt: skip
 
     def add_noise(self, deviation: Array) -> bool:
         """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame_task import Frame
 from mrdamp.envs.plant_env import PlantEnv
 
 
-class FrameEnv(PlantEnv[FrameTask]):
+class FrameEnv(PlantEnv):
     """
     ## Description
 
@@ -94,4 +94,4 @@ class FrameEnv(PlantEnv[FrameTask]):
     * v0: first version
     """
 
-    made = FrameTask
+    kind = Frame

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
-from mrdamp.envs.task import Episode, KindTask, Task
+from mrdamp.envs.structure import Structure
+from mrdamp.envs.task import Episode, Task, divided
 from mrdamp.envs.view import Image, View, has_display
 from mrdamp.errors import InputError, require_positive
 
@@ -23,10 +24,7 @@ class EnvState:
     generator: dict[str, Any]
 
 
-Kind = TypeVar("Kind", bound=Task)
-
-
-class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
+class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A structure under control: `FrameEnv`, `CableEnv` and `CarEnv`.
 
     Arguments of all of them, in addition to those of each:
@@ -58,8 +56,7 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 200}  # noqa: RUF012
-    #: Makes the task.
-    made: ClassVar[type[KindTask]]
+    kind: ClassVar[type[Structure]]
 
     def __init__(
         self,
@@ -76,15 +73,16 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
             )
         if render_mode == "human" and not has_display():
             raise InputError("render_mode human needs a display; rgb_array with MUJOCO_GL=egl needs none")
-        cameras = self.made.kind.cameras
+        cameras = self.kind.cameras
         if camera not in (None, *cameras):
             raise InputError(f"camera is {camera!r}; allowed: {', '.join(cameras)}")
         if exaggeration is not None:
             require_positive("drawing", exaggeration=exaggeration)
         if not (isinstance(size, tuple | list) and len(size) == 2 and all(isinstance(k, int) and k > 0 for k in size)):
             raise InputError(f"size is {size!r}; allowed: width and height in pixels")
-        task: Any = self.made(1, **arguments)
-        self.task: Kind = task
+        structure, others = divided(self.kind, arguments)
+        self.task: Any = Task(structure, 1, **others)
+        task = self.task
         self.render_mode = render_mode
         self.exaggeration = exaggeration
         self.observation_space = task.observation_space

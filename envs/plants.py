@@ -117,7 +117,7 @@ class Plants:
     def measure(self, rows: Sequence[int] | None = None) -> dict[str, Array]:
         """The fields, (rows, size) each, at the present state, under the present load and the last commands."""
         some = list(range(self.n) if rows is None else rows)
-        for row, load in zip(some, self._at(np.array(some), self.step[some, None]), strict=True):
+        for row, load in zip(some, self.loads_at(np.array(some), self.step[some, None]), strict=True):
             self._control[row, self.loads] = load[0]
         self.batch.forward(rows)
         return {name: value[some] for name, value in self._now.items()}
@@ -131,7 +131,7 @@ class Plants:
         """
         pushes, inner = self._pushes, self.inner
         pushes[:, :, self.dampers] = finite("command", commands, (self.n, self._many))[:, None, :]
-        load = self._at(np.arange(self.n), self.step[:, None] + self._ahead)
+        load = self.loads_at(np.arange(self.n), self.step[:, None] + self._ahead)
         pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
         self.step += inner
@@ -139,7 +139,7 @@ class Plants:
         self.batch.forward()
         return self._record, self._now
 
-    def _at(self, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
+    def loads_at(self, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
         """(rows, k, loads) of rows at steps (rows, k) since their start."""
         if len(rows) == 1:
             begin, end = int(steps[0, 0]), int(steps[0, -1])

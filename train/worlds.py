@@ -16,6 +16,7 @@ from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_task import Cable
 from mrdamp.envs.car_task import Car
 from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.own import own_kind
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.randomise import Randomise
 from mrdamp.envs.structure import Criterion, Structure
@@ -23,6 +24,7 @@ from mrdamp.envs.task import Task, divided
 from mrdamp.envs.weights import OF_DAMPERS
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.outside import NAMED
 
 Array = NDArray[np.float64]
 
@@ -174,14 +176,17 @@ def world(
     model: Path | None = None,
     score: Mapping[str, float] | None = None,
 ) -> World:
-    """The world of an environment's id. model: a file of the damper's model, None: the environment's own; score: what
-    the score is made of, `weight` of the frame and `holding` of the quarter car, each 0 to 1.
+    """The world of an environment's id, or of a structure of one's own as `file.py:NAME`.
+
+    model: a file of the damper's model, None: the environment's own; score: what the score is made of, `weight` of the
+    frame and `holding` of the quarter car, each 0 to 1.
 
     Raises InputError for an id or an argument that there is none of.
     """
-    if environment not in WORLDS:
-        raise InputError(f"environment {environment!r} is unknown; there are {', '.join(WORLDS)}")
-    kind, parts = WORLDS[environment], dict(score or {})
+    if environment not in WORLDS and not NAMED.fullmatch(environment):
+        raise InputError(f"environment {environment!r} is unknown; there are {', '.join(WORLDS)}, file.py:NAME")
+    kind = WORLDS.get(environment) or own_kind(environment)
+    parts = dict(score or {})
     for name, value in parts.items():
         if name not in kind.scored or not isinstance(value, int | float) or not 0 <= value <= 1:
             ranges = ", ".join(f"{known} from 0 to 1" for known in kind.scored) or "nothing"
