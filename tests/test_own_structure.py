@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from env_arguments import OWN
 from mrdamp import cli
-from mrdamp.envs import Goal, LinearStructure, Mechanics, StructureEnv
+from mrdamp.envs import Goal, LinearStructure, Mechanics
 from mrdamp.envs.own import own_kind
 from mrdamp.envs.plant import RowPlant
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
 from refusals import refuses
 
-FILE = f"{Path(__file__).parents[1] / 'examples' / '08_structure_of_your_own.py'}:Isolated"
-Isolated: Any = own_kind(FILE)
+Isolated: Any = own_kind(OWN)
 DASHPOT = 900.0
 DAMPER = Model("bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0})
 #: kg; storey by storey N/m, N s/m.
@@ -100,7 +100,7 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
 def test_engine_and_chain_say_the_same_of_an_episode() -> None:
     found = []
     for engine in ("mujoco", "chain"):
-        env: Any = gymnasium.make("mrdamp/Structure-v0", structure=FILE, engine=engine, timestep=2.5e-4)
+        env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine=engine, timestep=2.5e-4)
         env.reset(seed=4)
         for k in range(400):
             observation, reward, _, _, info = env.step(np.array([np.sin(0.1 * k)], np.float32))
@@ -109,18 +109,9 @@ def test_engine_and_chain_say_the_same_of_an_episode() -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=0.01)
 
 
-def test_rows_are_single_environments() -> None:
-    rows: Any = gymnasium.make_vec(
-        "mrdamp/Structure-v0", num_envs=2, vectorization_mode="vector_entry_point", structure=FILE, engine="chain"
-    )
-    seen = rows.reset(seed=7)[0]
-    for k in (0, 1):
-        np.testing.assert_array_equal(seen[k], StructureEnv(Isolated, engine="chain").reset(seed=7 + k)[0])
-
-
 def test_the_ordinary_commands_compare_and_train_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["--controllers", "passive-off", "passive-on", "clipped-optimal", "skyhook", "--engine", "chain"]
-    assert cli.main(["compare", FILE, *given, "--jobs", "1", "--json"]) == 0
+    assert cli.main(["compare", OWN, *given, "--jobs", "1", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["controllers"]
     means = {name: {key: m["mean"] for key, m in row["measures"].items()} for name, row in rows.items()}
     # What isolation is about: no command leaves the building calm, the largest one saves the bearings.
@@ -129,11 +120,11 @@ def test_the_ordinary_commands_compare_and_train_it(tmp_path: Path, capsys: pyte
     assert all(0 < means[name]["mean_command"] < 2.25 for name in ("clipped-optimal", "skyhook"))
     out = tmp_path / "out"
     quick = ["--set", "population=4", "loads=2", "--evaluations", "1"]
-    assert cli.main(["train", FILE, *quick, "--timesteps", "10000", "-o", str(out)]) == 0
+    assert cli.main(["train", OWN, *quick, "--timesteps", "10000", "-o", str(out)]) == 0
     assert "shaking_ratio" in capsys.readouterr().out
     (policy,) = out.glob("**/policy.json")
     mine = ["--controllers", f"mine=policy:{policy}", "--engine", "chain", "--jobs", "1"]
-    assert cli.main(["compare", FILE, *mine]) == 0
+    assert cli.main(["compare", OWN, *mine]) == 0
 
 
 def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:

@@ -150,8 +150,8 @@ class Bench(ABC):
     """A structure on which any controller can be run under any load, a dataclass. A run is pure: its result is the same
     anywhere.
 
-    Fields: structure, with its damper; command_unit, A or V; period: of the classical controllers, s; timestep: of the engine, s, at most; engine:
-    `mujoco` or `chain`.
+    Fields: structure, with its damper; command_unit, A or V; period: of the classical controllers, s; timestep: of the
+    engine, s, at most; engine: `mujoco` or `chain`.
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
