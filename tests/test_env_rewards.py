@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple
 from typing import Any
 
@@ -12,10 +13,12 @@ from scipy.stats import spearmanr
 
 from mrdamp.control.passive import Constant
 from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
+from mrdamp.envs.car_reward import CarReward, CarScore, linear_run
 from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
+from mrdamp.structures.cars import QuarterCar
 from mrdamp.train.worlds import world
 
 NOTHING = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
@@ -47,7 +50,7 @@ def test_a_free_cable_holds_the_work_of_its_load() -> None:
 
 def test_a_free_cable_follows_a_load_along_its_lines() -> None:
     """Against SciPy's integrator, of a load with 60 samples a second that is straight between them."""
-    cable, step = StayCable(modes=3), 1 / 60
+    cable, step = StayCable(modes=3, ratio=0.05), 1 / 60
     forces = np.random.default_rng(0).normal(size=(60, 4))
     time, fine = step * np.arange(60), np.linspace(0, 59 * step, 20001)
     squares, energy = np.zeros(2), np.zeros(len(fine))
@@ -85,17 +88,47 @@ def test_each_part_of_a_frames_reward() -> None:
     assert named["dissipated_energy"] == pytest.approx(0.4)
 
 
-def test_each_part_of_a_cables_reward() -> None:
-    weights = CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=2.0)
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 3.0])
+def test_each_part_of_a_cables_reward(exponent: float) -> None:
+    weights = CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=exponent)
     score = CableScore(weights, 1)
     score.start(0, np.array([1e-4, 4.0, 8.0]), 50)
-    reward, info = score.of(np.array([[2.5e-5, 1.0, 0.6, 0.5, 1.2, 0.4]]))
-    expected = [-4 * 0.25, -6 * 0.25, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
+    reward, info = score.of(np.array([[2.5e-5, 0.36, 0.6, 0.5, 1.2, 0.4]]))
+    expected = [-4 * 0.5**exponent, -6 * 0.3**exponent, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
     np.testing.assert_allclose(info[0, :5], expected)
     np.testing.assert_allclose(reward, sum(expected))
     named = dict(zip(CableScore.NAMES, info[0], strict=True))
     assert named["motion_ratio"] == pytest.approx(0.5)
     assert named["rms_motion"] == pytest.approx(5e-3)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_each_part_of_a_cars_reward(exponent: float) -> None:
+    weights = CarReward(comfort=2.0, holding=3.0, stroke=5.0, airborne=7.0, current=0.5, power=0.25, exponent=exponent)
+    score = CarScore(weights, 1)
+    score.start(0, np.array([4.0, 0.04, 1e-4]), 50)
+    # Of the linear suspension: .5 in weighted acceleration, .3 in load, .7 in stroke.
+    reward, info = score.of(np.array([[1.0, 0.0036, 4.9e-5, 0.02, 0.1, 0.6, 0.4, 1.2, 3.0]]))
+    expected = [-4 * 0.5**exponent, -6 * 0.3**exponent, -10 * 0.7**exponent, -14 * 0.1, -1 * 0.6, -0.5 * 0.4]
+    np.testing.assert_allclose(info[0, :6], expected)
+    np.testing.assert_allclose(reward, sum(expected))
+    named = dict(zip(CarScore.NAMES, info[0], strict=True))
+    found = [named[f"{what}_ratio"] for what in ("comfort", "load", "stroke")]
+    np.testing.assert_allclose(found, [0.5, 0.3, 0.7])
+    assert (named["peak_stroke"], named["airborne"], named["dissipated_energy"]) == (0.02, 0.1, 3.0)
+
+
+def test_the_cars_criteria_are_over_a_dashpot_of_three_tenths_of_critical() -> None:
+    """The stroke on a harmonic road, from the two equations of motion in complex amplitudes."""
+    car, w, step = QuarterCar(), 2 * np.pi * 1.5, 1e-3
+    c, ct = 0.3 * 2 * math.sqrt(car.stiffness * car.body), car.tyre_damping
+    strut, tyre = car.stiffness + 1j * w * c, car.tyre_stiffness + 1j * w * ct
+    body, wheel = np.linalg.solve(
+        [[strut - car.body * w**2, -strut], [-strut, strut + tyre - car.wheel * w**2]], [0.0, 0.01 * tyre]
+    )
+    _, _, stroke = linear_run(car, 0.01 * np.sin(w * step * np.arange(20_000)), step)
+    last = stroke[-2000:]  # three whole periods
+    assert np.sqrt(2 * np.mean(last * last)) == pytest.approx(abs(body - wheel), rel=2e-3)
 
 
 @pytest.mark.slow
