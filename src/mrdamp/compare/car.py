@@ -186,7 +186,7 @@ class CarBench(PlantBench):
     def effort(self, kind: str) -> tuple[int, int]:
         """Every class of roads is among the loads; inverse models are slow."""
         quick = kind in ("constant", "skyhook-switch", "add", "sh-add", "clipped-lq")
-        return 7, 3_000_000 if quick else 500_000
+        return 7, 3_000_000 if quick else 1_000_000
 
     def task(self, n: int) -> CarTask:
         return CarTask(n, car=self.car, model=self.model, period=self.period, engine="chain", reward=None)

@@ -221,7 +221,7 @@ class FrameBench:
 
     def effort(self, kind: str) -> tuple[int, int]:
         """Every amplitude is among the loads; inverse models are slow."""
-        return (17, 250_000) if kind == "force-tracking" else (8, 12_000_000)
+        return (17, 2_000_000) if kind == "force-tracking" else (8, 12_000_000)
 
     def task(self, n: int) -> FrameTask:
         return self._task(n, period=self.period, engine="chain", reward=None)
