@@ -50,8 +50,9 @@ class CableEnv(PlantEnv[CableTask]):
     | 3 | force of the damper, by its own sensor | -20 | 20 | force | at the damper | N |
     | 4 | command held in the period that ended | 0 | 1 | damper | | A or V |
 
-    The accelerometers are ideal by default, and what they read hangs on the number of modes (docs/reference/environments.md);
-    `signals=["acceleration_2", "stroke", "stroke_velocity", "force"], bandwidth=62.5` does not.
+    The accelerometers are ideal by default, and what they read hangs on the number of modes
+    (docs/reference/environments.md). `signals=["acceleration_2", "stroke", "stroke_velocity", "force"], bandwidth=62.5`
+    does not.
     `measured_at` sets the places. `history=h` stacks the last h control periods, the newest first.
     Other `signals`: `displacement_j`, `velocity_j` at place j, `stroke_velocity`, `current`, `true_force`.
     `full_state=True` gives displacements and velocities at as many places as there are sines, and the current.
