@@ -173,7 +173,7 @@ class Tables:
         }
         found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
-            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}" for r in found.values()))
+            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}".lstrip("0") for r in found.values()))
             for c in self.rows
         ]
         return markdown(("mean of J1 and J2", *found), rows)
