@@ -96,9 +96,9 @@ def test_a_controller_runs_on_the_plant_as_in_run_frame() -> None:
     motion = kanai_tajimi(0, duration=6.0).compressed(5.0)
     controller = clipped_optimal(dyke1996(), 2.25, period=5e-3)
     plant = FramePlant()
+    own = plant.structure.models[0]
     wanted = stepping.run_frame(
-        Model(plant.rows.structure.models[0].law, plant.rows.structure.models[0].parameters, plant.rows.structure.models[0].effects, "frame",
-              dyke1996()), motion, controller, timestep=5e-4,
+        Model(own.law, own.parameters, own.effects, "frame", dyke1996()), motion, controller, timestep=5e-4,
     )  # fmt: skip
     controller.reset()
     y, rows = plant.reset(motion), []

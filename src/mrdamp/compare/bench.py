@@ -158,7 +158,8 @@ class Bench(ABC):
     controllers of the default table. unseen_amplitudes: of the loads of the evaluation. objective: what tuning makes
     small, measure -> its name in the `info` of a task, and its weight. reference: denominator of the ratios, in words.
     bounds: name -> weights by key of measure, which a clairvoyant command minimises; empty without such a search. base:
-    spec of the constant command that gains count from.
+    spec of the constant command that gains count from. tuning_step: of the engine while controllers are tuned, s,
+    at least.
     """
 
     structure: Structure
@@ -174,6 +175,7 @@ class Bench(ABC):
     reference: ClassVar[str] = WITHOUT
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
     base: ClassVar[str] = "passive-on"
+    tuning_step: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
         own.require_period("compare", self.period)
@@ -257,7 +259,7 @@ class Bench(ABC):
 
     def task(self, n: int) -> Task:
         """n of the structures on the chain, as controllers are tuned on them."""
-        step = max(self.timestep, self.structure.searched)
+        step = max(self.timestep, self.structure.searched, self.tuning_step)
         return Task(self.structure, n, period=self.period, timestep=step, engine="chain", reward=None)
 
     def ranges(self, kind: str) -> Ranges:

@@ -144,7 +144,7 @@ class CarBench(PlantBench):
     def effort(self, kind: str) -> tuple[int, int]:
         """Every class of roads is among the loads; inverse models are slow."""
         quick = kind in ("constant", "skyhook-switch", "add", "sh-add", "clipped-lq")
-        return 7, 3_000_000 if quick else 500_000
+        return 7, 3_000_000 if quick else 1_000_000
 
     def unseen_loads(self) -> tuple[Road, ...]:
         return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))

@@ -258,6 +258,7 @@ class ChainRows:
         Behind its end it stays as it is, and is none from step `steps` on. seed: of the row's noise, below 2^53. The
         row's `measured` is that of the start.
         """
+        row = int(row)  # of NumPy's integers ctypes makes no address
         self._give(row, load, sample_time, steps)
         size = self.measured.itemsize
         self._lib.mrdamp_rows_start(
