@@ -8,11 +8,13 @@ ground whose acceleration is the load (`absolute`): accelerometers then read q''
 
 from __future__ import annotations
 
+import copyreg
 import math
-from abc import abstractmethod
+from abc import ABCMeta, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -35,6 +37,7 @@ from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.outside import named
 from mrdamp.simulation.rows import ChainRows
 
 Array = NDArray[np.float64]
@@ -100,8 +103,32 @@ class Goal:
     weight: float = 1.0
 
 
+class _Kind(ABCMeta):
+    """Of structures of one's own: those of a file are pickled by their `spec`, `file.py:NAME`."""
+
+    spec = ""
+
+
+copyreg.pickle(_Kind, lambda kind: (own_kind, (kind.spec,)) if "spec" in kind.__dict__ else kind.__qualname__)  # type: ignore[arg-type]
+
+
+def own_kind(given: str | type[LinearStructure]) -> type[LinearStructure]:
+    """A class, or that of `module:NAME` or `file.py:NAME`. Raises InputError."""
+    found = named(given, "structure") if isinstance(given, str) else given
+    if not (isinstance(found, type) and issubclass(found, LinearStructure)):
+        raise InputError(f"structure {given}: it is no subclass of mrdamp.envs.LinearStructure")
+    if isinstance(given, str):
+        place, _, name = given.rpartition(":")
+        found.spec = f"{Path(place).resolve() if place.endswith('.py') else place}:{name}"
+    return found
+
+
+def _rewarded(kind: type[LinearStructure], weights: Mapping[str, float]) -> Weights:
+    return kind.weights(**weights)
+
+
 @dataclass(frozen=True)
-class LinearStructure(Structure):
+class LinearStructure(Structure, metaclass=_Kind):
     """Base of a frozen dataclass with `mechanics`, and these: name; places: rows (n,) over the coordinates by name, of
     what is measured; goals: by name; strong: m/s2, an acceleration that scales of observations belong to; rod: the
     place at the damper's rod end, for skyhook control. Raises InputError.
@@ -138,7 +165,10 @@ class LinearStructure(Structure):
         cls.weights = make_dataclass(
             f"{cls.__name__}Reward", [(name, float, field(default=goal.weight)) for name, goal in cls.goals.items()],
             bases=(Weights,), frozen=True, kw_only=True,
-            namespace={"table": (*own, *parts), "totals": totals, "references": len(own)},
+            namespace={
+                "table": (*own, *parts), "totals": totals, "references": len(own),
+                "__reduce__": lambda self: (_rewarded, (cls, vars(self))),
+            },
         )  # fmt: skip
 
     @classmethod

@@ -6,20 +6,10 @@ from typing import Any
 
 from gymnasium.vector import AutoresetMode
 
-from mrdamp.envs.linear import LinearStructure
+from mrdamp.envs.linear import LinearStructure, own_kind
 from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.task import Task, divided
 from mrdamp.envs.vector import PlantVectorEnv
-from mrdamp.errors import InputError
-from mrdamp.outside import named
-
-
-def own_kind(given: str | type[LinearStructure]) -> type[LinearStructure]:
-    """A class, or that of `module:NAME` or `file.py:NAME`. Raises InputError."""
-    found = named(given, "structure") if isinstance(given, str) else given
-    if not (isinstance(found, type) and issubclass(found, LinearStructure)):
-        raise InputError(f"structure {given}: it is no subclass of mrdamp.envs.LinearStructure")
-    return found
 
 
 class StructureEnv(PlantEnv):

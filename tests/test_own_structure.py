@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 from env_arguments import OWN
 from mrdamp import cli
 from mrdamp.envs import Goal, LinearStructure, Mechanics
-from mrdamp.envs.own import own_kind
+from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant import RowPlant
 from mrdamp.model import Model
 from mrdamp.motions import GroundMotion
@@ -111,7 +111,7 @@ def test_engine_and_chain_say_the_same_of_an_episode() -> None:
 
 def test_the_ordinary_commands_compare_and_train_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["--controllers", "passive-off", "passive-on", "clipped-optimal", "skyhook", "--engine", "chain"]
-    assert cli.main(["compare", OWN, *given, "--jobs", "1", "--json"]) == 0
+    assert cli.main(["compare", OWN, *given, "--jobs", "2", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["controllers"]
     means = {name: {key: m["mean"] for key, m in row["measures"].items()} for name, row in rows.items()}
     # What isolation is about: no command leaves the building calm, the largest one saves the bearings.

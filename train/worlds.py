@@ -16,7 +16,7 @@ from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_task import Cable
 from mrdamp.envs.car_task import Car
 from mrdamp.envs.frame_task import Frame
-from mrdamp.envs.own import own_kind
+from mrdamp.envs.linear import own_kind
 from mrdamp.envs.plant import RowPlant
 from mrdamp.envs.randomise import Randomise
 from mrdamp.envs.structure import Criterion, Structure

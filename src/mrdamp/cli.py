@@ -208,7 +208,7 @@ def _view(a: argparse.Namespace) -> int:
         return _launch(path)
     with tempfile.TemporaryDirectory() as folder:
         if NAMED.fullmatch(a.model):
-            from mrdamp.envs.own import own_kind
+            from mrdamp.envs.linear import own_kind
 
             path = Path(folder) / "model.xml"
             path.write_text(own_kind(a.model)().mjcf(5e-4, drawn=True), encoding="utf-8")

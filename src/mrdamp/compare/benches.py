@@ -13,7 +13,7 @@ from mrdamp.compare.car import CarBench
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.goals import GoalBench
-from mrdamp.envs.own import own_kind
+from mrdamp.envs.linear import own_kind
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.outside import NAMED
