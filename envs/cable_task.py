@@ -18,10 +18,9 @@ from mrdamp.control.base import Controller
 from mrdamp.control.cable import CableSite
 from mrdamp.envs.cable_loads import CableLoad, LoadSource, WindLoads
 from mrdamp.envs.cable_reward import CableReward, free_run
-from mrdamp.envs.cable_rows import CableRows
+from mrdamp.envs.cable_rows import CableChain, CableRows
 from mrdamp.envs.cable_view import CableView
 from mrdamp.envs.cable_xml import modal_xml
-from mrdamp.envs.chain_rows import CableChain
 from mrdamp.envs.damper_sensors import SIGNALS
 from mrdamp.envs.options import model_of
 from mrdamp.envs.structure import Criterion, Structure
@@ -30,6 +29,7 @@ from mrdamp.envs.training_loads import CableLoads, validation_loads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.structures.cables import StayCable
+from mrdamp.structures.mechanics import Mechanics
 
 Array = NDArray[np.float64]
 
@@ -86,6 +86,24 @@ class Cable(Structure):
     def places(self) -> tuple[float, ...]:
         """Where motion is measured, x / L."""
         return default_places(self.cable) if self.measured_at is None else tuple(self.measured_at)
+
+    @property
+    def system(self) -> Mechanics:
+        return self.cable.mechanics
+
+    @cached_property
+    def at(self) -> Array:
+        """(places, modes)."""
+        return self.cable.at(np.array(self.places, dtype=np.float64))
+
+    @property
+    def whole(self) -> float:
+        """kg."""
+        return self.cable.mass * self.cable.length
+
+    def forces(self, load: CableLoad) -> Array:
+        """(samples, modes) N on the natural coordinates."""
+        return self.cable.forces(load.force, load.places)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -21,14 +21,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-#: Results of one control period over all steps of the engine: columns of (n, 6).
-#: largest |drift| of a storey, m; largest |absolute acceleration| of a floor, m/s2; means over period and dampers of
-#: |current| over the largest command, of its square, and of |current| in A or V; energy taken in by the dampers, J.
-PERIOD = ("drift", "acceleration", "share", "power", "current", "energy")
-
-
 class FrameRows(EngineRows):
-    """n frames, each with its own ground motion."""
+    """n frames, each with its own ground motion. Results of a period: largest |drift| of a storey, m, and |absolute
+    acceleration| of a floor, m/s2; then `OF_DAMPERS`."""
 
     structure: Frame
 

@@ -1,9 +1,6 @@
 """Structures of one's own, given by matrices, places and goals: all else follows from these.
 
-    M q'' + C q' + K q = E w - s f,   stroke = s^T q
-
-w are the loads, f (N) is the damper's force, positive when it is being extended. Coordinates may be relative to a
-ground whose acceleration is the load (`absolute`): accelerometers then read q'' and the ground's.
+The matrices are those of `mrdamp.structures.mechanics.Mechanics`.
 """
 
 from __future__ import annotations
@@ -19,18 +16,16 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.lqg import first_order_hold
-from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.linear_rows import LinearChain, LinearRows
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
 from mrdamp.envs.loads import MotionSource
 from mrdamp.envs.options import model_of
-from mrdamp.envs.plants import EngineRows
 from mrdamp.envs.structure import Criterion, Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
@@ -38,58 +33,10 @@ from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.outside import named
-from mrdamp.simulation.rows import ChainRows
+from mrdamp.structures.mechanics import Mechanics
 
 Array = NDArray[np.float64]
 _STEP = 1e-3  # s, of the run without the damper
-
-
-@dataclass(frozen=True, eq=False)
-class Mechanics:
-    """mass, damping, stiffness (n, n): kg, N s/m, N/m. stroke (n,): of the damper per unit of the coordinates. load
-    (n, k): N on the coordinates per unit of each load; absolute: see the module. Raises InputError."""
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    stroke: Array
-    load: Array
-    absolute: bool = False
-
-    def __post_init__(self) -> None:
-        n = len(np.atleast_1d(self.stroke))
-        shapes = {"mass": (n, n), "damping": (n, n), "stiffness": (n, n), "stroke": (n,), "load": (n, -1)}
-        for name, shape in shapes.items():
-            try:
-                values = np.array(getattr(self, name), dtype=np.float64).reshape(shape)
-            except ValueError:
-                raise InputError(f"mechanics: {name} has another shape than {n} coordinates need") from None
-            if not np.isfinite(values).all() or (shape == (n, n) and not np.allclose(values, values.T)):
-                raise InputError(f"mechanics: {name} must be finite, and a matrix of coordinates symmetric")
-            object.__setattr__(self, name, values)
-        if np.linalg.eigvalsh(self.mass)[0] <= 0:
-            raise InputError("mechanics: mass must be positive definite")
-
-    @cached_property
-    def rate(self) -> Array:
-        """(n, 2n) accelerations per unit of the coordinates, then of their velocities."""
-        return np.asarray(-np.linalg.solve(self.mass, np.hstack([self.stiffness, self.damping])))
-
-    @cached_property
-    def push(self) -> Array:
-        """(n, 1) accelerations per N of the damper's force."""
-        return np.asarray(-np.linalg.solve(self.mass, self.stroke)[:, None])
-
-    @cached_property
-    def loaded(self) -> Array:
-        """(n, k) accelerations per unit of the loads."""
-        return np.asarray(np.linalg.solve(self.mass, self.load))
-
-    @cached_property
-    def frequencies(self) -> Array:
-        """(n,) rad/s, without damping and without the damper."""
-        squares = eigh(self.stiffness, self.mass, eigvals_only=True)
-        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -143,6 +90,7 @@ class LinearStructure(Structure, metaclass=_Kind):
     signals: ClassVar[tuple[str, ...]] = ()
     strong: ClassVar[float] = 1.0
     rod: ClassVar[str] = ""
+    whole: ClassVar[float] = 0.0
     option, source, Source, drawn_size, cameras = "motion", "motions", MotionSource, 0.1, ("front",)
     exponent: ClassVar[float] = 4.0
 
@@ -298,53 +246,3 @@ class LinearStructure(Structure, metaclass=_Kind):
 
     def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
         return registry.make(spec, self.site(command_max, period, force_max))
-
-
-class LinearRows(EngineRows):
-    """n structures, each under its own load."""
-
-    structure: LinearStructure
-    fields = ("sensordata", "qpos", "qvel", "qacc")
-
-    def start(self, row: int, load: Any) -> Array:
-        """Row at rest under a load; returns `LinearStructure.forces` of it."""
-        forces = self.structure.forces(load)
-        self._begin(row, forces, load.sample_time, load.duration)
-        return forces
-
-    def _somewhere(self, coordinates: Array) -> Array:
-        """(..., places) from coordinates (..., n). A matrix product might add up otherwise for other row counts."""
-        return np.asarray((coordinates[..., None, :] * self.structure.at).sum(axis=-1))
-
-    def _accelerations(self, qacc: Array, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
-        """(rows, k, places), as accelerometers read it, of qacc (rows, k, n) at steps (rows, k)."""
-        s = self.structure.system
-        if s.absolute:
-            qacc = qacc - (self.plants.loads_at(rows, steps)[..., None, :] * s.loaded).sum(axis=-1)
-        return self._somewhere(qacc)
-
-    def _criteria(self, record: Mapping[str, Array]) -> Sequence[Array]:
-        n, inner = len(self.steps), self.plants.inner
-        steps = self.plants.step[:, None] - inner + np.arange(inner)
-        both = self._accelerations(record["qacc"], np.arange(n), steps), self._somewhere(record["qpos"])
-        return [column for x in both for found in ((x * x).mean(axis=1), np.abs(x).max(axis=1)) for column in found.T]
-
-    def _moved_on(self, record: Mapping[str, Array], now: Mapping[str, Array]) -> Mapping[str, Array]:
-        rise, sensors = 0.5 * self.plants.timestep * now["qacc"], now["sensordata"].copy()
-        sensors[:, self._velocity] += (rise * self.structure.system.stroke).sum(axis=-1, keepdims=True)
-        return {**now, "sensordata": sensors, "qvel": now["qvel"] + rise}
-
-    def _read(self, now: Mapping[str, Array], fresh: Sequence[int] | None) -> Array:
-        rows = np.arange(len(self.steps)) if fresh is None else np.array(fresh)
-        acceleration = self._accelerations(now["qacc"][:, None], rows, self.plants.step[rows, None])[:, 0]
-        motion = [acceleration, *(self._somewhere(now[field]) for field in ("qpos", "qvel"))]
-        return np.concatenate([*motion, now["sensordata"][:, self._direct]], axis=1)
-
-
-class LinearChain(Chained, LinearRows):
-    """`LinearRows` on the chain."""
-
-    def _build(self) -> None:
-        s, at = self.structure.system, self.structure.at
-        stroke, models = s.stroke[None], self.structure.models
-        self._hold(ChainRows.linear(s.rate, s.loaded, stroke, s.push, at, models, self.stepping, 0.0, s.absolute))

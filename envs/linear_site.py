@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from mrdamp.control import registry
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.plant import Linear, Plant
-from mrdamp.errors import InputError
+from mrdamp.control.plant import Linear, outputs_of, plant_of
 from mrdamp.model import Model
-from mrdamp.structures import FloatArray
 
 if TYPE_CHECKING:
     from mrdamp.envs.linear import LinearStructure
@@ -51,33 +49,18 @@ class LinearSite(registry.AnySite):
 
     @cached_property
     def linear(self) -> Linear:
-        whole = self.structure
-        s, n, first = whole.system, len(whole.system.stroke), whole.first
-        a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), s.rate])
-        load = whole.strong / max(float(np.abs(s.loaded).max()), 1e-12) * s.loaded
-        linear = Plant(a, np.append(np.zeros(n), s.push[:, 0]), np.vstack([np.zeros_like(load), load]))
+        whole, first = self.structure, self.structure.first
+        linear, s = plant_of(whole.system), whole.system
+        strong = whole.strong / max(float(np.abs(s.loaded).max()), 1e-12)
+        rows = partial(outputs_of, s, dict(zip(whole.places, whole.at, strict=True)), {})
         measured = (*(f"acceleration_{place}" for place in whole.places), "stroke")
         goals = {f"{goal.of}_{goal.place}": goal.weight for goal in whole.goals.values()}
         regulated = {name: weight / self._scale[name] ** 2 for name, weight in goals.items()}
         hooks: Any = ((whole.rod, 1.0),) if whole.rod else ()
         deviation = np.array([self._scale[name] for name in measured])
         mass = float(s.mass.trace())
-        return Linear(linear, self._rows, measured, regulated, first, hooks, first * mass, deviation)
-
-    def _rows(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        whole = self.structure
-        s, n = whole.system, len(whole.system.stroke)
-        rows = {"stroke": np.append(s.stroke, np.zeros(n)), "stroke_velocity": np.append(np.zeros(n), s.stroke)}
-        direct = dict.fromkeys(rows, 0.0)
-        for place, at in zip(whole.places, whole.at, strict=True):
-            rows[f"displacement_{place}"] = np.append(at, np.zeros(n))
-            rows[f"velocity_{place}"] = np.append(np.zeros(n), at)
-            rows[f"acceleration_{place}"] = at @ s.rate
-            direct[f"acceleration_{place}"] = float(at @ s.push[:, 0])
-        unknown = [name for name in names if name not in rows]
-        if unknown:
-            raise InputError(f"measurement {unknown[0]!r} is unknown; allowed: {', '.join(rows)}")
-        return np.array([rows[name] for name in names]), np.array([direct.get(name, 0.0) for name in names])
+        plant, dashpot = replace(linear, e=strong * linear.e), first * mass
+        return Linear(plant, rows, measured, regulated, first, hooks, dashpot, deviation)
 
     def lqg(self, options: Mapping[str, float]) -> Lqg:
         weight = options.get("r", 1.0) / self.force_max**2

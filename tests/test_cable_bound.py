@@ -17,8 +17,8 @@ from mrdamp.compare.cable import CableBench
 from mrdamp.compare.cable_bound import ToCome, cable_bound
 from mrdamp.compare.shares import share
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
+from mrdamp.envs.cable_rows import CableChain
 from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.chain_rows import CableChain
 from mrdamp.simulation.rows import ChainRows, Stepping
 
 BENCH = CableBench()

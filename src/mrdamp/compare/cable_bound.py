@@ -16,8 +16,8 @@ from mrdamp.compare.beam import judged, search
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
 from mrdamp.envs.cable_loads import CableLoad
+from mrdamp.envs.cable_rows import CableChain
 from mrdamp.envs.cable_task import Cable
-from mrdamp.envs.chain_rows import CableChain
 from mrdamp.simulation.rows import ChainRows, Stepping
 from mrdamp.structures.cables import StayCable
 

@@ -12,9 +12,8 @@ point in space (skyhook) is an ordinary one here, whose size matters.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import ClassVar
 
@@ -22,8 +21,7 @@ import numpy as np
 
 from mrdamp.control import registry
 from mrdamp.control.clipped_optimal import Lqg
-from mrdamp.control.plant import Linear, Plant
-from mrdamp.errors import InputError
+from mrdamp.control.plant import Linear, Plant, outputs_of, plant_of
 from mrdamp.model import Model
 from mrdamp.structures import FloatArray
 from mrdamp.structures.cables import StayCable
@@ -89,41 +87,13 @@ class CableSite(registry.AnySite):
 
 def cable_plant(cable: StayCable) -> Plant:
     """First-order form in the natural coordinates; e (2N+2, 11) per N/m at `_LOAD_PLACES`."""
-    n, w = len(cable.natural), cable.natural
-    a = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(w**2), -np.diag(2 * cable.ratio * w)]])
     load = cable.load_matrix(_LOAD_PLACES).T
-    return Plant(
-        a, np.concatenate([np.zeros(n), -cable.at(cable.damper_at)]), np.vstack([np.zeros_like(load), load])
-    )
+    return replace(plant_of(cable.mechanics), e=np.vstack([np.zeros_like(load), load]))
 
 
-def cable_outputs(
-    cable: StayCable, places: Sequence[float], names: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """Rows c (p, 2N+2) and feedthrough d (p,) of measurements by name: acceleration_j, velocity_j, displacement_j at
-    place j (from 1), stroke, stroke_velocity, and mode_k, the k-th coordinate over the root of the cable's mass, whose
-    squares sum to the mean square of the motion over the length, m2. Raises InputError."""
-    linear, n = cable_plant(cable), len(cable.natural)
-    c, d = np.zeros((len(names), 2 * n)), np.zeros(len(names))
-    for row, name in enumerate(names):
-        match = re.fullmatch(r"(acceleration|velocity|displacement|mode)_([1-9]\d*)", name)
-        kind, number = (match[1], int(match[2])) if match else (name, 0)
-        if kind == "mode" and number <= n:
-            c[row, number - 1] = 1 / math.sqrt(cable.mass * cable.length)
-            continue
-        if kind in ("stroke", "stroke_velocity"):
-            shape = cable.at(cable.damper_at)
-        elif kind != "mode" and 1 <= number <= len(places):
-            shape = cable.at(places[number - 1])
-        else:
-            raise InputError(
-                f"measurement {name!r} is unknown; allowed: acceleration_j, velocity_j, displacement_j with j = 1.."
-                f"{len(places)}, mode_k with k = 1..{n}, stroke, stroke_velocity"
-            )
-        if kind == "acceleration":
-            c[row], d[row] = shape @ linear.a[n:], float(shape @ linear.b[n:])
-        elif kind in ("velocity", "stroke_velocity"):
-            c[row, n:] = shape
-        else:
-            c[row, :n] = shape
-    return c, d
+def cable_outputs(cable: StayCable, places: Sequence[float], names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Of `outputs_of`, with places numbered from 1, and mode_k, the k-th coordinate over the root of the cable's mass,
+    whose squares sum to the mean square of the motion over the length, m2."""
+    numbered = {str(j): cable.at(place) for j, place in enumerate(places, 1)}
+    modes = np.eye(len(cable.natural)) * (1 / math.sqrt(cable.mass * cable.length))
+    return outputs_of(cable.mechanics, numbered, {f"mode_{k}": row for k, row in enumerate(modes, 1)}, names)

@@ -15,6 +15,7 @@ import numpy as np
 from mrdamp.control.base import sensor_name
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray, ShearFrame
+from mrdamp.structures.mechanics import Mechanics
 
 
 @dataclass(frozen=True)
@@ -117,3 +118,30 @@ def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatA
             if match.group(1) == "drift" and floor > 0:
                 c[row, floor - 1] = -1.0
     return c, d
+
+
+def plant_of(system: Mechanics) -> Plant:
+    """First-order form; e (2n, k) per unit of the loads."""
+    n = len(system.stroke)
+    a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), system.rate])
+    b = np.append(np.zeros(n), system.push[:, 0])
+    return Plant(a, b, np.vstack([np.zeros_like(system.loaded), system.loaded]))
+
+
+def outputs_of(
+    system: Mechanics, places: Mapping[str, FloatArray], more: Mapping[str, FloatArray], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, 2n) and feedthrough d (p,) of measurements by name: acceleration_P, velocity_P and displacement_P of
+    places P, rows (n,); stroke, stroke_velocity; and more rows over the coordinates. Raises InputError."""
+    none = np.zeros_like(system.stroke)
+    rows = {"stroke": np.append(system.stroke, none), "stroke_velocity": np.append(none, system.stroke)}
+    direct = {}
+    for place, at in places.items():
+        rows[f"displacement_{place}"], rows[f"velocity_{place}"] = np.append(at, none), np.append(none, at)
+        rows[f"acceleration_{place}"] = at @ system.rate
+        direct[f"acceleration_{place}"] = float(at @ system.push[:, 0])
+    rows |= {name: np.append(row, none) for name, row in more.items()}
+    unknown = [name for name in names if name not in rows]
+    if unknown:
+        raise InputError(f"measurement {unknown[0]!r} is unknown; allowed: {', '.join(rows)}")
+    return np.array([rows[name] for name in names]), np.array([direct.get(name, 0.0) for name in names])
