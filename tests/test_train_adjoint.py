@@ -120,10 +120,14 @@ def test_the_price_of_the_current_is_added(run: AdjointRun) -> None:
     np.testing.assert_array_equal(run.loop.adjoint(base, none, blind, 0.3), np.full(base.commands.shape, 0.3))
 
 
-def test_a_training_begins_at_a_shipped_policy(tmp_path: Path) -> None:
-    """Apart from that one's small offset."""
-    own = made(tmp_path)
-    shipped = Policy.read(shipped_policies("frame")["learned"][0])
+@pytest.mark.parametrize("folder", [False, True])
+def test_a_training_begins_at_a_linear_policy(tmp_path: Path, folder: bool) -> None:
+    """Of a shipped set or of a training's folder, apart from that one's small offset."""
+    file = shipped_policies("frame")["learned"][0]
+    shipped = Policy.read(file)
+    (tmp_path / "es" / "seed_0").mkdir(parents=True)
+    shipped.write(tmp_path / "es" / "seed_0" / "policy.json")
+    own = made(tmp_path / "own", *([f"start={tmp_path / 'es'}"] if folder else []))
     names = own.task.observer.names
     o = np.random.default_rng(0).normal(0, 0.3, (300, len(names))).astype(np.float32)
     old = o[:, [names.index(name) for name in shipped.observer.names]]
@@ -209,7 +213,7 @@ def test_a_training_that_was_stopped_goes_on_to_the_last_bit(tmp_path: Path) -> 
     [
         ("loads=0", "loads 1 or more"),
         ("start=nobody", "a shipped set"),
-        ("start=ppo", "not a linear policy"),
+        ("start=ppo", "no linear policy"),
         ("momentum=1", "'momentum' is unknown"),
         ("policy_kwargs.net_arch=[]", "sizes of hidden layers"),
         ("policy_kwargs.net_arch=[4,0]", "sizes of hidden layers"),

@@ -5,11 +5,10 @@
     for k in -10 10; do
       python tools/off_nominal_case.py --stiffness=$k out/k$k && mrdamp diagnose out/k$k/case -o out/k$k/diagnosis
     done
-    mrdamp compare frame --engine chain -o out/compare
     python tools/control_tables.py --work out
 
-Reads result.json in out/compare, out/cable and out/car, where there is one, and the diagnosed models; runs the rest,
-and keeps runs in out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table
+Reads result.json in out/cable and out/car, where there is one, and the diagnosed models; runs the rest, and keeps runs
+in out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table
 stays as it is.
 """
 
@@ -45,6 +44,7 @@ PAGE, RECORDS = ROOT / "docs" / "control.md", ROOT.parent / "shared" / "data" / 
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 PERCENT = (-10, -5, 5, 10)
 LAG = 0.003  # s, of the force sensor
+PEAKS = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
 MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
 
 
@@ -101,22 +101,8 @@ class Tables:
         return _compared(self.work / "car", CarBench(), ("comfort", "load", "stroke"), plain)
 
     def unseen(self) -> str:
-        """Every measure of every run from the comparison's own file; without it the peaks, on rows."""
-        file = self.work / "compare" / "result.json"
-        if not file.is_file():
-            result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
-            return markdown(("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods"), _peaks(result))
-        data = json.loads(file.read_text(encoding="utf-8"))["controllers"]
-        ratios = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
-        plain = ("mean_command", "coil_energy", "switching_rate")
-        rows = []
-        for name, row in data.items():
-            m = row["measures"]
-            cells = [f"{m[key]['mean']:.3f} ({m[key]['worst']:.3f})" for key in ratios]
-            cells += ["–" if m[key]["mean"] is None else short(m[key]["mean"]) for key in plain]
-            periods = row["periods"]
-            rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
-        return markdown(("controller", *ratios, "mean V", "coil J", "1/s", "1e6 periods"), rows)
+        result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
+        return markdown(PEAKS, _peaks(result))
 
     def unseendifferences(self) -> str:
         return _differences(self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""])
@@ -125,8 +111,7 @@ class Tables:
         if not RECORDS.is_dir():
             return None
         result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
-        heads = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
-        return f"{markdown(heads, _peaks(result))}\n{_differences(result)}"
+        return f"{markdown(PEAKS, _peaks(result))}\n{_differences(result)}"
 
     def spread(self) -> str:
         model = self.bench.model
