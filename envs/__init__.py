@@ -25,7 +25,7 @@ from mrdamp.envs.car_roads import Bumps, IsoRoads, RecordedRoads
 from mrdamp.envs.car_task import Car, CarTask, car_damper
 from mrdamp.envs.frame import FrameEnv
 from mrdamp.envs.frame_task import Frame, FrameTask, default_damper
-from mrdamp.envs.linear import Goal, LinearStructure, Mechanics
+from mrdamp.envs.linear import Goal, LinearStructure
 from mrdamp.envs.loads import MixedMotions, RecordedMotions, SyntheticMotions
 from mrdamp.envs.own import StructureEnv
 from mrdamp.envs.plant import CablePlant, CarPlant, FramePlant, Plant
@@ -33,6 +33,7 @@ from mrdamp.envs.plant_env import PlantEnv
 from mrdamp.envs.reward import FrameReward
 from mrdamp.envs.structure import Structure
 from mrdamp.registration import ENVIRONMENTS, register
+from mrdamp.structures.mechanics import Mechanics
 
 __all__ = [
     "ENVIRONMENTS",

@@ -56,7 +56,7 @@ class _Kind(ABCMeta):
     spec = ""
 
 
-copyreg.pickle(_Kind, lambda kind: (own_kind, (kind.spec,)) if "spec" in kind.__dict__ else kind.__qualname__)  # type: ignore[arg-type]
+copyreg.pickle(_Kind, lambda kind: (own_kind, (kind.spec,)) if "spec" in kind.__dict__ else kind.__qualname__)
 
 
 def own_kind(given: str | type[LinearStructure]) -> type[LinearStructure]:

@@ -35,7 +35,7 @@ class LinearRows(EngineRows):
 
     def start(self, row: int, load: Any) -> Array:
         """Row at rest under a load; returns `ByMatrices.forces` of it."""
-        forces = self.structure.forces(load)
+        forces: Array = self.structure.forces(load)
         self._begin(row, forces, load.sample_time, load.duration)
         return forces
 

@@ -150,7 +150,7 @@ class Bench(ABC):
     """A structure on which any controller can be run under any load, a dataclass. A run is pure: its result is the same
     anywhere.
 
-    Fields: structure, with its damper; command_unit, A or V; period: of the classical controllers, s; timestep: of the
+    Fields: command_unit, A or V; period: of the classical controllers, s; timestep: of the
     engine, s, at most; engine: `mujoco` or `chain`.
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
@@ -162,7 +162,6 @@ class Bench(ABC):
     at least.
     """
 
-    structure: Structure
     command_unit: str
     period: float
     timestep: float
@@ -181,6 +180,11 @@ class Bench(ABC):
         own.require_period("compare", self.period)
         require_positive("compare", timestep=self.timestep)
         of_engine(self.structure.engines, self.engine)
+
+    @property
+    @abstractmethod
+    def structure(self) -> Structure:
+        """With its damper."""
 
     @property
     @abstractmethod

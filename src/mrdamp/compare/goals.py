@@ -23,12 +23,16 @@ _SEED, _MANY = 9_000_401, 6  # of the loads of the evaluation, for judging alone
 class GoalBench(PlantBench):
     """A structure with goals. Raises InputError."""
 
-    structure: LinearStructure
+    of: LinearStructure
     command_unit: str = field(default="V", kw_only=True)
     period: float = field(default=5e-3, kw_only=True)
     timestep: float = field(default=5e-4, kw_only=True)
     engine: str = field(default="mujoco", kw_only=True)
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
+
+    @property
+    def structure(self) -> LinearStructure:
+        return self.of
 
     @cached_property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
