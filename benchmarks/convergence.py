@@ -270,20 +270,19 @@ def structures() -> Iterator[Structure]:
     """The structures of the environments with their default dampers."""
     from mrdamp.envs import AmbientLoads, CableTask, FrameTask
     from mrdamp.envs.car_task import CarTask
-    from mrdamp.envs.chain_rows import CABLES, CARS, FRAMES
     from mrdamp.motions import kanai_tajimi
     from mrdamp.simulation.roads import iso8608
 
     motion = kanai_tajimi(3, duration=5.0, pga=5.0).compressed(5.0)
     load = AmbientLoads(duration=2.0, rms=(2.0, 2.0)).draw(
-        np.random.default_rng(3), CableTask(1).cable.length
+        np.random.default_rng(3), CableTask(1).structure.cable.length
     )
     kinds = (
-        ("frame", FRAMES, FrameTask, {"motion": motion}),
-        ("cable", CABLES, CableTask, {"load": load}),
-        ("quarter car", CARS, CarTask, {"road": iso8608("C", 20.0, 2.0, 1)}),
+        ("frame", FrameTask, {"motion": motion}),
+        ("cable", CableTask, {"load": load}),
+        ("quarter car", CarTask, {"road": iso8608("C", 20.0, 2.0, 1)}),
     )
-    for name, engines, task, options in kinds:
+    for name, task, options in kinds:
 
         def run(
             engine: str, timestep: float, task: Any = task, options: dict[str, Any] = options
@@ -300,7 +299,7 @@ def structures() -> Iterator[Structure]:
                 found.append(one.measured[0].copy())
             return one.rows.names, np.array(found)
 
-        yield Structure(name, {engine: step for engine, (_, step) in engines.items()}, run)
+        yield Structure(name, {engine: step for engine, (_, step) in task.kind.engines.items()}, run)
 
 
 def apart(found: Array, expected: Array) -> Array:

@@ -89,7 +89,7 @@ def bare_frame(env: FrameEnv, steps: int) -> Task:
     """Cost of the engine's steps in a step of an environment that has neither damper nor sensors, us."""
     rows = env.task.rows
     assert isinstance(rows, FrameRows)
-    model = without_damper(frame_xml(rows.models, rows.plants.timestep), rows.plants.timestep, sensors=False)
+    model = without_damper(frame_xml(rows.structure.models, rows.plants.timestep), rows.plants.timestep, sensors=False)
     data = mujoco.MjData(model)
 
     def run() -> float:

@@ -68,7 +68,7 @@ class PythonPlants(Plants):
             self.law = damper.control(data, 1, model.opt.timestep)
             self.law(model, data)
         law, record = self.law, self._record["sensordata"][0]
-        load = self._at(np.zeros(1, np.int64), self.step[:, None] + self._ahead)[0, :, 0].tolist()
+        load = self.loads_at(np.zeros(1, np.int64), self.step[:, None] + self._ahead)[0, :, 0].tolist()
         push, sensors, own = data.ctrl, data.sensordata, []
         frame = record[:, : len(sensors)]
         for k in range(self.inner):
@@ -94,7 +94,7 @@ def python_env(law: PythonDamper, finer: int = 1) -> FrameEnv:
     env = FrameEnv(motions=MOTIONS)
     rows = env.task.rows
     assert isinstance(rows, FrameRows)
-    rows.plants = PythonPlants(rows.plants, frame_xml(rows.models, rows.plants.timestep), law, finer)
+    rows.plants = PythonPlants(rows.plants, frame_xml(rows.structure.models, rows.plants.timestep), law, finer)
     return env
 
 

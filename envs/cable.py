@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from mrdamp.envs.cable_task import CableTask
-from mrdamp.envs.cable_view import CableView
+from mrdamp.envs.cable_task import Cable
 from mrdamp.envs.plant_env import PlantEnv
-from mrdamp.envs.view import View
 
 
-class CableEnv(PlantEnv[CableTask]):
+class CableEnv(PlantEnv):
     """
     ## Description
 
@@ -50,11 +46,9 @@ class CableEnv(PlantEnv[CableTask]):
     | 3 | force of the damper, by its own sensor | -20 | 20 | force | at the damper | N |
     | 4 | command held in the period that ended | 0 | 1 | damper | | A or V |
 
-    The acceleration at the damper is that of the highest of the modes on a damper that sticks: 11.6, 14.7 and 36.4 m/s2
-    RMS with 10, 20 and 40 modes under one load, and 7.6, 5.3 and 4.7 with `bandwidth=50`. At the second place it is
-    13.2, 14.1 and 14.7, with the bandwidth 13.0, 13.5 and 13.6. An observation that hangs on no number of modes is
-    `signals=["acceleration_2", "stroke", "stroke_velocity", "force"], bandwidth=50`. The default is that of the shipped
-    policies, which need the ideal sensor: with a bandwidth their motion is 6 to 7 % more (docs/learning.md).
+    The accelerometers are ideal by default, and what they read hangs on the number of modes
+    (docs/reference/environments.md). `signals=["acceleration_2", "stroke", "stroke_velocity", "force"], bandwidth=62.5`
+    does not.
     `measured_at` sets the places. `history=h` stacks the last h control periods, the newest first.
     Other `signals`: `displacement_j`, `velocity_j` at place j, `stroke_velocity`, `current`, `true_force`.
     `full_state=True` gives displacements and velocities at as many places as there are sines, and the current.
@@ -97,22 +91,9 @@ class CableEnv(PlantEnv[CableTask]):
     At the default step every signal is within 2 % of that of a tenth of it under commands that switch
     (docs/convergence.md).
 
-    The accelerometers are ideal by default, and the damper sticks: at its place their reading is that of the highest
-    coordinates and grows with `cable.modes` (RMS of about 5, 8, 17 m/s2 for 10, 20, 40); beyond 20 scales it is cut
-    off. With `bandwidth=15` they read the mean acceleration of each control period through a second-order low-pass of
-    15 Hz: at five times the damper's distance the RMS is then the same within 2 % for 10 to 80 modes, at the damper
-    within 20 % from 20 modes on, as what sticks hardly moves. The shipped policies were trained without a bandwidth.
-
     ## Version History
 
     * v0: first version
     """
 
-    cameras = ("front", "along", "damper")
-
-    @staticmethod
-    def make_task(**arguments: Any) -> CableTask:
-        return CableTask(1, **arguments)
-
-    def make_view(self, camera: str, size: tuple[int, int]) -> View:
-        return CableView(self.task.cable, self.task.model, camera, size)
+    kind = Cable

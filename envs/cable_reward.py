@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from mrdamp.envs.weights import DAMPER, PartScore, Weights
+from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
 from mrdamp.structures.cables import StayCable
 
@@ -19,8 +18,7 @@ Array = NDArray[np.float64]
 
 _STEP = 1e-3  # s
 
-#: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
-PARTS = ("motion", "acceleration", "current", "power", "energy")
+_PARTS, _TOTALS = of_dampers(2, energy=2)
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,10 @@ class CableReward(Weights):
     acceleration: float = 0.0
     energy: float = 0.0
 
-    parts: ClassVar[tuple[str, ...]] = PARTS
+    table: ClassVar[tuple[Part, ...]] = (Part("motion", 0, 0, 0.5), Part("acceleration", 1, 1, 0.5), *_PARTS)
+    totals: ClassVar[tuple[Total, ...]] = (
+        Total("rms_motion", 0, "rms", 0), Total("motion_ratio", 0, "rms", 0, ratio=True), *_TOTALS,
+    )  # fmt: skip
 
 
 def free_run(cable: StayCable, forces: Array, sample_time: float) -> Array:
@@ -84,54 +85,3 @@ def _moved(w: float, ratio: float, dt: float) -> tuple[Array, Array, Array]:
     back = np.linalg.inv(np.array([[0.0, 1.0], [-w * w, -2 * fall]]))
     held = back @ (a - np.eye(2))[:, 1]
     return a, held, back @ (held - [0.0, dt]) / dt
-
-
-class CableScore(PartScore[CableReward]):
-    """Rewards of n rows, and their totals since each row's start.
-
-    values (n, 9) are its whole state: the free run's mean squares of motion and acceleration and its energy; sums of
-    mean squares of the motion, of power shares, of currents (A or V) and of dissipated energy (J); periods so far, and
-    of the load.
-    """
-
-    NAMES = (
-        *(f"reward_{part}" for part in PARTS),
-        "rms_motion",
-        "motion_ratio",
-        *DAMPER,
-    )
-    kept = 9
-
-    def of(self, period: Array) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
-        v = self.values
-        info = self._info()
-        ratio = period[:, :2] / v[:, :2]
-        info[:, 0:2] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
-        info[:, 2:4] = period[:, 2:4]
-        np.divide(period[:, 5], v[:, 2], out=info[:, 4])
-        info[:, :5] *= self._weights()
-        v[:, 3] += period[:, 0]
-        v[:, 4:7] += period[:, 3:6]
-        v[:, 7] += 1.0
-        np.sqrt(v[:, 3] / v[:, 7], out=info[:, 5])
-        np.divide(info[:, 5], np.sqrt(v[:, 0]), out=info[:, 6])
-        np.divide(v[:, 4:6], v[:, 7:8], out=info[:, 7:9])
-        info[:, 9] = v[:, 6]
-        return np.add.reduce(info[:, :5], axis=1), info
-
-    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
-        """`of` for a single row in plain numbers, bit-identical, and its `info` by name."""
-        of_motion, of_acceleration, energy, squares, power, current, work, periods, _ = self.values[0].tolist()
-        motion, acceleration = period[0] / of_motion, period[1] / of_acceleration
-        if self.weights.exponent != 2.0:
-            motion, acceleration = np.power((motion, acceleration), 0.5 * self.weights.exponent).tolist()
-        parts = motion, acceleration, period[2], period[3], period[5] / energy
-        rewards = self._weighed(parts)
-        squares, power, current = squares + period[0], power + period[3], current + period[4]
-        work, periods = work + period[5], periods + 1.0
-        self.values[0, 3:8] = squares, power, current, work, periods
-        rms = math.sqrt(squares / periods)
-        info = (*rewards, rms, rms / math.sqrt(of_motion), power / periods, current / periods, work)
-        self._parts[:] = rewards
-        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, info, strict=True))

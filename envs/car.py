@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
-from mrdamp.envs.car_task import CarTask
-from mrdamp.envs.car_view import CarView
+from mrdamp.envs.car_task import Car
 from mrdamp.envs.plant_env import PlantEnv
-from mrdamp.envs.view import View
-from mrdamp.simulation.roads import Road
 
 
-class CarEnv(PlantEnv[CarTask]):
+class CarEnv(PlantEnv):
     """
     ## Description
 
@@ -94,16 +87,4 @@ class CarEnv(PlantEnv[CarTask]):
     * v0: first version
     """
 
-    @staticmethod
-    def make_task(**arguments: Any) -> CarTask:
-        return CarTask(1, **arguments)
-
-    def make_view(self, camera: str, size: tuple[int, int]) -> View:
-        task = self.task
-
-        def ahead(places: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-            road: Road = task.rows.of(0).roads[0]
-            plants = task.rows.plants
-            return road.at(plants.timestep * plants.step[0] + places / road.speed)
-
-        return CarView(task.car, task.model, ahead, camera, size)
+    kind = Car

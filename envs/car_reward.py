@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.weights import DAMPER, PartScore, Weights
+from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
 from mrdamp.simulation.comfort import wk
 from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
 
-#: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
-PARTS = ("comfort", "holding", "stroke", "airborne", "current", "power")
+_PARTS, _TOTALS = of_dampers(5)
 #: Of critical: the dashpot of the linear suspension. Passenger cars have .2 to .4 (T. D. Gillespie, Fundamentals of
 #: Vehicle Dynamics, SAE 1992, chapter 5).
 CONVENTIONAL = 0.3
@@ -49,7 +47,14 @@ class CarReward(Weights):
     stroke: float = 0.0
     airborne: float = 0.0
 
-    parts: ClassVar[tuple[str, ...]] = PARTS
+    table: ClassVar[tuple[Part, ...]] = (
+        Part("comfort", 0, 0, 0.5), Part("holding", 1, 1, 0.5), Part("stroke", 2, 2, 0.5), Part("airborne", 4), *_PARTS,
+    )  # fmt: skip
+    totals: ClassVar[tuple[Total, ...]] = (
+        *(Total(name, k, "rms", k) for k, name in enumerate(("weighted_acceleration", "rms_load", "rms_stroke"))),
+        *(Total(f"{name}_ratio", k, "rms", k, ratio=True) for k, name in enumerate(("comfort", "load", "stroke"))),
+        Total("peak_stroke", 3, "peak"), Total("airborne", 4, "mean"), *_TOTALS,
+    )  # fmt: skip
 
 
 def linear_run(
@@ -81,44 +86,3 @@ def reference_run(car: QuarterCar, heights: Array, step: float) -> Array:
     if not np.ptp(heights) > 0:
         raise InputError("the road is flat throughout; there is nothing to control")
     return np.array([np.mean(x * x) for x in linear_run(car, heights, step)])
-
-
-class CarScore(PartScore[CarReward]):
-    """Rewards of n rows, and their totals since each row's start.
-
-    values (n, 13) are its whole state: the reference's mean squares of weighted acceleration, load and stroke; sums of
-    the row's own three; the largest stroke; sums of the shares without contact, of power shares, of currents (A or V)
-    and of dissipated energy (J); periods so far, and of the load.
-    """
-
-    NAMES = (
-        *(f"reward_{part}" for part in PARTS), "weighted_acceleration", "rms_load", "rms_stroke",
-        "comfort_ratio", "load_ratio", "stroke_ratio", "peak_stroke", "airborne", *DAMPER,
-    )  # fmt: skip
-    kept = 13
-
-    def of(self, period: Array) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, `PERIOD` (n, 9), and the columns of `info`, (n, names)."""
-        v, parts = self.values, len(PARTS)
-        info = self._info()
-        ratio = period[:, :3] / v[:, :3]
-        info[:, :3] = ratio if self.weights.exponent == 2.0 else np.power(ratio, 0.5 * self.weights.exponent)
-        info[:, 3:parts] = period[:, 4:7]
-        info[:, :parts] *= self._weights()
-        v[:, 3:6] += period[:, :3]
-        np.maximum(v[:, 6], period[:, 3], out=v[:, 6])
-        v[:, 7] += period[:, 4]
-        v[:, 8:11] += period[:, 6:9]
-        v[:, 11] += 1.0
-        own = np.sqrt(v[:, 3:6] / v[:, 11:12])
-        info[:, parts : parts + 3] = own
-        info[:, parts + 3 : parts + 6] = own / np.sqrt(v[:, :3])
-        info[:, parts + 6] = v[:, 6]
-        info[:, parts + 7 : parts + 10] = v[:, 7:10] / v[:, 11:12]
-        info[:, parts + 10] = v[:, 10]
-        return np.add.reduce(info[:, :parts], axis=1), info
-
-    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
-        """`of` a single row in plain numbers, and its `info` by name."""
-        reward, info = self.of(np.array([period]))
-        return float(reward[0]), dict(zip(self.NAMES, info[0].tolist(), strict=True))

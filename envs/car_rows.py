@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.car_xml import car_xml
-from mrdamp.envs.frame_rows import FrameRows, currents, work
-from mrdamp.envs.frame_xml import frame_models
-from mrdamp.model import Model
+from mrdamp.envs.frame_rows import FrameRows
+from mrdamp.envs.plants import EngineRows
 from mrdamp.simulation.comfort import STATES, BlockFilter
 from mrdamp.simulation.roads import Road
 from mrdamp.simulation.rows import Stepping
-from mrdamp.structures.cars import QuarterCar
+
+if TYPE_CHECKING:
+    from mrdamp.envs.car_task import Car
 
 Array = NDArray[np.float64]
 
@@ -26,41 +26,28 @@ Array = NDArray[np.float64]
 PERIOD = ("comfort", "load", "stroke", "stroke_peak", "airborne", "share", "power", "current", "energy")
 
 
-@dataclass(frozen=True)
-class CarState:
-    """A row's state, with its weighting filter and the road it is on."""
-
-    row: Any
-    weighted: Array
-    road: Road
-
-
 class CarRows(FrameRows):
     """n quarter cars, each on its own road: frames of two floors, wheel and body, on a ground that is the road.
 
-    model: of the damper; effects with a place in a frame are left out. Attributes: as of `FrameRows`; roads, of each
-    row.
+    Attributes: as of `FrameRows`; roads, of each row.
     """
 
-    def __init__(self, car: QuarterCar, model: Model, stepping: Stepping) -> None:
-        self.car = car
+    structure: Car  # type: ignore[assignment]
+
+    def __init__(self, structure: Car, stepping: Stepping) -> None:
         self.roads: list[Road] = [Road("none", 1.0, np.zeros(3), 1.0)] * stepping.n
-        own = replace(model, effects=tuple(e for e in model.effects if e.place is None))
-        super().__init__(frame_models(own, car.frame, [(1, 2)]), stepping)
+        super().__init__(structure, stepping)
 
     def _build(self) -> None:
         super()._build()
         self._filter = BlockFilter(self.plants.timestep, self.plants.inner)
         self.weighted = np.zeros((self.stepping.n, STATES))
 
-    def _mjcf(self, timestep: float) -> tuple[str, str]:
-        return car_xml(self.car, self.models[0], timestep), "road"
-
-    def start(self, row: int, motion: Any) -> Array:
+    def start(self, row: int, load: Any) -> Array:
         """Row at rest at the start of a road; returns the heights (samples,) at the engine's steps, m."""
-        self.roads[row] = motion
-        heights = self._heights(motion)
-        self._begin(row, self._load(heights)[:, None], self.plants.timestep, motion.duration)
+        self.roads[row] = load
+        heights = self._heights(load)
+        self._begin(row, self._load(heights)[:, None], self.plants.timestep, load.duration)
         return heights[:-1]
 
     def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:
@@ -79,36 +66,23 @@ class CarRows(FrameRows):
         beyond, last = np.maximum(time - road.duration, 0.0), np.array([road.duration - 1e-6, road.duration])
         return np.asarray(road.at(time) + beyond * np.diff(road.at(last)) / 1e-6)
 
-    def advance(self, commands: Array) -> tuple[Array, Array]:
-        """One control period with commands (n, 1) held: `PERIOD` (n, 9), and the sensor readings after it."""
-        record, now = self.plants.advance(commands)
-        data, after = record["sensordata"], now["sensordata"]
+    def _criteria(self, record: Mapping[str, Array]) -> Sequence[Array]:
+        data, car = record["sensordata"], self.structure.car
         drift, rate = data[:, :, self._drift], data[:, :, self._drift_velocity]
-        load = self.car.tyre_load(drift[:, :, 0], rate[:, :, 0])
-        dynamic, stroke = load / self.car.weight - 1.0, drift[:, :, 1]
-        found = np.empty((len(data), len(PERIOD)))
-        found[:, 0], self.weighted = self._filter(self.weighted, data[:, :, self._acceleration][:, :, 1])
-        found[:, 1] = (dynamic * dynamic).sum(axis=1) / dynamic.shape[1]
-        found[:, 2] = (stroke * stroke).sum(axis=1) / stroke.shape[1]
-        found[:, 3] = np.abs(stroke).max(axis=1)
-        found[:, 4] = (load == 0.0).sum(axis=1) / load.shape[1]
-        found[:, 5:8] = currents(data[:, :, self._current], self.command_max)
-        found[:, 8] = work(
-            data[:, :, self._pull], data[:, :, self._velocity], after[:, self._velocity], self.plants.timestep
-        )
-        return found, self._read(self._moved_on(data, after), None)
+        load = car.tyre_load(drift[:, :, 0], rate[:, :, 0])
+        dynamic, stroke, steps = load / car.weight - 1.0, drift[:, :, 1], load.shape[1]
+        comfort, self.weighted = self._filter(self.weighted, data[:, :, self._acceleration][:, :, 1])
+        squares = ((x * x).sum(axis=1) / steps for x in (dynamic, stroke))
+        return [comfort, *squares, np.abs(stroke).max(axis=1), (load == 0.0).sum(axis=1) / steps]
 
-    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """`advance` for a single car in plain numbers."""
-        period, values = self.advance(commands)
-        return period[0].tolist(), values[0].tolist()
+    advance_one = EngineRows.advance_one
 
-    def save(self, row: int) -> Any:
-        return CarState(super().save(row), self.weighted[row].copy(), self.roads[row])
+    def _beside(self, row: int) -> Any:
+        return super()._beside(row), self.weighted[row].copy(), self.roads[row]
 
-    def restore(self, row: int, state: Any) -> None:
-        super().restore(row, state.row)
-        self.weighted[row], self.roads[row] = state.weighted, state.road
+    def _put_back(self, row: int, beside: Any) -> None:
+        super()._put_back(row, beside[0])
+        self.weighted[row], self.roads[row] = beside[1:]
 
 
 def road_acceleration(heights: Array, step: float) -> Array:

@@ -1,10 +1,11 @@
-"""The task of the quarter car: roads, its default observation, and its reward."""
+"""Quarter cars on roads: damper and roads, and what is measured and rewarded."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp import sets
-from mrdamp.envs.car_reward import CarReward, CarScore, reference_run
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.car import CarSite
+from mrdamp.envs.car_reward import CarReward, reference_run
 from mrdamp.envs.car_roads import IsoRoads, RoadSource
-from mrdamp.envs.chain_rows import CARS
-from mrdamp.envs.frame_task import largest_force
-from mrdamp.envs.options import RowOptions, TaskOptions, model_of
-from mrdamp.envs.plant import RowPlant
-from mrdamp.envs.task import Task, check_options
+from mrdamp.envs.car_rows import CarRows
+from mrdamp.envs.car_view import CarView
+from mrdamp.envs.car_xml import car_xml
+from mrdamp.envs.chain_rows import CarChain
+from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.frame_xml import frame_models
+from mrdamp.envs.options import model_of
+from mrdamp.envs.structure import Criterion, Structure, largest_force
+from mrdamp.envs.task import KindTask, Task
+from mrdamp.envs.training_loads import TrainingRoads, validation_roads
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model, effects_from
 from mrdamp.simulation.roads import Road, read_road
+from mrdamp.structures import ShearFrame
 from mrdamp.structures.cars import QuarterCar
 
 Array = NDArray[np.float64]
@@ -31,6 +41,7 @@ _TYPICAL = {
     "acceleration": 0.65, "displacement": 0.5, "drift": 0.45, "stroke": 0.4, "stroke_velocity": 0.5, "force": 0.6,
     "true_force": 0.6, "current": 0.6,
 }  # fmt: skip
+_DRAWN = 5.0  # s, of the roads that a search draws: more of them for the same periods
 # Sizes that the scales of the observation belong to, those on a rough road (class D): m/s2, m/s, m.
 _BODY, _WHEEL, _VELOCITY, _STROKE, _TYRE = 3.0, 30.0, 0.5, 0.03, 0.01
 
@@ -45,75 +56,81 @@ def car_damper() -> Model:
     return Model(found.law, {**found.parameters, "x0": 0.0}, effects, name=found.id)
 
 
-class CarPlant(RowPlant):
-    """A quarter car with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
+@dataclass(frozen=True)
+class Car(Structure):
+    """A quarter car with a damper.
 
-    car: None is that of `QuarterCar`. model: any identified one, None: `car_damper`. Floor 1 of the measurements is the
-    wheel, 2 the body; displacements and velocities are those to the road. options: of `RowOptions`. Raises InputError.
+    car: None is that of `QuarterCar`, or numbers by name. model: any identified one or its file, None: `car_damper`;
+    effects with a place in a frame are left out. Raises InputError.
     """
 
-    def __init__(self, car: QuarterCar | None = None, model: Model | None = None, **options: Any) -> None:
-        self.car = car or QuarterCar()
-        damper = model or car_damper()
-        super().__init__(RowOptions(**options).rows(CARS, [damper], self.car, damper))
+    car: QuarterCar = None  # type: ignore[assignment]
+    model: Model | Path | str | None = None
 
+    name, option, more, source, Source = "car", "road", ("speed",), "roads", RoadSource
+    weights = CarReward
+    engines = {"mujoco": (CarRows, 5e-4), "chain": (CarChain, 1e-3)}  # noqa: RUF012
+    typical, drawn_size = _TYPICAL, 0.05
+    #: Share of the dynamic tyre load in the score, the rest is comfort's; as `mrdamp compare car` tunes.
+    scored = {"holding": 0.5}  # noqa: RUF012
+    #: The same scores as at .5 ms within .1 %.
+    searched = 1e-3
 
-class CarTask(Task):
-    """n quarter cars on roads; arguments as in `CarEnv`."""
+    def __post_init__(self) -> None:
+        require_kind("a QuarterCar, or numbers by name", (QuarterCar, Mapping), car=self.car)
+        car = QuarterCar(**self.car) if isinstance(self.car, Mapping) else self.car or QuarterCar()
+        object.__setattr__(self, "car", car)
+        object.__setattr__(self, "model", model_of(self.model, car_damper))
 
-    def __init__(
-        self,
-        n: int = 1,
-        *,
-        car: QuarterCar | Mapping[str, float] | None = None,
-        model: Model | Path | str | None = None,
-        roads: RoadSource | None = None,
-        reward: CarReward | Mapping[str, Any] | None = None,
-        **options: Any,
-    ) -> None:
-        given = TaskOptions(**options)
-        require_kind("a QuarterCar, or numbers by name", (QuarterCar, Mapping), car=car)
-        require_kind("a source of roads", RoadSource, roads=roads)
-        self.car = QuarterCar(**car) if isinstance(car, Mapping) else car or QuarterCar()
-        self.model = model_of(model, car_damper)
-        rows = given.rows(CARS, [self.model], self.car, self.model, n=n)
-        self.roads = IsoRoads() if roads is None else roads
-        self.weights = CarReward.of(reward)
-        maximum = rows.command_max
-        observer = given.observes(
-            lambda full: car_sensors(self.car, self.model, float(maximum[0]), full), maximum, _TYPICAL
-        )
-        super().__init__(rows, CarScore(self.weights, n), observer, maximum, given.noise)
+    @cached_property
+    def models(self) -> tuple[Model, ...]:
+        model = model_of(self.model, car_damper)
+        own = replace(model, effects=tuple(e for e in model.effects if e.place is None))
+        return frame_models(own, self.car.frame, [(1, 2)])
 
-    drawn_size = 0.05
+    @property
+    def frame(self) -> ShearFrame:
+        """The car as a frame."""
+        return self.car.frame
 
-    def reference_motion(self, row: int) -> float:
-        """RMS stroke, m."""
-        return math.sqrt(self.score.values[row, 2])
+    @property
+    def names(self) -> tuple[str, ...]:
+        whats = ("acceleration", "displacement", "velocity", "drift")
+        return (*(f"{what}_{j}" for what in whats for j in (1, 2)), *SIGNALS[:-1])
 
-    def begin(
-        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
-    ) -> dict[str, Any]:
-        road = self._road(rng, options)
-        heights, car = self.rows.start(row, road), self.rows.of(row).car
-        step = self.rows.plants.timestep
-        reference = self._references.of(heights, drawn, lambda: reference_run(car, heights, step))
-        self.score.start(row, reference, int(self.rows.steps[row]))
-        acceleration, load, stroke = np.sqrt(reference).tolist()
-        return {
-            "road": road.name,
-            "speed": road.speed,
-            "duration": road.duration,
-            "reference_acceleration": acceleration,
-            "reference_load": load,
-            "reference_stroke": stroke,
-        }
+    load_names = ("road",)
 
-    def _road(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Road:
-        amplitude = check_options(options, "road", "speed")
+    def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
+        return car_xml(self.car, self.models[0], timestep, drawn=drawn)
+
+    def loads(self) -> RoadSource:
+        return IsoRoads()
+
+    @property
+    def first(self) -> float:
+        return self.car.bounce
+
+    @classmethod
+    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
+        holding = scored["holding"]
+        return Criterion("comfort_ratio", 1.0 - holding, 0, 0.5), Criterion("load_ratio", holding, 1, 0.5)
+
+    def training(self) -> TrainingRoads:
+        return TrainingRoads()
+
+    def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Road]:
+        return TrainingRoads(10.0 if spread else _DRAWN).some(rng, count, spread=spread)
+
+    def validation(self) -> list[Road]:
+        return validation_roads()
+
+    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
+        return registry.make(spec, CarSite(self.car, self.models[0], command_max, force_max, period))
+
+    def load(self, rng: np.random.Generator, source: RoadSource, options: Mapping[str, Any]) -> Road:
         road, speed = options.get("road"), options.get("speed")
         if road is None:
-            road = self.roads.draw(rng)
+            road = source.draw(rng)
         elif not isinstance(road, Road):
             require_kind("a Road, or its file", (Road, str, Path), road=road)
             if speed is None:
@@ -121,23 +138,50 @@ class CarTask(Task):
             road = read_road(road, float(speed))
         if speed is not None:
             road = replace(road, speed=float(speed))
-        return road.scaled(amplitude)
+        return road
+
+    def reference(
+        self, given: Array, load: Road, timestep: float, weights: CarReward, command_max: float
+    ) -> Array:
+        return reference_run(self.car, given, timestep)
+
+    def told(self, load: Road, reference: Sequence[float] | Array) -> dict[str, Any]:
+        names = ("reference_acceleration", "reference_load", "reference_stroke")
+        return {"speed": load.speed, **dict(zip(names, np.sqrt(reference).tolist(), strict=True))}
+
+    def reference_motion(self, values: Array) -> float:
+        """RMS stroke, m."""
+        return math.sqrt(values[2])
+
+    def view(self, task: Task, camera: str, size: tuple[int, int]) -> CarView:
+        plants = task.rows.plants
+
+        def ahead(places: Array) -> Array:
+            road: Road = task.rows.of(0).roads[0]
+            return road.at(plants.timestep * plants.step[0] + places / road.speed)
+
+        return CarView(self.car, self.models[0], ahead, camera, size)
+
+    def sensors(self, command_max: Array, full_state: bool) -> tuple[list[str], dict[str, float]]:
+        """Accelerations of body and wheel, stroke and force of the damper.
+
+        full_state: the stroke's velocity, the tyre's deflection and the coil's current besides. The scales are sizes on
+        a rough road; of the force, the damper's in the body's bounce of 3 cm at the largest command.
+        """
+        more = ["stroke_velocity", "drift_1", "current"] if full_state else []
+        scale = {
+            "acceleration_1": _WHEEL, "acceleration_2": _BODY, "stroke": _STROKE, "stroke_velocity": _VELOCITY,
+            "displacement_1": _TYRE, "displacement_2": _STROKE, "velocity_1": _VELOCITY, "velocity_2": _VELOCITY,
+            "drift_1": _TYRE, "drift_2": _STROKE,
+            "current": float(command_max[0]),
+        }  # fmt: skip
+        force = largest_force(self.models[0], _STROKE, self.car.bounce, float(command_max[0]))
+        scale |= {"force": force, "true_force": force}
+        return ["acceleration_2", "acceleration_1", "stroke", *more, "force"], scale
 
 
-def car_sensors(
-    car: QuarterCar, model: Model, command_max: float, full_state: bool
-) -> tuple[list[str], dict[str, float]]:
-    """Signals of a car's sensors: accelerations of body and wheel, stroke and force of the damper.
+class CarTask(KindTask):
+    """n quarter cars on roads; arguments as in `CarEnv`."""
 
-    full_state: the stroke's velocity, the tyre's deflection and the coil's current besides. Returns the signals, and
-    the scale of every measurement (SI): sizes on a rough road; of the force, the damper's in the body's bounce of 3 cm
-    at the largest command.
-    """
-    more = ["stroke_velocity", "drift_1", "current"] if full_state else []
-    scale = {
-        "acceleration_1": _WHEEL, "acceleration_2": _BODY, "stroke": _STROKE, "stroke_velocity": _VELOCITY,
-        "displacement_1": _TYRE, "displacement_2": _STROKE, "velocity_1": _VELOCITY, "velocity_2": _VELOCITY,
-        "drift_1": _TYRE, "drift_2": _STROKE, "current": command_max,
-    }  # fmt: skip
-    scale["force"] = scale["true_force"] = largest_force(model, _STROKE, car.bounce, command_max)
-    return ["acceleration_2", "acceleration_1", "stroke", *more, "force"], scale
+    kind = Car
+    structure: Car

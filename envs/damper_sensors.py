@@ -62,3 +62,8 @@ def get(root: ET.Element, path: str) -> ET.Element:
     if found is None:
         raise InputError(f"the structure's file has no <{path}>; reinstall mrdamp")
     return found
+
+
+def actuator_name(k: int) -> str:
+    """Of damper k, from 0: `damper`, `damper_2`, `damper_3` ..."""
+    return "damper" if k == 0 else f"damper_{k + 1}"

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from mrdamp.envs.frame_task import FrameTask
-from mrdamp.envs.frame_view import FrameView
+from mrdamp.envs.frame_task import Frame
 from mrdamp.envs.plant_env import PlantEnv
-from mrdamp.envs.view import View
 
 
-class FrameEnv(PlantEnv[FrameTask]):
+class FrameEnv(PlantEnv):
     """
     ## Description
 
@@ -98,9 +94,4 @@ class FrameEnv(PlantEnv[FrameTask]):
     * v0: first version
     """
 
-    @staticmethod
-    def make_task(**arguments: Any) -> FrameTask:
-        return FrameTask(1, **arguments)
-
-    def make_view(self, camera: str, size: tuple[int, int]) -> View:
-        return FrameView(self.task.models, camera, size)
+    kind = Frame

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mrdamp.control.base import sensor_name as sensor_name
-from mrdamp.envs.damper_sensors import SIGNALS, add_sensor, get
+from mrdamp.envs.damper_sensors import SIGNALS, actuator_name, add_sensor, get
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.simulation.mjcf import mjcf
@@ -37,11 +37,6 @@ def frame_models(
         replace(m, rig="frame", structure=replace(structure, damper_between=position))
         for m, position in zip(models, positions, strict=True)
     )
-
-
-def actuator_name(k: int) -> str:
-    """Of damper k, from 0: `damper`, `damper_2`, `damper_3` ..."""
-    return "damper" if k == 0 else f"damper_{k + 1}"
 
 
 def frame_xml(models: Sequence[Model], timestep: float, *, drawn: bool = False) -> str:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observer
-from mrdamp.envs.chain_rows import Kind, of_engine
 from mrdamp.envs.loads import Range
+from mrdamp.envs.plants import of_engine
 from mrdamp.envs.randomise import DrawnRows
 from mrdamp.envs.sensors import stem
+from mrdamp.envs.structure import Structure
 from mrdamp.errors import InputError, require_kind
 from mrdamp.model import Model
 from mrdamp.simulation.rows import Stepping
@@ -38,19 +39,12 @@ class RowOptions:
     engine: str = "mujoco"
     threads: int = 1
 
-    def rows(
-        self,
-        engines: Mapping[str, tuple[type[Kind], float]],
-        dampers: Sequence[Model],
-        *structure: Any,
-        n: int = 1,
-    ) -> Kind:
-        """n rows of a structure on the engine, one of `engines`. Raises InputError."""
-        kind, step = of_engine(engines, self.engine)
+    def rows(self, structure: Structure, n: int = 1) -> Any:
+        """n rows of a structure on the engine. Raises InputError."""
+        kind, step = of_engine(structure.engines, self.engine)
         timestep = step if self.timestep is None else self.timestep
-        largest = command_range(dampers, self.command_max)
-        make: Callable[..., Kind] = kind
-        return make(*structure, Stepping(self.period, timestep, largest, n, self.threads))
+        largest = command_range(structure.models, self.command_max)
+        return kind(structure, Stepping(self.period, timestep, largest, n, self.threads))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,17 +70,11 @@ class TaskOptions(RowOptions):
         own = {name: getattr(self, name) for name in ("action_in_observation", "full_state", "normalise")}
         require_kind("True, False", bool, **own)
 
-    def rows(
-        self,
-        engines: Mapping[str, tuple[type[Kind], float]],
-        dampers: Sequence[Model],
-        *structure: Any,
-        n: int = 1,
-    ) -> Any:
+    def rows(self, structure: Structure, n: int = 1) -> Any:
         """As `RowOptions.rows`; where parameters are drawn, each row has a structure of its own."""
         if self.randomise is None:
-            return super().rows(engines, dampers, *structure, n=n)
-        return DrawnRows(super().rows(engines, dampers, *structure), structure, self.randomise, n)
+            return super().rows(structure, n)
+        return DrawnRows(super().rows(structure), self.randomise, n)
 
     def observes(
         self,

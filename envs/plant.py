@@ -7,15 +7,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mrdamp import sets
-from mrdamp.envs.chain_rows import FRAMES
-from mrdamp.envs.frame_rows import as_mapping
-from mrdamp.envs.frame_xml import Position, frame_models
+from mrdamp.envs.cable_task import Cable
+from mrdamp.envs.car_task import Car
+from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.frame_xml import Position
 from mrdamp.envs.options import RowOptions
-from mrdamp.errors import InputError
-from mrdamp.model import Model, effects_from
+from mrdamp.envs.structure import Structure
+from mrdamp.model import Model
 from mrdamp.simulation.rows import finite
 from mrdamp.structures import ShearFrame
+from mrdamp.structures.cables import StayCable
+from mrdamp.structures.cars import QuarterCar
 
 
 class Plant(Protocol):
@@ -38,32 +40,18 @@ class Plant(Protocol):
         """One control period with the command held; the measurements at its end."""
 
 
-def default_damper() -> Model:
-    """The damper of Dyke, Spencer, Sain and Carlson 1996: modified Bouc-Wen, 3 kN, 0 to 2.25 V, driver lag."""
-    found = sets.load("dyke1996_3kN")
-    effects = effects_from({k: v for k, v in found.attributes().items() if k not in found.parameters})
-    return Model(found.law, dict(found.parameters), effects, name=found.id)
-
-
-def positions(damper_between: Position | Sequence[Position]) -> tuple[Position, ...]:
-    """One pair of floors or several, as several."""
-    pairs = np.asarray(damper_between)
-    if pairs.ndim not in (1, 2) or pairs.shape[-1] != 2 or pairs.dtype.kind not in "iu":
-        raise InputError(f"damper_between is {damper_between!r}; allowed: a pair of floors, or several pairs")
-    return tuple((int(a), int(b)) for a, b in pairs.reshape(-1, 2))
-
-
 class RowPlant:
-    """One row as a `Plant`.
+    """A structure as a `Plant`. options: of `RowOptions`. Raises InputError.
 
-    Attributes: rows, of the structure; period, s; commands_max, (m,) of all dampers, and command_max, of the first, A
-    or V; of_period, result of `Rows.advance_one` for the last control period.
+    Attributes: structure; rows, one of it; period, s; commands_max, (m,) of all dampers, and command_max, of the first,
+    A or V; of_period, result of `EngineRows.advance_one` for the last control period.
     """
 
     of_period: Sequence[float]
 
-    def __init__(self, rows: Any) -> None:
-        self.rows = rows
+    def __init__(self, structure: Structure, **options: Any) -> None:
+        self.structure = structure
+        self.rows = rows = RowOptions(**options).rows(structure)
         self.period: float = rows.period
         self.commands_max = rows.command_max
         self.command_max = float(rows.command_max[0])
@@ -81,22 +69,20 @@ class RowPlant:
     def reset(self, load: Any) -> Mapping[str, float]:
         """At rest under a load; the measurements at time 0."""
         self.rows.start(0, load)
-        return as_mapping(self.rows.names, self.rows.measure([0])[0].tolist())
+        return dict(zip(self.rows.names, self.rows.measure([0])[0].tolist(), strict=True))
 
     def step(self, command: float | Sequence[float]) -> Mapping[str, float]:
         """One control period with the command (or one a damper) held; the measurements at its end."""
         each = command if np.ndim(command) else [command] * len(self.commands_max)
         self.of_period, values = self.rows.advance_one(finite("command", each, (1, len(self.commands_max))))
-        return as_mapping(self.rows.names, values)
+        return dict(zip(self.rows.names, values, strict=True))
 
 
 class FramePlant(RowPlant):
     """A shear frame on a moving ground, in MuJoCo or on the chain (engine), with a damper or several.
 
-    model: any identified one (any law, with or without effects; None: `default_damper`), or one a damper.
-    structure: None takes the model's own, or Dyke's three-storey frame. damper_between: floors of the damper, or
-    several pairs. options: of `RowOptions`; the ground moves at each of the engine's steps. The measurements of a
-    second damper have `_2` at the end, as `force_2`. Raises InputError.
+    model, structure, damper_between: as of `Frame`. options: of `RowOptions`; the ground moves at each of the engine's
+    steps. The measurements of a second damper have `_2` at the end, as `force_2`. Raises InputError.
     """
 
     def __init__(
@@ -106,20 +92,32 @@ class FramePlant(RowPlant):
         damper_between: Position | Sequence[Position] | None = None,
         **options: Any,
     ) -> None:
-        models = placed(model, structure, damper_between)
-        super().__init__(RowOptions(**options).rows(FRAMES, models, models))
-        self.structure = self.rows.structure
+        super().__init__(Frame(model, structure, damper_between), **options)
 
 
-def placed(
-    model: Model | Sequence[Model] | None,
-    structure: ShearFrame | None,
-    damper_between: Position | Sequence[Position] | None,
-) -> tuple[Model, ...]:
-    """The models of the dampers at their places; None as in `FramePlant`."""
-    model = default_damper() if model is None else model
-    first = model if isinstance(model, Model) else model[0]
-    if damper_between is None:
-        own = structure or first.structure
-        damper_between = own.damper_between if own is not None else (0, 1)
-    return frame_models(model, structure, positions(damper_between))
+class CablePlant(RowPlant):
+    """A stay cable with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
+
+    cable, model, measured_at, bandwidth: as of `Cable`. options: of `RowOptions`. Raises InputError.
+    """
+
+    def __init__(
+        self,
+        cable: StayCable | None = None,
+        model: Model | None = None,
+        measured_at: Sequence[float] | None = None,
+        bandwidth: float | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__(Cable(cable or StayCable(), model, measured_at, bandwidth), **options)
+
+
+class CarPlant(RowPlant):
+    """A quarter car with a damper, in MuJoCo or on the chain (engine), for any controller, without rewards.
+
+    car, model: as of `Car`. Floor 1 of the measurements is the wheel, 2 the body; displacements and velocities are
+    those to the road. options: of `RowOptions`. Raises InputError.
+    """
+
+    def __init__(self, car: QuarterCar | None = None, model: Model | None = None, **options: Any) -> None:
+        super().__init__(Car(car or QuarterCar(), model), **options)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
-from mrdamp.envs.task import Episode, Task
+from mrdamp.envs.structure import Structure
+from mrdamp.envs.task import Episode, Task, divided
 from mrdamp.envs.view import Image, View, has_display
 from mrdamp.errors import InputError, require_positive
 
@@ -24,10 +24,7 @@ class EnvState:
     generator: dict[str, Any]
 
 
-Kind = TypeVar("Kind", bound=Task)
-
-
-class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
+class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A structure under control: `FrameEnv`, `CableEnv` and `CarEnv`.
 
     Arguments of all of them, in addition to those of each:
@@ -59,17 +56,7 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 200}  # noqa: RUF012
-    #: Of the drawing, the default first.
-    cameras: ClassVar[tuple[str, ...]] = ("corner", "front", "damper")
-
-    @staticmethod
-    @abstractmethod
-    def make_task(**arguments: Any) -> Kind:
-        """A task of one row."""
-
-    @abstractmethod
-    def make_view(self, camera: str, size: tuple[int, int]) -> View:
-        """The drawing of the structure."""
+    kind: ClassVar[type[Structure]]
 
     def __init__(
         self,
@@ -86,20 +73,23 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
             )
         if render_mode == "human" and not has_display():
             raise InputError("render_mode human needs a display; rgb_array with MUJOCO_GL=egl needs none")
-        if camera not in (None, *self.cameras):
-            raise InputError(f"camera is {camera!r}; allowed: {', '.join(self.cameras)}")
+        cameras = self.kind.cameras
+        if camera not in (None, *cameras):
+            raise InputError(f"camera is {camera!r}; allowed: {', '.join(cameras)}")
         if exaggeration is not None:
             require_positive("drawing", exaggeration=exaggeration)
         if not (isinstance(size, tuple | list) and len(size) == 2 and all(isinstance(k, int) and k > 0 for k in size)):
             raise InputError(f"size is {size!r}; allowed: width and height in pixels")
-        self.task = task = self.make_task(**arguments)
+        structure, others = divided(self.kind, arguments)
+        self.task: Any = Task(structure, 1, **others)
+        task = self.task
         self.render_mode = render_mode
         self.exaggeration = exaggeration
         self.observation_space = task.observation_space
         self.action_space = task.action_space
         modes = [mode for mode in self.metadata["render_modes"] if mode != "human" or has_display()]
         self.metadata = {"render_modes": modes, "render_fps": round(1 / task.rows.period)}
-        self._drawing = camera or self.cameras[0], size
+        self._drawing = camera or cameras[0], size
         self._view: View | None = None
 
     def reset(
@@ -125,8 +115,8 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]], Generic[Kind]):
             gymnasium.logger.warn("render() does nothing: the environment was made without a render_mode")
             return None
         if self._view is None:
-            self._view = self.make_view(*self._drawing)
-        larger = self.exaggeration or self.task.drawn_size / self.task.reference_motion(0)
+            self._view = self.task.structure.view(self.task, *self._drawing)
+        larger = self.exaggeration or self.task.structure.drawn_size / self.task.reference_motion(0)
         self._view.update(self.task.rows.position(0), larger, self.task.current_shares(0))
         if self.render_mode == "rgb_array":
             return self._view.image()

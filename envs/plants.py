@@ -9,15 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import mujoco
 import mujoco.batch
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamp.control.base import sensor_name
+from mrdamp.envs.damper_sensors import SIGNALS, actuator_name
 from mrdamp.errors import InputError
 from mrdamp.simulation.rows import Stepping, finite
+
+if TYPE_CHECKING:
+    from mrdamp.envs.structure import Structure
 
 Array = NDArray[np.float64]
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -112,7 +117,7 @@ class Plants:
     def measure(self, rows: Sequence[int] | None = None) -> dict[str, Array]:
         """The fields, (rows, size) each, at the present state, under the present load and the last commands."""
         some = list(range(self.n) if rows is None else rows)
-        for row, load in zip(some, self._at(np.array(some), self.step[some, None]), strict=True):
+        for row, load in zip(some, self.loads_at(np.array(some), self.step[some, None]), strict=True):
             self._control[row, self.loads] = load[0]
         self.batch.forward(rows)
         return {name: value[some] for name, value in self._now.items()}
@@ -126,7 +131,7 @@ class Plants:
         """
         pushes, inner = self._pushes, self.inner
         pushes[:, :, self.dampers] = finite("command", commands, (self.n, self._many))[:, None, :]
-        load = self._at(np.arange(self.n), self.step[:, None] + self._ahead)
+        load = self.loads_at(np.arange(self.n), self.step[:, None] + self._ahead)
         pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
         self.step += inner
@@ -134,7 +139,7 @@ class Plants:
         self.batch.forward()
         return self._record, self._now
 
-    def _at(self, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
+    def loads_at(self, rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Array:
         """(rows, k, loads) of rows at steps (rows, k) since their start."""
         if len(rows) == 1:
             begin, end = int(steps[0, 0]), int(steps[0, -1])
@@ -174,23 +179,89 @@ class Plants:
         self._last[row], self._sample_time[row], self._steps[row] = len(load) - 1, sample_time, steps
 
 
-class EngineRows:
-    """Base of rows in the engine.
+Entry = TypeVar("Entry")
 
-    Attributes: stepping; period, s; command_max (m,), A or V; steps (n,), how many control periods each row's load
-    lasts; plants, which `_build` makes.
+
+class EngineRows:
+    """n rows of a structure in the engine, each under its own load.
+
+    Attributes: structure; stepping; names of the measurements, in the order of the columns of `measure`; period, s;
+    command_max (m,), A or V; steps (n,), how many control periods each row's load lasts; plants, which `_build` makes.
     """
 
     plants: Plants
+    #: Of MjData, what the measurements and the results of a period are made from.
+    fields: ClassVar[tuple[str, ...]] = ("sensordata",)
 
-    def __init__(self, stepping: Stepping) -> None:
-        self.stepping = stepping
+    def __init__(self, structure: Structure, stepping: Stepping) -> None:
+        self.structure, self.stepping, self.names = structure, stepping, structure.names
         self.period, self.command_max = stepping.period, stepping.command_max
         self.steps: NDArray[np.int64] = np.ones(stepping.n, dtype=np.int64)
         self._build()
 
     def _build(self) -> None:
         """Makes the plants and locates their measurements."""
+        s, inner, many = self.stepping, self.stepping.inner, len(self.structure.models)
+        xml, loads = self.structure.mjcf(self.period / inner), self.structure.load_names
+        dampers = [actuator_name(k) for k in range(many)]
+        self.plants = Plants(xml, loads, dampers, inner, s.n, s.threads, self.fields)
+        at = self.plants.sensors
+        # The sensors of one kind stand together.
+        of = {name: slice(at[name].start, at[sensor_name(name, many - 1)].stop) for name in SIGNALS}
+        self._pull, self._velocity, self._current = of["pull"], of["stroke_velocity"], of["current"]
+        self._direct = slice(of["force"].start, of["current"].stop)
+
+    def start(self, row: int, load: Any) -> Array:
+        """Row at rest under a load; returns what `Structure.reference` is made from."""
+        raise NotImplementedError
+
+    def _criteria(self, record: Mapping[str, Array]) -> Sequence[Array]:
+        """Results (n,) of a period before those of the dampers, from the fields at its steps, (n, inner, size)."""
+        raise NotImplementedError
+
+    def _moved_on(self, record: Mapping[str, Array], now: Mapping[str, Array]) -> Mapping[str, Array]:
+        """The fields now, (n, size), with all velocities, which stand half a step before the positions, moved on."""
+        raise NotImplementedError
+
+    def _read(self, now: Mapping[str, Array], fresh: Sequence[int] | None) -> Array:
+        """Measurements (rows, names) from the fields; fresh: rows that have just started, None: all, a period on."""
+        raise NotImplementedError
+
+    def measure(self, rows: Sequence[int]) -> Array:
+        """(rows, names) sensor readings of rows that have just started."""
+        return self._read(self.plants.measure(rows), rows)
+
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """One control period with commands (n, m) held: its results (n, columns), and the sensor readings after it."""
+        record, now = self.plants.advance(commands)
+        data, after = record["sensordata"], now["sensordata"]
+        share, power, current = currents(data[:, :, self._current], self.command_max)
+        velocity, step = data[:, :, self._velocity], self.plants.timestep
+        energy = work(data[:, :, self._pull], velocity, after[:, self._velocity], step)
+        found = np.stack([*self._criteria(record), share, power, current, energy], axis=1)
+        return found, self._read(self._moved_on(record, now), None)
+
+    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
+        """`advance` for a single row in plain numbers."""
+        period, values = self.advance(commands)
+        return period[0].tolist(), values[0].tolist()
+
+    def _beside(self, row: int) -> Any:
+        """The row's state beside that of the plants."""
+        return None
+
+    def _put_back(self, row: int, beside: Any) -> None:
+        """Restores it."""
+
+    def save(self, row: int) -> tuple[Any, Any]:
+        """The row's state."""
+        return self.plants.save(row), self._beside(row)
+
+    def restore(self, row: int, state: tuple[Any, Any]) -> None:
+        """Restores it exactly."""
+        self.plants.restore(row, state[0])
+        self.steps[row] = state[0].steps // self.plants.inner
+        self._put_back(row, state[1])
 
     def position(self, row: int) -> Array:
         """The coordinates of its drawing."""
@@ -233,3 +304,31 @@ def _columns(ids: Sequence[int]) -> slice | NDArray[np.intp]:
     if list(ids) == list(range(ids[0], ids[0] + len(ids))):
         return slice(ids[0], ids[0] + len(ids))
     return np.array(ids, dtype=np.intp)
+
+
+def currents(current: Array, command_max: Array) -> Array:
+    """(3, n) means over (n, k, m) currents: |current| over its largest (m,), its square, and |current|."""
+    size = np.abs(current)
+    share = size / command_max
+    parts = [np.add.reduce(part, axis=(1, 2)) for part in (share, share * share, size)]
+    return np.asarray(np.array(parts) / (current.shape[1] * current.shape[2]))
+
+
+def work(pull: Array, velocity: Array, after: Array, timestep: float) -> Array:
+    """(n,) J taken from a structure by actuators that pull with (n, k, m) N over k steps.
+
+    velocity: (n, k, m) m/s at the steps, after: (n, m) behind the last one. A step changes the velocity by the pull, so
+    the pull times the mean of both velocities is the work of the step, exactly.
+    """
+    both = velocity.copy()
+    both[:, :-1] += velocity[:, 1:]
+    both[:, -1] += after
+    both *= pull
+    return np.asarray(-0.5 * timestep * np.add.reduce(both.reshape(len(both), -1), axis=1))
+
+
+def of_engine(engines: Mapping[str, Entry], engine: str) -> Entry:
+    """Entry of an engine's name. Raises InputError."""
+    if engine not in engines:
+        raise InputError(f"engine is {engine!r}; allowed: {', '.join(engines)}")
+    return engines[engine]

@@ -133,11 +133,11 @@ class _Clock:
 class DrawnRows:
     """n rows, each with a structure and dampers of its own, made anew at every start; else as the rows they are of.
 
-    like: a row as it is without draws, made of `parts`. The price: rows are stepped one after the other.
+    like: a row as it is without draws. The price: rows are stepped one after the other.
     """
 
-    def __init__(self, like: Any, parts: tuple[Any, ...], ranges: Mapping[str, Range], n: int) -> None:
-        self.randomise = Randomise(ranges, parts)
+    def __init__(self, like: Any, ranges: Mapping[str, Range], n: int) -> None:
+        self.randomise = Randomise(ranges, tuple(like.structure.parts().values()))
         self._like, self._noise = like, np.zeros(len(like.names))
         self.names, self.period, self.command_max = like.names, like.period, like.command_max
         self.plants = _Clock(n, like.plants.inner, like.plants.timestep, np.zeros(n, dtype=np.int64))
@@ -146,7 +146,7 @@ class DrawnRows:
         self._rows = [self._made({}) for _ in range(n)]
 
     def _made(self, drawn: Mapping[str, float]) -> Any:
-        row = type(self._like)(*varied(self.randomise.parts, drawn), self._like.stepping)
+        row = type(self._like)(self._like.structure.varied(drawn), self._like.stepping)
         if self._noise.any():
             row.add_noise(self._noise)
         return row

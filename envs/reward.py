@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.envs.weights import DAMPER, PartScore, Weights
+from mrdamp.envs.weights import Part, Total, Weights, of_dampers
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core
 
 Array = NDArray[np.float64]
 
-#: The reward's parts; each is in `info` as `reward_` and its name, and their sum is the reward.
-PARTS = ("drift", "acceleration", "drift_peak", "acceleration_peak", "current", "power", "energy")
+_PARTS, _TOTALS = of_dampers(2, energy=2)
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,14 @@ class FrameReward(Weights):
     energy: float = 0.0
     reference: Literal["uncontrolled", "passive-on"] = "uncontrolled"
 
-    parts: ClassVar[tuple[str, ...]] = PARTS
-    summed: ClassVar[tuple[str, ...]] = ("drift_peak", "acceleration_peak", "energy")
+    table: ClassVar[tuple[Part, ...]] = (
+        Part("drift", 0, 0, 1.0), Part("acceleration", 1, 1, 1.0), Part("drift_peak", 0, 0, rise=True, summed=True),
+        Part("acceleration_peak", 1, 1, rise=True, summed=True), *_PARTS,
+    )  # fmt: skip
+    totals: ClassVar[tuple[Total, ...]] = (
+        Total("peak_drift", 0, "peak", 0), Total("peak_acceleration", 1, "peak", 1),
+        Total("drift_ratio", 0, "peak", 0, ratio=True), Total("acceleration_ratio", 1, "peak", 1, ratio=True), *_TOTALS,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,8 +63,7 @@ class FrameReward(Weights):
             raise InputError(f"reward: reference is {self.reference!r}; allowed: uncontrolled, passive-on")
 
 
-@dataclass(frozen=True)
-class Reference:
+class Reference(NamedTuple):
     """Response of the frame in the reference run: peaks over storeys or floors, SI."""
 
     drift: float  # m
@@ -93,69 +96,3 @@ def reference_run(
     if not found.drift > 0:
         raise InputError("the ground motion is zero throughout; there is nothing to control")
     return found
-
-
-class Score(PartScore[FrameReward]):
-    """Rewards of n rows, and their totals since each row's start.
-
-    values (n, 10) are its whole state: the reference's drift, acceleration and strain energy; the largest drift and
-    acceleration so far over the reference's; sums of power shares, of currents (A or V) and of dissipated energy (J);
-    periods so far, and of the load.
-    """
-
-    NAMES = (
-        *(f"reward_{part}" for part in PARTS),
-        "peak_drift",
-        "peak_acceleration",
-        "drift_ratio",
-        "acceleration_ratio",
-        *DAMPER,
-    )
-    kept = 10
-
-    def of(self, period: Array) -> tuple[Array, Array]:
-        """Rewards (n,) of a control period, `PERIOD` (n, 6), and the columns of `info`, (n, names)."""
-        v = self.values
-        reference, best = v[:, :2], v[:, 3:5]
-        ratio = period[:, :2] / reference
-        info = self._info()
-        if self.weights.exponent == 2.0:
-            np.multiply(ratio, ratio, out=info[:, 0:2])
-        else:
-            np.power(ratio, self.weights.exponent, out=info[:, 0:2])
-        np.maximum(ratio - best, 0.0, out=info[:, 2:4])
-        info[:, 4:6] = period[:, 2:4]
-        np.divide(period[:, 5], v[:, 2], out=info[:, 6])
-        info[:, :7] *= self._weights()
-        np.maximum(best, ratio, out=best)
-        v[:, 5:8] += period[:, 3:6]
-        v[:, 8] += 1.0
-        np.multiply(best, reference, out=info[:, 7:9])
-        info[:, 9:11] = best
-        np.divide(v[:, 5:7], v[:, 8:9], out=info[:, 11:13])
-        info[:, 13] = v[:, 7]
-        return np.add.reduce(info[:, :7], axis=1), info
-
-    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]:
-        """`of` for a single row in plain numbers, bit-identical, and its `info` by name."""
-        of_drift, of_acceleration, energy, best_drift, best_acceleration, *rest = self.values[0].tolist()
-        d, a = period[0] / of_drift, period[1] / of_acceleration
-        if self.weights.exponent == 2.0:
-            d_power, a_power = d * d, a * a
-        else:
-            d_power, a_power = np.power((d, a), self.weights.exponent).tolist()
-        parts = (
-            d_power, a_power, max(d - best_drift, 0.0), max(a - best_acceleration, 0.0), period[2], period[3],
-            period[5] / energy,
-        )  # fmt: skip
-        rewards = self._weighed(parts)
-        best_drift, best_acceleration = max(best_drift, d), max(best_acceleration, a)
-        power, current, work = rest[0] + period[3], rest[1] + period[4], rest[2] + period[5]
-        periods = rest[3] + 1.0
-        self.values[0, 3:9] = best_drift, best_acceleration, power, current, work, periods
-        info = (
-            *rewards, best_drift * of_drift, best_acceleration * of_acceleration, best_drift, best_acceleration,
-            power / periods, current / periods, work,
-        )  # fmt: skip
-        self._parts[:] = rewards
-        return float(np.add.reduce(self._parts)), dict(zip(self.NAMES, info, strict=True))

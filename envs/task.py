@@ -9,66 +9,24 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from mrdamp.control.observe import Observation, Observer, Stack
+from mrdamp.control.observe import Observation, Stack
+from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.sensors import Noise
-from mrdamp.errors import InputError, require_positive
+from mrdamp.envs.structure import Structure
+from mrdamp.envs.weights import Score
+from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.simulation.rows import finite
 
 Array = NDArray[np.float64]
 Kept = TypeVar("Kept")
-
-
-class Rows(Protocol):
-    """n structures with their sensors; the results of `advance` are the input of their score."""
-
-    names: tuple[str, ...]
-    plants: Any  # as `Plants`
-    steps: NDArray[np.int64]
-    period: float
-
-    def measure(self, rows: Sequence[int]) -> Array: ...
-
-    def advance(self, commands: Array) -> tuple[Array, Array]: ...
-
-    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]: ...
-
-    def save(self, row: int) -> Any: ...
-
-    def restore(self, row: int, state: Any) -> None: ...
-
-    def position(self, row: int) -> Array: ...
-
-    def add_noise(self, deviation: Array) -> bool: ...
-
-    def seed(self, row: int, rng: np.random.Generator) -> None: ...
-
-    def of(self, row: int) -> Any: ...
-
-    def draw(self, row: int, rng: np.random.Generator, given: Any) -> Mapping[str, float]: ...
-
-    def start(self, row: int, load: Any) -> Array: ...
-
-
-class RowScore(Protocol):
-    """Rewards of n rows; values (n, ...) are its whole state; NAMES of the columns of `info`."""
-
-    NAMES: tuple[str, ...]
-    values: Array
-
-    def start(self, row: int, reference: Any, periods: int) -> None: ...
-
-    def of(self, period: Array) -> tuple[Array, Array]: ...
-
-    def of_one(self, period: Sequence[float]) -> tuple[float, dict[str, float]]: ...
 
 
 @dataclass(frozen=True)
@@ -123,25 +81,29 @@ def check_options(options: Mapping[str, Any], *allowed: str) -> float:
     return float(options.get("amplitude", 1.0))
 
 
-class Task(ABC):
+class Task:
     """n rows of a structure under control.
 
-    rows: the structures; score: their rewards; observer: of the observations; command_max: (m,) A or V; noise: on the
-    measurements, see `Noise`. Attributes: observation_space and action_space of one row; happened: (n, ...),
-    results of the rows for the last control period.
+    loads: their source, None: the structure's default; reward: weights, see `Structure.weights`; options: of
+    `TaskOptions`. Attributes: structure; rows; score; observer; command_max (m,) A or V; observation_space and
+    action_space of one row; happened: (n, ...), results of the rows for the last control period. Raises InputError.
     """
 
     def __init__(
-        self,
-        rows: Rows,
-        score: RowScore,
-        observer: Observer,
-        command_max: Array,
-        noise: Mapping[str, float] | None,
+        self, structure: Structure, n: int = 1, *, loads: Any = None, reward: Any = None, **options: Any
     ) -> None:
-        self.rows, self.score, self.observer = rows, score, observer
-        self.n, self.command_max = rows.plants.n, command_max
-        self.noise = Noise(noise or {}, rows.names)
+        given = TaskOptions(**options)
+        require_kind(f"a source of {structure.source}", structure.Source, **{structure.source: loads})
+        self.structure = structure.in_full() if given.full_state else structure
+        rows: Any = given.rows(self.structure, n)
+        self.loads = structure.loads() if loads is None else loads
+        self.weights = structure.reward(reward)
+        self.command_max = command_max = rows.command_max
+        observer = given.observes(
+            lambda full: self.structure.sensors(command_max, full), command_max, structure.typical
+        )
+        self.rows, self.score, self.observer, self.n = rows, Score(self.weights, n), observer, n
+        self.noise = Noise(given.noise or {}, rows.names)
         # If the rows add it themselves, its seed is drawn at every start.
         self._own_noise = bool(self.noise.where) and rows.add_noise(self.noise.all)
         if self._own_noise:
@@ -170,23 +132,30 @@ class Task(ABC):
         """(n, names) last sensor readings, in the order of `rows.names`."""
         return self._measured
 
-    #: Rendered size (m) of the motion without a damper.
-    drawn_size: float
-
-    @abstractmethod
     def reference_motion(self, row: int) -> float:
         """Size (m) of the row's motion without a damper."""
+        return self.structure.reference_motion(self.score.values[row])
 
     def current_shares(self, row: int) -> list[float]:
         """Of each damper's current in its largest, now."""
         return (self._measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
 
-    @abstractmethod
     def begin(
         self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
     ) -> dict[str, Any]:
         """Draws the row's load and sets its structure, with what was drawn of it, and score to their start; returns its
         entries of `info`."""
+        whole, rows = self.structure, self.rows
+        amplitude = check_options(options, whole.option, *whole.more)
+        load = whole.load(rng, self.loads, options).scaled(amplitude)
+        given, own, step = rows.start(row, load), rows.of(row).structure, rows.plants.timestep
+        largest = float(self.command_max[0])
+        reference = self._references.of(
+            given, drawn, lambda: own.reference(given, load, step, self.weights, largest)
+        )
+        self.score.start(row, reference, int(rows.steps[row]))
+        told = whole.told(load, reference)
+        return {whole.option: load.name, "duration": load.duration, **told}
 
     def commands(self, actions: Any) -> Array:
         """(n, m) commands from actions (n, m) in [-1, 1]; clipped to the range. Raises InputError."""
@@ -281,3 +250,28 @@ class Task(ABC):
         self._command[row] = episode.command
         self._measured[row] = episode.measured
         self._rngs[row] = rng
+
+
+class KindTask(Task):
+    """n rows of a structure of one kind, from arguments of its environment."""
+
+    kind: ClassVar[type[Structure]]
+
+    def __init__(self, n: int = 1, **arguments: Any) -> None:
+        structure, others = divided(self.kind, arguments)
+        super().__init__(structure, n, **others)
+
+
+def task_of(structure: Structure, n: int, **arguments: Any) -> Task:
+    """n rows of a structure, with other arguments of its environment, its own fields among them."""
+    own = {f.name for f in fields(structure)}  # type: ignore[arg-type]
+    others = {"loads" if k == structure.source else k: v for k, v in arguments.items() if k not in own}
+    changed: Any = replace(structure, **{k: v for k, v in arguments.items() if k in own})  # type: ignore[type-var]
+    return Task(changed, n, **others)
+
+
+def divided(kind: type[Structure], arguments: Mapping[str, Any]) -> tuple[Structure, dict[str, Any]]:
+    """A structure from arguments of its environment, and those of its task."""
+    own = {f.name for f in fields(kind)}  # type: ignore[arg-type]
+    others = {"loads" if k == kind.source else k: v for k, v in arguments.items() if k not in own}
+    return kind(**{k: v for k, v in arguments.items() if k in own}), others

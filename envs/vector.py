@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,10 +12,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from mrdamp.control.observe import Observation
-from mrdamp.envs.cable_task import CableTask
-from mrdamp.envs.car_task import CarTask
-from mrdamp.envs.frame_task import FrameTask
-from mrdamp.envs.task import Task
+from mrdamp.envs.cable_task import Cable
+from mrdamp.envs.car_task import Car
+from mrdamp.envs.frame_task import Frame
+from mrdamp.envs.structure import Structure
+from mrdamp.envs.task import Task, divided
 from mrdamp.errors import InputError
 
 Flags = NDArray[np.bool_]
@@ -116,10 +117,10 @@ class PlantVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         return infos
 
 
-class _TaskVectorEnv(PlantVectorEnv):
-    """Rows of `made`, num_envs of them."""
+class _KindVectorEnv(PlantVectorEnv):
+    """num_envs structures of a kind at once; arguments as in their environment, threads: of the engine."""
 
-    made: ClassVar[Callable[..., Task]]
+    kind: ClassVar[type[Structure]]
 
     def __init__(
         self,
@@ -128,22 +129,23 @@ class _TaskVectorEnv(PlantVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **arguments: Any,
     ) -> None:
-        super().__init__(type(self).made(num_envs, **arguments), autoreset_mode)
+        structure, others = divided(self.kind, arguments)
+        super().__init__(Task(structure, num_envs, **others), autoreset_mode)
 
 
-class FrameVectorEnv(_TaskVectorEnv):
-    """num_envs frames at once; arguments as in `FrameEnv`, threads: of the engine."""
+class FrameVectorEnv(_KindVectorEnv):
+    """Of `FrameEnv`."""
 
-    made = FrameTask
-
-
-class CableVectorEnv(_TaskVectorEnv):
-    """num_envs cables at once; arguments as in `CableEnv`, threads: of the engine."""
-
-    made = CableTask
+    kind = Frame
 
 
-class CarVectorEnv(_TaskVectorEnv):
-    """num_envs quarter cars at once; arguments as in `CarEnv`, threads: of the engine."""
+class CableVectorEnv(_KindVectorEnv):
+    """Of `CableEnv`."""
 
-    made = CarTask
+    kind = Cable
+
+
+class CarVectorEnv(_KindVectorEnv):
+    """Of `CarEnv`."""
+
+    kind = Car

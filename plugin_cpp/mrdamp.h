@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 /* ---- the attribute table ------------------------------------------------------- */
-MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 10 */
+MRDAMP_API int mrdamp_abi(void);              /* version of this interface: 11 */
 MRDAMP_API int mrdamp_attribute_count(void);
 MRDAMP_API const char* mrdamp_attribute_name(int i);
 MRDAMP_API const char* mrdamp_attribute_group(int i);
@@ -161,16 +161,18 @@ typedef struct {
   const double* command_max;     /* of each, reference of the currents in the criteria */
 } mrdamp_dampers;
 
-/* Oscillators of 1 kg coupled by one damper: a cable's natural coordinates. */
+/* Any linear structure q'' = rate [q; q'] + load w + push f, where f (N) is the tension of the dampers. */
 typedef struct {
-  int modes;
-  const double* frequency; /* rad/s */
-  const double* ratio;     /* of damping */
-  const double* stroke;    /* of the damper, m per unit of each coordinate */
-  int places;              /* where motion is measured */
-  const double* at;        /* places x modes, m per unit of each coordinate */
-  double mass;             /* kg of the whole, reference of the mean squares */
-} mrdamp_modes;
+  int coordinates, loads;
+  const double* rate;   /* coordinates x 2 coordinates */
+  const double* load;   /* coordinates x loads */
+  const double* stroke; /* dampers x coordinates: elongation per unit of the coordinates */
+  const double* push;   /* coordinates x dampers */
+  int places;           /* where motion is measured */
+  const double* at;     /* places x coordinates, m per unit of each coordinate */
+  int absolute;         /* 1: coordinates are relative to a ground whose acceleration is the load; accelerometers are not */
+  double mass;          /* reference of the mean squares of all coordinates; 0: criteria of each place instead */
+} mrdamp_linear;
 
 /* A quarter car: a frame of two floors, wheel and body, on the road as the ground, with one damper between the two. The
  * tension of the tyre is limited to the weight, at which the wheel lifts off. */
@@ -184,7 +186,7 @@ typedef struct {
 } mrdamp_car;
 
 /* Load of a row: samples x loads, linear between samples, constant after the last one, zero from step `steps` on.
- * Loads: the ground's acceleration (m/s2) of a frame, the road's of a car, a force (N) on each coordinate of modes. */
+ * Loads: the ground's acceleration (m/s2) of a frame, the road's of a car, w of a linear structure. */
 typedef struct {
   const double* values;
   double sample_time; /* s */
@@ -192,8 +194,9 @@ typedef struct {
 } mrdamp_load;
 
 /* Criteria of a control period. Of a frame: largest |drift| (m) and |absolute acceleration| (m/s2) at `instants` instants of
- * every step, evenly from its start. Of modes: sums of squares of the coordinates, at the steps' ends, and of their
- * accelerations, at their starts, over mass and steps (m2, m2/s4). Then, as means over dampers and those instants,
+ * every step, evenly from its start. Of a linear structure: sums of squares of the coordinates, at the steps' ends, and of
+ * their accelerations, at their starts, over mass and steps (m2, m2/s4); or of each place at the steps' starts the mean squares
+ * of its acceleration, the largest |acceleration|, and both of its displacement: 4 x places in place of 2. Then, as means over dampers and those instants,
  * |current| over command_max, its square, |current|; and the energy taken in by the dampers (J). NaN where the motion
  * diverged. */
 enum { MRDAMP_CRITERIA = 6 };
@@ -201,15 +204,15 @@ enum { MRDAMP_CRITERIA = 6 };
  * over the weight less one, of the stroke (m2); largest |stroke| (m); share of them without contact; then the last four above. */
 enum { MRDAMP_CAR_CRITERIA = 9 };
 
-/* Measurements of modes: accelerations, displacements, velocities at the places. Of a frame: absolute accelerations
+/* Measurements of a linear structure: accelerations, displacements, velocities at the places. Of a frame: absolute accelerations
  * through their sensors, displacements and velocities to the ground of every floor, drifts of every storey. Then, by
  * damper: FORCE, REFERENCE, stroke, its velocity, CURRENT. An accelerometer is read once in a control period.
  * between: count pairs of floors. period (s) is divided into `steps` steps, each of which is one inner step of the chain.
  * NULL and a line on failure. The frame's own damper_from, damper_to are ignored. */
 MRDAMP_API mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* dampers, const int* between,
                                           double period, int steps, int instants, char* err, int err_size);
-MRDAMP_API mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
-                                          int instants, char* err, int err_size);
+MRDAMP_API mrdamp_rows* mrdamp_rows_linear(const mrdamp_linear* linear, const mrdamp_dampers* dampers, double period, int steps,
+                                           char* err, int err_size);
 /* Measurements and commands as of a frame of two floors; `instants` is ignored. */
 MRDAMP_API mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* dampers, double period, int steps,
                                         int instants, char* err, int err_size);
@@ -217,7 +220,7 @@ MRDAMP_API void mrdamp_rows_free(mrdamp_rows* rows);
 MRDAMP_API int mrdamp_rows_size(const mrdamp_rows* rows);         /* doubles of a row's state; coordinates begin at 3, then
                                                                    * their velocities */
 MRDAMP_API int mrdamp_rows_measurements(const mrdamp_rows* rows);
-MRDAMP_API int mrdamp_rows_criteria(const mrdamp_rows* rows); /* MRDAMP_CRITERIA or MRDAMP_CAR_CRITERIA */
+MRDAMP_API int mrdamp_rows_criteria(const mrdamp_rows* rows); /* of a row */
 /* Sets white noise on every measurement: standard deviations, mrdamp_rows_measurements() of them. */
 MRDAMP_API int mrdamp_rows_noise(mrdamp_rows* rows, const double* deviation, char* err, int err_size);
 /* A row at rest; seed, a whole number below 2^53: of its noise. Writes its state and measurements. Before the first

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.contenders import shipped_policies
+from mrdamp.envs.training_loads import validation_roads
 from mrdamp.files import write_atomic
 from mrdamp.pictures import style
-from mrdamp.train.loads import validation_roads
 
 Array = NDArray[np.float64]
 

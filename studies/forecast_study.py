@@ -20,11 +20,11 @@ import numpy as np
 
 from mrdamp.commands.output import progress_bar
 from mrdamp.compare.summary import interval
+from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.adjoint import AdjointRun
 from mrdamp.train.closed_loop import ClosedLoop
-from mrdamp.train.loads import by_motion, reported_motions
 from mrdamp.train.run import Progress
 from mrdamp.train.settings import Options, settings
 

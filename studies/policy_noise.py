@@ -17,11 +17,12 @@ import numpy as np
 
 from mrdamp.compare.summary import interval
 from mrdamp.control.policy import Policy
+from mrdamp.envs.frame_task import Frame
 from mrdamp.envs.task import Task
+from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import episodes, forces
-from mrdamp.train.loads import by_motion, reported_motions
-from mrdamp.train.worlds import FrameWorld
+from mrdamp.train.worlds import World
 
 _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of it
 
@@ -29,13 +30,13 @@ _STEP = 1e-3  # s, of the chain: peaks are within .3 % of those of a quarter of 
 def peaks(policies: list[Policy], noise: float) -> tuple[np.ndarray, np.ndarray]:
     """(seeds, motions, 2) drift and acceleration over the uncontrolled ones, and (motions, 2) those of passive-on."""
     first = policies[0]
-    o, world = first.observer, FrameWorld({"period": first.period, "timestep": _STEP, "observer": first.observer})
+    o, world = first.observer, World(Frame, {"period": first.period, "timestep": _STEP, "observer": first.observer})
     loads = reported_motions()
     deviation = {name: noise * unit for name, unit in zip(o.signals, o.scales, strict=True)}
     found = []
     for policy in [None, *policies]:
         given = {**world.arguments, **({"observer": policy.observer} if policy else {}), "noise": deviation}
-        own = FrameWorld(given)
+        own = World(Frame, given)
         task = own.searching(len(loads))
 
         def act(seen: np.ndarray, policy: Policy | None = policy, task: Task = task) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from mrdamp.envs import FrameReward, SyntheticMotions
@@ -15,3 +16,11 @@ TWO_DAMPERS: Mapping[str, Any] = {
     "damper_between": [(0, 1), (1, 3)],
     "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
 }
+
+#: A structure that no module of the package knows.
+OWN = f"{Path(__file__).parents[1] / 'examples' / '08_structure_of_your_own.py'}:Isolated"
+
+
+def needed(identity: str) -> dict[str, Any]:
+    """Arguments that an environment's id asks for."""
+    return {"structure": OWN} if identity == "mrdamp/Structure-v0" else {}

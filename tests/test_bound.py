@@ -27,6 +27,7 @@ from mrdamp.compare.shares import by_load, share
 from mrdamp.compare.summary import ratio
 from mrdamp.control.replay import Replay
 from mrdamp.envs.chain_rows import FrameChain
+from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.motions import kanai_tajimi
 from mrdamp.simulation.rows import Stepping
@@ -44,7 +45,7 @@ run = caller(add_to)
 
 def rollouts() -> Rollouts:
     def make(n: int) -> FrameChain:
-        return FrameChain((BENCH.model,), Stepping(1e-3, 1e-3, np.array([LARGEST]), n))
+        return FrameChain(Frame(BENCH.model), Stepping(1e-3, 1e-3, np.array([LARGEST]), n))
 
     names = make(1).names
     columns = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in (1, 2, 3)]

@@ -17,8 +17,8 @@ from mrdamp.compare.cable import CableBench
 from mrdamp.compare.cable_bound import ToCome, cable_bound
 from mrdamp.compare.shares import share
 from mrdamp.envs.cable_loads import AmbientLoads, CableLoad, WindLoads
-from mrdamp.envs.cable_task import default_places
-from mrdamp.envs.chain_rows import CableChain
+from mrdamp.envs.cable_rows import CableChain
+from mrdamp.envs.cable_task import Cable
 from mrdamp.simulation.rows import ChainRows, Stepping
 
 BENCH = CableBench()
@@ -100,13 +100,7 @@ def test_a_wide_beam_tries_every_command() -> None:
 
 
 def _rows(n: int, load: CableLoad) -> ChainRows:
-    made = CableChain(
-        BENCH.cable,
-        BENCH.model,
-        default_places(BENCH.cable),
-        None,
-        Stepping(5e-3, 1e-3, np.array([BENCH.command_max]), n),
-    )
+    made = CableChain(Cable(BENCH.cable, BENCH.model), Stepping(5e-3, 1e-3, np.array([BENCH.command_max]), n))
     for row in range(n):
         made.start(row, load)
     plants: ChainRows = made.plants

@@ -247,12 +247,12 @@ def test_both_models_move_alike(kind: str, sag: float, strength: float, limits: 
 @pytest.mark.parametrize("strength", [1.0, 8.0])
 def test_the_input_is_kinetic_strain_and_dissipated_energy(strength: float) -> None:
     """At every step, within 0.5 % of the largest input; with a damper that sticks, and one that slips."""
-    plant = CablePlant(period=5e-3)
+    plant, cable = CablePlant(period=5e-3), StayCable()
     load = WindLoads(duration=8.0).draw(np.random.default_rng(0), 12.65).scaled(strength)
     plant.reset(load)
     rows, h = plant.rows, plant.rows.plants.timestep
     rng = np.random.default_rng(1)
-    forces, time = rows.forces(load), load.sample_time * np.arange(len(load.force))
+    forces, time = cable.forces(load.force, load.places), load.sample_time * np.arange(len(load.force))
     steps = h * np.arange(rows.steps[0] * rows.plants.inner)
     pushes = np.stack([np.interp(steps, time, force) for force in forces.T], axis=1)
     at = rows.plants.sensors
@@ -263,10 +263,10 @@ def test_the_input_is_kinetic_strain_and_dissipated_energy(strength: float) -> N
     after, speeds, sensors = (np.concatenate([part[k] for part in parts]) for k in range(3))
     before = np.vstack([np.zeros_like(speeds[:1]), speeds[:-1]])
     middle = (before + speeds) / 2  # what a step's forces work along
-    n, w = len(middle), plant.cable.natural
+    n, w = len(middle), cable.natural
     given = h * np.cumsum((pushes[:n] * middle).sum(axis=1))
-    ours = h * np.cumsum(middle**2 @ (2 * plant.cable.ratio * w))
-    along = middle @ plant.cable.at(plant.cable.damper_at)
+    ours = h * np.cumsum(middle**2 @ (2 * cable.ratio * w))
+    along = middle @ cable.at(cable.damper_at)
     taken = -h * np.cumsum(along * sensors[:, at["pull"].start])
     held = 0.5 * ((speeds[1:] + speeds[:-1]) ** 2 / 4 @ np.ones(len(w)) + after[:-1] ** 2 @ w**2)
     balance = (given - ours - taken)[:-1] - held

@@ -16,6 +16,7 @@ from mrdamp.compare.car import CarBench
 from mrdamp.compare.car_bound import ToCome, car_bound, weighted_car
 from mrdamp.compare.shares import share
 from mrdamp.envs.car_rows import PERIOD
+from mrdamp.envs.car_task import Car
 from mrdamp.envs.chain_rows import CarChain
 from mrdamp.model import Model
 from mrdamp.simulation.roads import iso8608
@@ -37,7 +38,7 @@ def linear_car(road: int) -> CarChain:
     damper = Model(
         "bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0}
     )
-    made = CarChain(BENCH.car, damper, Stepping(5e-3, 1e-3, np.array([1.0]), 1))
+    made = CarChain(Car(BENCH.car, damper), Stepping(5e-3, 1e-3, np.array([1.0]), 1))
     made.start(0, ROADS[road])
     return made
 

@@ -7,6 +7,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,23 +16,16 @@ from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 from excitation import Array
 from mrdamp import cli
 from mrdamp.compare.car import CarBench
-from mrdamp.control.car import (
-    OPTIONS,
-    HookForce,
-    Switching,
-    add_switch,
-    lq_force,
-    make,
-    sh_add_switch,
-    skyhook_switch,
-)
-from mrdamp.control.car_plant import CarSite, car_plant, regulated
-from mrdamp.envs.car_task import CarPlant
+from mrdamp.control.car import CarSite, HookForce, Switching, add_switch, sh_add_switch, skyhook_switch
+from mrdamp.control.car_plant import car_plant, regulated
+from mrdamp.control.registry import make
+from mrdamp.envs import CarPlant
 from mrdamp.errors import InputError
 from mrdamp.simulation.roads import Road, iso8608
 
 BENCH = CarBench(engine="chain", timestep=1e-3)
-SITE: CarSite = BENCH.site
+SITE = BENCH.site
+OPTIONS = CarSite.options
 ROAD = replace(iso8608("C", 20.0, 4.0, 11), name="road")
 
 
@@ -112,8 +106,8 @@ def test_the_lq_force_is_that_of_riccatis_equation() -> None:
     a, b, q, s, r = cost(0.3, 0.03, 1e-3)
     p = solve_continuous_are(a, b, q, r, s=s)
     gain = np.linalg.solve(r, b.T @ p + s.T)[0]
-    aim = lq_force(SITE, 0.3, 0.03, 1e-3, 1e-3)
-    np.testing.assert_allclose(aim.k, gain, rtol=1e-6)  # type: ignore[attr-defined]
+    aim: Any = make("lq-tracking:holding=0.3,stroke=0.03,r=1e-3,roughness=1e-3", SITE)
+    np.testing.assert_allclose(aim.aim.k, gain, rtol=1e-6)
     np.testing.assert_allclose(car_plant(SITE.car).a, a)
     assert regulated(SITE.car, 0.0, 0.0)["acceleration_2"] == 1.0
 
@@ -129,7 +123,7 @@ def test_mpc_is_the_discrete_regulator_where_nothing_binds(monkeypatch: pytest.M
     a, b = moved[:4, :4], moved[:4, 4:]
     p = solve_discrete_are(a, b, q, r, s=s)
     gain = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a + s.T)[0]
-    aim = MpcForce(SITE, 0.3, 0.03, 1e-3, 1e-3, 0.1)
+    aim = MpcForce(SITE, {"holding": 0.3, "stroke": 0.03, "r": 1e-3, "roughness": 1e-3, "horizon": 0.1})
     state = np.array([-1e-3, 4e-3, 0.05, 0.03])
     monkeypatch.setattr(aim, "_estimator", lambda y: state)
     wanted = -float(gain @ state)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from mrdamp.control import Constant, Controller, ForceController, clipped_optimal, passive_off, passive_on
-from mrdamp.control.clipped_optimal import OptimalForce, clip, optimal_force
+from mrdamp.control.clipped_optimal import OptimalForce, optimal_force
+from mrdamp.control.force_control import clip
 from mrdamp.control.lqg import first_order_hold, regulator_gain
 from mrdamp.control.plant import outputs, plant
 from mrdamp.errors import InputError
@@ -353,7 +354,7 @@ def test_a_design_without_a_solution_gets_one_line() -> None:
 )
 def test_bad_designs_get_one_line(change: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError) as error:
-        clipped_optimal(**{"frame": dyke1996(), "command_max": 2.25, **change})
+        clipped_optimal(dyke1996(), **{"command_max": 2.25, **change})
     assert says in str(error.value)
 
 

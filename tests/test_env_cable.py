@@ -24,7 +24,6 @@ from mrdamp.envs import (
     WindLoads,
     cable_damper,
 )
-from mrdamp.envs.cable_reward import PARTS
 from mrdamp.envs.cable_xml import chain_xml
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -68,30 +67,13 @@ def test_the_parts_are_the_reward() -> None:
     info: dict[str, Any] = {}
     for k in range(400):
         _, reward, _, _, info = env.step(np.array([math.sin(0.1 * k)], np.float32))
-        assert reward == pytest.approx(sum(info[f"reward_{part}"] for part in PARTS), abs=1e-12)
+        parts = [value for name, value in info.items() if name.startswith("reward_")]
+        assert reward == pytest.approx(sum(parts), abs=1e-12)
         motion -= info["reward_motion"]
     periods = math.floor(start["duration"] / 0.005 + 1e-9) + 1
     assert info["motion_ratio"] == pytest.approx(math.sqrt(motion * periods / 100 / 400))
     assert info["rms_motion"] == pytest.approx(info["motion_ratio"] * start["reference_motion"])
     assert info["dissipated_energy"] > 0
-
-
-def test_seeds_and_states_are_exact() -> None:
-    env, other = CableEnv(history=2, noise={"force": 0.2}), CableEnv(history=2, noise={"force": 0.2})
-    actions = np.random.default_rng(0).uniform(-1, 1, (100, 1)).astype(np.float32)
-    env.reset(seed=4)
-    first = [env.step(a) for a in actions]
-    other.reset(seed=4)
-    for k, action in enumerate(actions):
-        if k == 40:
-            state = other.get_state()
-        assert np.array_equal(other.step(action)[0], first[k][0])
-    env.reset(seed=5)
-    env.set_state(state)
-    for k in range(40, 100):
-        found = env.step(actions[k])
-        assert np.array_equal(found[0], first[k][0])
-        assert found[1:] == first[k][1:]
 
 
 def test_full_state_tells_the_modes_apart() -> None:
@@ -201,7 +183,7 @@ def test_every_engine_step_is_pushed_along_the_loads_lines() -> None:
     plant.reset(CableLoad("drawn", 1 / 60, np.array([0.5]), force))
     plants, pushes = plant.rows.plants, []
     for _ in range(23):
-        pushes.append(plants._at(np.arange(1), plants.step[:, None] + np.arange(5))[0])
+        pushes.append(plants.loads_at(np.arange(1), plants.step[:, None] + np.arange(5))[0])
         plant.step(1.0)
     time = 1e-3 * np.arange(5 * len(pushes))
     expected = np.interp(time, np.arange(7) / 60, force[:, 0]) * (time < 0.1049)

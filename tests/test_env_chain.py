@@ -279,7 +279,8 @@ def test_noise_hangs_on_the_seed() -> None:
         task = FrameTask(
             2, engine="chain", noise={"force": 2.0}, signals=["force"], action_in_observation=False
         )
-        task.reset([0, 1], [np.random.default_rng(seed + k) for k in range(2)], {"motion": MOTION})
+        # Rows may be numbers of NumPy's, as `np.flatnonzero` gives them.
+        task.reset([*np.arange(2)], [np.random.default_rng(seed + k) for k in range(2)], {"motion": MOTION})
         return np.array([task.step(np.zeros((2, 1))).observation[:, 0] for _ in range(60)])
 
     one, same, other = first(0), first(0), first(7)

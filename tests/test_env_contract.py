@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from env_arguments import OWN
 from mrdamp.envs import (
     AmbientLoads,
     CableEnv,
@@ -23,22 +24,43 @@ from mrdamp.envs import (
     CarTask,
     FrameEnv,
     FramePlant,
+    FrameReward,
     FrameTask,
     IsoRoads,
     RecordedMotions,
+    StructureEnv,
     SyntheticMotions,
+    default_damper,
 )
+from mrdamp.envs.own import StructureVectorEnv
 from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
-from mrdamp.model import Model
+from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
+from mrdamp.structures import dyke1996
 from refusals import refuses
 
 Make = Callable[..., Any]
 FRAME: Mapping[str, Any] = {"motions": SyntheticMotions(duration=2.0), "noise": {"acceleration": 0.05}}
 CABLE: Mapping[str, Any] = {"loads": AmbientLoads(duration=0.5), "noise": {"force": 0.1}, "bandwidth": 30.0}
 CAR: Mapping[str, Any] = {"roads": IsoRoads(duration=1.0)}
-KINDS = [(FrameEnv, FrameVectorEnv, FRAME), (CableEnv, CableVectorEnv, CABLE), (CarEnv, CarVectorEnv, CAR)]
-every = pytest.mark.parametrize(("single", "rows", "given"), KINDS)
+OTHER: Mapping[str, Any] = {**FRAME, "noise": {"force": 2.0}, "structure": OWN}
+#: Every kind of state that a sensor or a driver has.
+_SENSING = (
+    Effect("sensor_leakage", {"tau": 0.3, "share": 0.4, "tau2": 2.0}, 2), Effect("sensor_lag", {"tau": 0.004}, 1),
+    Effect("sensor_lag", {"tau": 0.005, "ratio": 0.7}, 3), Effect("command_delay", {"d": 0.012}),
+)  # fmt: skip
+_DAMPER = default_damper()
+SENSING: Mapping[str, Any] = {
+    **FRAME, "history": 4, "reward": FrameReward(drift=1.0, acceleration=1.0, current=0.01, exponent=4.0),
+    "model": Model(_DAMPER.law, _DAMPER.parameters, (*_DAMPER.effects, *_SENSING), "frame", dyke1996()),
+}  # fmt: skip
+KINDS = [
+    (FrameEnv, FrameVectorEnv, FRAME), (FrameEnv, FrameVectorEnv, SENSING), (CableEnv, CableVectorEnv, CABLE),
+    (CarEnv, CarVectorEnv, CAR), (StructureEnv, StructureVectorEnv, OTHER),
+]  # fmt: skip
+every = pytest.mark.parametrize(
+    ("single", "rows", "given"), KINDS, ids=["frame", "sensing frame", "cable", "car", "own"]
+)
 engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
 NARX = (
     "mrdamp-narx 1 sample_time 0.002 inputs 3 x:0 v:0 i:0 offset 0 0 0 scale 100 5 1 force 0 600 "
@@ -106,6 +128,27 @@ def test_copies_go_on_to_the_last_bit(single: Make, rows: Make, given: Mapping[s
         found = env.reset()
         for other in copies:
             same(found, other.reset())
+
+
+@engines
+@every
+def test_seeds_and_states_are_exact(single: Make, rows: Make, given: Mapping[str, Any], engine: str) -> None:
+    """In this environment and in another one, on to the next load."""
+    env, other = (single(engine=engine, **given) for _ in range(2))
+    actions = np.random.default_rng(0).uniform(-1, 1, (90, 1)).astype(np.float32)
+    begin, again = (each.reset(seed=4) for each in (env, other))
+    same(begin, again)
+    before = [env.step(action) for action in actions[:40]]
+    for found, action in zip(before, actions[:40], strict=True):
+        same(found, other.step(action))
+    state = env.get_state()
+    after, following = [env.step(action) for action in actions[40:]], env.reset()
+    assert not np.array_equal(other.reset(seed=77)[0], begin[0]) or other.reset()[1] != begin[1]
+    for each in (env, other):
+        each.set_state(state)
+        for found, action in zip(after, actions[40:], strict=True):
+            same(found, each.step(action))
+        same(following, each.reset())
 
 
 @engines

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,14 @@ from scipy.integrate import solve_ivp
 from scipy.stats import spearmanr
 
 from mrdamp.control.passive import Constant
-from mrdamp.envs.cable_reward import CableReward, CableScore, free_run
-from mrdamp.envs.reward import FrameReward, Reference, Score, reference_run
+from mrdamp.envs.cable_reward import CableReward, free_run
+from mrdamp.envs.car_reward import CarReward, linear_run
+from mrdamp.envs.reward import FrameReward, reference_run
+from mrdamp.envs.weights import Score, Weights
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
+from mrdamp.structures.cars import QuarterCar
 from mrdamp.train.worlds import world
 
 NOTHING = {"c0a": 0.0, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 0.01}
@@ -47,7 +51,7 @@ def test_a_free_cable_holds_the_work_of_its_load() -> None:
 
 def test_a_free_cable_follows_a_load_along_its_lines() -> None:
     """Against SciPy's integrator, of a load with 60 samples a second that is straight between them."""
-    cable, step = StayCable(modes=3), 1 / 60
+    cable, step = StayCable(modes=3, ratio=0.05), 1 / 60
     forces = np.random.default_rng(0).normal(size=(60, 4))
     time, fine = step * np.arange(60), np.linspace(0, 59 * step, 20001)
     squares, energy = np.zeros(2), np.zeros(len(fine))
@@ -65,37 +69,70 @@ def test_a_free_cable_follows_a_load_along_its_lines() -> None:
     assert (motion * of, shaking * of, held) == pytest.approx((*squares, energy.max()), rel=1e-3)
 
 
-def test_each_part_of_a_frames_reward() -> None:
-    """Two periods by hand: costs are negative, the energy taken in is not, and a peak counts by its rise."""
-    weights = FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
-                          energy=11.0, exponent=2.0)  # fmt: skip
-    score = Score(weights, 1)
-    score.start(0, astuple(Reference(drift=0.01, acceleration=4.0, strain_energy=8.0)), 50)
-    first, info = score.of(np.array([[0.004, 2.0, 0.6, 0.5, 1.2, 0.4]]))
-    # A hundred times the weight: of sums, and of means over 50 periods.
-    expected = [-4 * 0.4**2, -6 * 0.5**2, -500 * 0.4, -700 * 0.5, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
-    np.testing.assert_allclose(info[0, :7], expected)
-    np.testing.assert_allclose(first, sum(expected))
-    second, info = score.of(np.array([[0.006, 1.0, 0.0, 0.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(second, -4 * 0.6**2 - 6 * 0.25**2 - 500 * 0.2)
-    named = dict(zip(Score.NAMES, info[0], strict=True))
-    assert named["peak_drift"] == pytest.approx(0.006)
-    assert named["acceleration_ratio"] == pytest.approx(0.5)
-    assert named["mean_current"] == pytest.approx(0.6)
-    assert named["dissipated_energy"] == pytest.approx(0.4)
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize(
+    ("weights", "reference", "period", "raised", "others", "info"),
+    [
+        (
+            FrameReward(drift=2.0, acceleration=3.0, drift_peak=5.0, acceleration_peak=7.0, current=0.5, power=0.25,
+                        energy=11.0),
+            [0.01, 4.0, 8.0], [0.004, 2.0, 0.6, 0.5, 1.2, 0.4], {-4: 0.4, -6: 0.5},
+            [-500 * 0.4, -700 * 0.5, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8],
+            {"peak_drift": 0.004, "acceleration_ratio": 0.5},
+        ),
+        (
+            CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0),
+            [1e-4, 4.0, 8.0], [2.5e-5, 0.36, 0.6, 0.5, 1.2, 0.4], {-4: 0.5, -6: 0.3},
+            [-1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8],
+            {"motion_ratio": 0.5, "rms_motion": 5e-3},
+        ),
+        (
+            CarReward(comfort=2.0, holding=3.0, stroke=5.0, airborne=7.0, current=0.5, power=0.25),
+            [4.0, 0.04, 1e-4], [1.0, 0.0036, 4.9e-5, 0.05, 0.2, 0.6, 0.5, 1.2, 0.4], {-4: 0.5, -6: 0.3, -10: 0.7},
+            [-14 * 0.2, -1 * 0.6, -0.5 * 0.5],
+            {"weighted_acceleration": 1.0, "load_ratio": 0.3, "rms_stroke": 7e-3, "stroke_ratio": 0.7,
+             "peak_stroke": 0.05, "airborne": 0.2},
+        ),
+    ],
+)  # fmt: skip
+def test_each_part_of_a_reward(
+    weights: Weights, reference: list[float], period: list[float], raised: dict[int, float], others: list[float],
+    info: dict[str, float], exponent: float,
+) -> None:  # fmt: skip
+    """By hand over 50 periods, a hundred times the weight: costs are negative, the energy taken in is not."""
+    parts = [weight * ratio**exponent for weight, ratio in raised.items()] + others
+    for one in (False, True):
+        score = Score(replace(weights, exponent=exponent), 1)
+        score.start(0, reference, 50)
+        reward, found = score.of_one(period) if one else score.of(np.array([period]))
+        named = found if isinstance(found, dict) else dict(zip(score.NAMES, found[0], strict=True))
+        np.testing.assert_allclose([named[f"reward_{part.name}"] for part in weights.table], parts)
+        np.testing.assert_allclose(reward, sum(parts))
+        expected = {**info, "mean_current": 1.2, "mean_power": 0.5, "dissipated_energy": 0.4}
+        assert {name: named[name] for name in expected} == pytest.approx(expected)
 
 
-def test_each_part_of_a_cables_reward() -> None:
-    weights = CableReward(motion=2.0, acceleration=3.0, current=0.5, power=0.25, energy=11.0, exponent=2.0)
-    score = CableScore(weights, 1)
-    score.start(0, np.array([1e-4, 4.0, 8.0]), 50)
-    reward, info = score.of(np.array([[2.5e-5, 1.0, 0.6, 0.5, 1.2, 0.4]]))
-    expected = [-4 * 0.25, -6 * 0.25, -1 * 0.6, -0.5 * 0.5, 1100 * 0.4 / 8]
-    np.testing.assert_allclose(info[0, :5], expected)
-    np.testing.assert_allclose(reward, sum(expected))
-    named = dict(zip(CableScore.NAMES, info[0], strict=True))
-    assert named["motion_ratio"] == pytest.approx(0.5)
-    assert named["rms_motion"] == pytest.approx(5e-3)
+def test_a_peak_counts_by_its_rise() -> None:
+    score = Score(FrameReward(drift_peak=5.0, acceleration_peak=7.0, drift=0.0, acceleration=0.0), 1)
+    score.start(0, [0.01, 4.0, 8.0], 50)
+    score.of_one([0.004, 2.0, 0.6, 0.5, 1.2, 0.4])
+    reward, info = score.of_one([0.006, 1.0, 0.0, 0.0, 0.0, 0.0])
+    assert reward == pytest.approx(-500 * 0.2)
+    assert (info["peak_drift"], info["acceleration_ratio"]) == pytest.approx((0.006, 0.5))
+    assert (info["mean_current"], info["dissipated_energy"]) == pytest.approx((0.6, 0.4))
+
+
+def test_the_cars_criteria_are_over_a_dashpot_of_three_tenths_of_critical() -> None:
+    """The stroke on a harmonic road, from the two equations of motion in complex amplitudes."""
+    car, w, step = QuarterCar(), 2 * np.pi * 1.5, 1e-3
+    c, ct = 0.3 * 2 * math.sqrt(car.stiffness * car.body), car.tyre_damping
+    strut, tyre = car.stiffness + 1j * w * c, car.tyre_stiffness + 1j * w * ct
+    body, wheel = np.linalg.solve(
+        [[strut - car.body * w**2, -strut], [-strut, strut + tyre - car.wheel * w**2]], [0.0, 0.01 * tyre]
+    )
+    _, _, stroke = linear_run(car, 0.01 * np.sin(w * step * np.arange(20_000)), step)
+    last = stroke[-2000:]  # three whole periods
+    assert np.sqrt(2 * np.mean(last * last)) == pytest.approx(abs(body - wheel), rel=2e-3)
 
 
 @pytest.mark.slow

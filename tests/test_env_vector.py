@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from scipy.signal import dlsim, lfilter
 
 import mrdamp.envs
-from env_arguments import TWO_DAMPERS
+from env_arguments import TWO_DAMPERS, needed
 from mrdamp.control.observe import LinearFilter, Stack
 from mrdamp.envs import (
     AmbientLoads,
@@ -227,7 +227,7 @@ def test_stable_baselines_rows_are_single_environments(kind: str) -> None:
 
 @pytest.mark.parametrize("id", mrdamp.envs.ENVIRONMENTS)
 def test_gymnasium_makes_them(id: str) -> None:
-    env = gymnasium.make_vec(id, num_envs=2, vectorization_mode="vector_entry_point")
+    env = gymnasium.make_vec(id, num_envs=2, vectorization_mode="vector_entry_point", **needed(id))
     seen, _ = env.reset(seed=0)
     assert isinstance(env.unwrapped, PlantVectorEnv)
     assert seen.shape == env.observation_space.shape

@@ -20,7 +20,7 @@ def example(number: int) -> Callable[..., Any]:
 
 
 def test_each_is_numbered_and_a_screen_long() -> None:
-    assert [int(path.name[:2]) for path in SCRIPTS] == list(range(1, 8))
+    assert [int(path.name[:2]) for path in SCRIPTS] == list(range(1, 9))
     for path in SCRIPTS:
         text = path.read_text(encoding="utf-8")
         assert len(text.splitlines()) <= 62, path.name
@@ -74,3 +74,9 @@ def test_the_scripts_run_whole(path: Path, tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", [str(path)])
     runpy.run_path(str(path), run_name="__main__")
+
+
+def test_8_a_damper_trades_bearings_for_shaking() -> None:
+    found = example(8)(shares=(0.0, 1.0))
+    assert found[1.0]["bearings"] < 0.5 * found[0.0]["bearings"] < 0.5
+    assert found[1.0]["shaking"] > found[0.0]["shaking"]

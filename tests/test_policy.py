@@ -21,7 +21,7 @@ from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
 from mrdamp.control.told import told
-from mrdamp.envs.plant import FramePlant, default_damper
+from mrdamp.envs import FramePlant, default_damper
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.motions import embedded_motion

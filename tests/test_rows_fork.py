@@ -15,7 +15,7 @@ def measured(task: FrameTask) -> bytes:
     """What all rows measure after three periods at half of the largest command."""
     for _ in range(3):
         values = task.rows.advance(np.full((ROWS, 1), 0.5 * task.command_max))[1]
-    return values.tobytes()
+    return bytes(values.tobytes())
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")

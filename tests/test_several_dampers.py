@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
 from command_call import caller
-from mrdamp.commands.compare import add_to
+from mrdamp.commands import compare, train
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
@@ -19,6 +20,8 @@ from mrdamp.compare.frame import FrameBench
 from mrdamp.control.lqg import regulator_gain
 from mrdamp.control.plant import outputs, plant
 from mrdamp.envs import FrameEnv
+from mrdamp.envs import training_loads as loads
+from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.frame_xml import frame_models, frame_xml
 from mrdamp.errors import InputError
 from mrdamp.model import Model
@@ -47,6 +50,13 @@ class Three(Two):
     def command(self, t, y):
         return [1.0, 0.5, 0.0]
 '''
+
+
+def add_to(commands: Any) -> None:
+    compare.add_to(commands)
+    train.add_to(commands)
+
+
 run = caller(add_to)
 
 
@@ -143,6 +153,50 @@ def test_a_model_of_stable_baselines3_commands_both(file: Path, tmp_path: Path) 
     # A half and a quarter of 2.25 V.
     found = made.history(spec, LOAD, 1.0).command
     np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["es", "ppo", "two dampers"])
+def test_what_is_trained_on_a_users_frame_is_compared_on_it(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, algorithm: str
+) -> None:
+    """From the model's file to the table, whose peaks are those of the environment's own episode in the engine."""
+    sb3 = pytest.importorskip("stable_baselines3", reason="needs stable-baselines3")
+    few = loads.validation_motions(1, (1.0,))
+    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
+    LOAD.save(tmp_path / "shake.csv")
+    call: list[str | Path] = ["compare", "frame", "--model", file, "--motions", tmp_path / "shake.csv", "--jobs", "1"]
+    arguments: dict[str, Any] = {"model": file, "timestep": 2.5e-4}
+    if algorithm == "two dampers":
+        from mrdamp.envs.sb3 import PlantVecEnv
+
+        arguments["damper_between"] = PLACES
+        rows = PlantVecEnv(FrameTask(4, engine="chain", **arguments))
+        sb3.PPO("MlpPolicy", rows, n_steps=64, seed=0, device="cpu").learn(256).save(tmp_path / "model.zip")
+        call += ["--dampers", "0-1", "1-2"]
+        found = f"mine={tmp_path / 'model.zip'}"
+    else:
+        own = {"es": "loads=2 population=4", "ppo": "n_envs=4 pool=4 n_steps=32 batch_size=64 freeze=0"}[algorithm]
+        options = f"mrdamp/Frame-v0 --algo {algorithm} --timesteps 600 --evaluations 1 --set {own}".split()
+        assert run("train", *options, "--model", file, "-o", tmp_path / "out") == 0
+        capsys.readouterr()
+        found = f"mine=policy:{tmp_path / 'out'}"
+    assert run(*call, "--json", "--controllers", "passive-on", found) == 0
+    measures = json.loads(capsys.readouterr().out)["controllers"]["mine"]["measures"]
+    made = bench(file, "mujoco") if algorithm == "two dampers" else FrameBench(Model.read(file))
+    ((spec,),) = (row.specs for row in contenders(made, [found], {}))
+    controller = made.controller(spec)
+    env = FrameEnv(period=controller.period, signals=["force"], **arguments)
+    env.reset(options={"motion": LOAD.compressed(5.0)})
+    controller.reset()
+    over, task = False, env.task
+    while not over:
+        y = dict(zip(task.rows.names, task.measured[0].tolist(), strict=True))
+        command = controller.command(float(task.rows.plants.step[0]) * task.rows.plants.timestep, y)
+        action = np.broadcast_to(2.0 * np.asarray(command) / task.command_max - 1.0, task.command_max.shape)
+        _, _, _, over, info = env.step(action.astype(np.float32))
+    assert measures["J1"]["mean"] == pytest.approx(info["drift_ratio"], rel=0.01)
+    assert measures["J2"]["mean"] == pytest.approx(info["acceleration_ratio"], rel=0.03)
 
 
 def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:

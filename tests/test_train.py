@@ -18,11 +18,11 @@ from mrdamp.control.force_control import ForceController
 from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.policy import Policy
+from mrdamp.envs import training_loads as loads
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.model import Effect
 from mrdamp.structures import dyke1996
-from mrdamp.train import loads
 from mrdamp.train.evaluate import Act, Judge, episodes, forces
 from mrdamp.train.imitation import imitated
 from mrdamp.train.learn import train

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,14 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame_task import FrameTask
 from mrdamp.envs.sb3 import PlantVecEnv
 from mrdamp.errors import InputError
-from mrdamp.train import loads
 from mrdamp.train.asymmetric import POLICIES
 from mrdamp.train.evaluate import forces
 from mrdamp.train.export import memory, network
-from mrdamp.train.gradient import GradientRun
+from mrdamp.train.gradient import CHECKPOINT, GradientRun
 from mrdamp.train.learn import train
 from mrdamp.train.settings import Options, settings
 from mrdamp.train.wrappers import PolicyAction, Whitened
@@ -288,7 +289,9 @@ def test_what_is_stopped_goes_on_as_if_it_had_not(algorithm: str, own: tuple[str
     options = Options(algorithm=algorithm, timesteps=512, overrides=(*SMALL, *own), evaluations=4)
 
     def weights(folder: Path) -> dict[str, Any]:
-        found: dict[str, Any] = load_from_zip_file(folder / "checkpoint.zip", device="cpu")[1]["policy"]
+        found: dict[str, Any] = load_from_zip_file(
+            io.BytesIO(torch.load(folder / CHECKPOINT, weights_only=False)["model"]), device="cpu"
+        )[1]["policy"]
         return found
 
     def stop(what: str, share: float) -> None:

@@ -74,7 +74,7 @@ def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float)
     assert all(abs(v) < 2e-5 for v in paid(lessons, BASE, runs).values())
     gains = paid(lessons, OTHER, runs)
     other = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, OTHER))
-    shares = np.array([c.share for c in chosen.criteria])
+    shares = chosen.shares
     for k, (run, moved) in enumerate(zip(runs, other, strict=True)):
         if chosen.exponent == 2.0:
             expected = float((run.ratios - moved.ratios) @ shares)
@@ -99,7 +99,7 @@ def test_what_goes_wrong_costs_along_the_tangent() -> None:
     p, knee = 16.0, 1.1
     found = paid(Lessons(PlantVecEnv(task), chosen, task, runs, p, scale=1.0), 0.0, runs)
     released = known(chosen, chosen.task(2), [r.load for r in runs], constant(task, 0.0))
-    shares, worse = np.array([c.share for c in chosen.criteria]), 0
+    shares, worse = chosen.shares, 0
     for k, (run, moved) in enumerate(zip(runs, released, strict=True)):
         x, b = (r.criteria / run.criteria.max(axis=0) for r in (moved, run))
         straight = np.where(x < knee, x**p, knee**p + p * knee ** (p - 1) * (x - knee))

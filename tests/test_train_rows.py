@@ -14,10 +14,10 @@ from mrdamp.control.observe import Observer
 from mrdamp.envs.cable_loads import AmbientLoads
 from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.task import Task
+from mrdamp.envs.training_loads import TrainingRoads, some_motions
 from mrdamp.errors import InputError
 from mrdamp.train.evaluate import Act, episodes, forces
 from mrdamp.train.imitation import estimated
-from mrdamp.train.loads import TrainingRoads, some_motions
 from mrdamp.train.worlds import world
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ from mrdamp.train.settings import ALGORITHMS, Options, settings
 from mrdamp.train.worlds import world
 
 FRAME = "mrdamp/Frame-v0"
+PLAIN = Path(__file__).resolve().parents[1] / "examples" / "plain_ppo.yml"
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
@@ -24,8 +25,9 @@ def test_every_algorithm_has_hyperparameters_that_its_environment_takes(
         with pytest.raises(InputError, match="no hyperparameters of adjoint"):
             settings(Options(environment, algorithm))
         return
-    chosen = settings(Options(environment, algorithm))
-    assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
+    for file in (None, PLAIN) if algorithm == "ppo" else (None,):
+        chosen = settings(Options(environment, algorithm, hyperparameters=file))
+        assert world(environment, chosen.env_kwargs).task(1).rows.period == chosen.env_kwargs["period"]
 
 
 def test_overrides_reach_into_mappings_and_numbers_are_numbers() -> None:

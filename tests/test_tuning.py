@@ -108,7 +108,7 @@ def test_every_kind_of_other_plants_runs_as_rows(bench: CableBench | CarBench) -
     """Rows of the same load agree with one another, and with a single one of them."""
     long = bench.tuning_loads()[0]
     part = {"force": long.force[:60]} if isinstance(long, CableLoad) else {"height": long.height[:200]}
-    load = replace(long, **part)  # type: ignore[arg-type]
+    load = replace(long, **part)
     for kind in set(bench.tuned.values()):
         (one,) = tuning.Loops(bench, [load], 1).scores([bench.controller(kind)])
         two = tuning.Loops(bench, [load, load], 1).scores([bench.controller(kind)])

@@ -1,14 +1,15 @@
-"""Renews the tables of docs/control.md on the frame, between `<!-- NAME -->` and `<!-- end -->`, on rows of the chain.
+"""Renews the tables of docs/control.md, between `<!-- NAME -->` and `<!-- end -->`; the frame's on rows of the chain.
 
     mrdamp compare frame --tune --jobs 2 -o out/tune && cp out/tune/tuned.json src/mrdamp/data/controllers/frame.json
+    mrdamp compare cable --engine chain -o out/cable && mrdamp compare car --engine chain -o out/car
     for k in -10 10; do
       python tools/off_nominal_case.py --stiffness=$k out/k$k && mrdamp diagnose out/k$k/case -o out/k$k/diagnosis
     done
-    mrdamp compare frame --engine chain -o out/compare
     python tools/control_tables.py --work out
 
-Reads out/compare/result.json, where there is one, and the diagnosed models; runs the rest, and keeps runs in
-out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table stays as it is.
+Reads result.json in out/cable and out/car, where there is one, and the diagnosed models; runs the rest, and keeps runs
+in out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table
+stays as it is.
 """
 
 from __future__ import annotations
@@ -20,7 +21,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from mrdamp.compare import tuning
+from mrdamp.compare.bench import Bench
+from mrdamp.compare.cable import CableBench
+from mrdamp.compare.car import CarBench
 from mrdamp.compare.comparison import Comparison
 from mrdamp.compare.contenders import Contender, contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
@@ -38,6 +44,7 @@ PAGE, RECORDS = ROOT / "docs" / "control.md", ROOT.parent / "shared" / "data" / 
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 PERCENT = (-10, -5, 5, 10)
 LAG = 0.003  # s, of the force sensor
+PEAKS = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
 MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
 
 
@@ -77,32 +84,25 @@ class Tables:
         return on_rows(benches, rows or self.rows, loads, amplitudes, jobs=self.jobs, keep=keep)
 
     def budget(self) -> str:
-        """What more budget brings: the best score of the search after shares of it."""
-        shares = (0.1, 0.25, 0.5, 0.75, 1.0)
-        rows = []
-        for name, s in self.settings.items():
-            last = s.curve[-1][0]
-            best = [min(v for k, v in s.curve if k <= max(share * last, s.curve[0][0])) for share in shares]
-            rows.append((name, f"`{s.spec}`", f"{s.periods / 1e6:.1f}", *(f"{v:.4f}" for v in best), f"{s.score:.4f}"))
-        return markdown(("controller", "setting", "1e6 periods", *(f"{x:.0%}" for x in shares), "last choice"), rows)
+        return _budget(self.bench)
+
+    def budgetcable(self) -> str:
+        return _budget(CableBench())
+
+    def budgetcar(self) -> str:
+        return _budget(CarBench())
+
+    def cable(self) -> str | None:
+        plain = ("peak_force", "mean_command", "coil_energy", "switching_rate")
+        return _compared(self.work / "cable", CableBench(), ("motion",), plain)
+
+    def car(self) -> str | None:
+        plain = ("acceleration", "airborne", "peak_stroke", "mean_command", "switching_rate")
+        return _compared(self.work / "car", CarBench(), ("comfort", "load", "stroke"), plain)
 
     def unseen(self) -> str:
-        """Every measure of every run from the comparison's own file; without it the peaks, on rows."""
-        file = self.work / "compare" / "result.json"
-        if not file.is_file():
-            result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
-            return markdown(("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods"), _peaks(result))
-        data = json.loads(file.read_text(encoding="utf-8"))["controllers"]
-        ratios = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
-        plain = ("mean_command", "coil_energy", "switching_rate")
-        rows = []
-        for name, row in data.items():
-            m = row["measures"]
-            cells = [f"{m[key]['mean']:.3f} ({m[key]['worst']:.3f})" for key in ratios]
-            cells += ["–" if m[key]["mean"] is None else short(m[key]["mean"]) for key in plain]
-            periods = row["periods"]
-            rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
-        return markdown(("controller", *ratios, "mean V", "coil J", "1/s", "1e6 periods"), rows)
+        result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
+        return markdown(PEAKS, _peaks(result))
 
     def unseendifferences(self) -> str:
         return _differences(self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""])
@@ -111,8 +111,7 @@ class Tables:
         if not RECORDS.is_dir():
             return None
         result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
-        heads = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
-        return f"{markdown(heads, _peaks(result))}\n{_differences(result)}"
+        return f"{markdown(PEAKS, _peaks(result))}\n{_differences(result)}"
 
     def spread(self) -> str:
         model = self.bench.model
@@ -159,10 +158,43 @@ class Tables:
         }
         found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
-            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}" for r in found.values()))
+            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}".lstrip("0") for r in found.values()))
             for c in self.rows
         ]
         return markdown(("mean of J1 and J2", *found), rows)
+
+
+def _budget(bench: Bench) -> str:
+    """What more budget brings: the best score of the search after shares of it."""
+    shares, rows = (0.1, 0.25, 0.5, 0.75, 1.0), []
+    for name, s in (tuning.shipped(bench) or {}).items():
+        last = s.curve[-1][0]
+        best = [min(v for k, v in s.curve if k <= max(share * last, s.curve[0][0])) for share in shares]
+        rows.append((name, f"`{s.spec}`", f"{s.periods / 1e6:.1f}", *(f"{v:.4f}" for v in best), f"{s.score:.4f}"))
+    return markdown(("controller", "setting", "1e6 periods", *(f"{x:.0%}" for x in shares), "last choice"), rows)
+
+
+def _compared(folder: Path, bench: Bench, ratios: Sequence[str], plain: Sequence[str]) -> str | None:
+    """Means of a comparison, and what it is tuned for less that of the best constant command, paired."""
+    file = folder / "result.json"
+    if not file.is_file():
+        return None
+    data = json.loads(file.read_text(encoding="utf-8"))["controllers"]
+    rated = {
+        name: np.sum([w * np.array(row["measures"][k]["runs"]) for k, (_, w) in bench.objective.items()], axis=0)
+        for name, row in data.items()
+    }
+    rows = []
+    for name, row in data.items():
+        m = row["measures"]
+        cells = [f"{m[key]['mean']:.3f} ({m[key]['worst']:.3f})" for key in ratios]
+        cells.append(_spread(difference(rated[name], rated["best-constant"]), True))
+        cells += ["–" if m[key]["mean"] is None else short(m[key]["mean"]) for key in plain]
+        periods = row["periods"]
+        rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
+    titles = {m.key: m.title.format(unit="V") for m in bench.measures}
+    heads = ("controller", *(titles[key] for key in ratios), "less best-constant", *(titles[key] for key in plain))
+    return markdown((*heads, "1e6 periods"), rows)
 
 
 def _peaks(result: Comparison) -> list[tuple[str, ...]]:

@@ -3,8 +3,8 @@
     python tools/structure_study.py [--shares -0.1 0 0.1] NAME=FILE [FILE ...] ...
 
 All storeys alike by each share. Twelve synthetic motions at seven amplitudes that no training or choice has seen
-(`mrdamp.train.loads.reported_motions`), on the C++ chain at .5 ms; 95 % over motions and seeds. The files of a name are
-seeds of one training.
+(`reported_motions` of `mrdamp.envs.training_loads`), on the C++ chain at .5 ms; 95 % over motions and seeds. The files
+of a name are seeds of one training.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from mrdamp.compare.summary import difference
 from mrdamp.control.policy import Policy
-from mrdamp.envs import default_damper
+from mrdamp.envs import Frame, default_damper
 from mrdamp.envs.randomise import varied
+from mrdamp.envs.training_loads import by_motion, reported_motions
 from mrdamp.model import Model
 from mrdamp.structures import dyke1996
 from mrdamp.train.evaluate import episodes, forces
-from mrdamp.train.loads import by_motion, reported_motions
-from mrdamp.train.worlds import FrameWorld
+from mrdamp.train.worlds import World
 
 PERIOD = 0.002
 
@@ -66,7 +66,7 @@ def _frame() -> Model:
 def _score(model: Model, loads: list[Any], policy: Policy | None) -> NDArray[np.float64]:
     """(loads,) means of J1 and J2; None: the largest command."""
     own = {"model": model, "period": PERIOD}
-    world = FrameWorld(own if policy is None else {**own, "period": policy.period, "observer": policy.observer})
+    world = World(Frame, own if policy is None else {**own, "period": policy.period, "observer": policy.observer})
     task = world.searching(len(loads))
     if policy is not None:
         policy.reset()

@@ -22,13 +22,13 @@ from mrdamp.control.force_levels import ForceLevels
 from mrdamp.control.networks import Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import Policy
+from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.train.closed_loop import ClosedLoop, Trajectory
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.soft_policy import SoftPolicy
-from mrdamp.train.worlds import FrameWorld
 
 Array = NDArray[np.float64]
 
@@ -64,10 +64,11 @@ class AdjointRun(Run):
             raise InputError(
                 "adjoint: hyperparameters: allowed: loads 1 or more, learning_rate > 0, noise >= 0"
             )
-        self._earlier = _earlier(own["start"], options.seed)
+        given = _earlier(own["start"], options.seed)
+        self._earlier = given if given is not None and len(given.network.layers) > 1 else None
         super().__init__(options, chosen, out, 1)
         torch.set_num_threads(1)  # the matrices are small
-        if not isinstance(self.world, FrameWorld) or not chosen.teacher or self.levels is None:
+        if self.world.kind is not Frame or not chosen.teacher or self.levels is None:
             raise InputError("adjoint: allowed: mrdamp/Frame-v0, action: force, and a teacher")
         if chosen.viscous or chosen.switch:
             raise InputError("adjoint: hyperparameters: viscous and switch are not allowed")
@@ -79,7 +80,7 @@ class AdjointRun(Run):
         begin = (
             np.zeros(self.inputs)
             if self._earlier is not None
-            else self._begin(self.inputs - len(self.task.observer.peaks), own["start"])
+            else self._begin(self.inputs - len(self.task.observer.peaks), given)
         )
         self.soft = SoftPolicy(
             self.task.observer,
@@ -102,28 +103,24 @@ class AdjointRun(Run):
             self._adam.load_state_dict(kept["adam"])
             self._periods, self._steps = kept["periods"], kept["steps"]
 
-    def _begin(self, plain: int, start: str | None) -> Array:
+    def _begin(self, plain: int, start: Policy | None) -> Array:
         """(inputs,) weights to begin with; none on the leaky peaks, which come behind the `plain` ones."""
         found, whole = np.zeros(self.inputs), self.matrix
         self.matrix = whole[:plain]
         try:
-            found[:plain] = self.taught() if start is None else self._shipped(start)
+            found[:plain] = self.taught() if start is None else self._linear(start)
         finally:
             self.matrix = whole
         return found
 
-    def _shipped(self, name: str) -> Array:
-        """(inputs,) weights whose action is that of a shipped linear policy. Raises InputError."""
-        files = shipped_policies("frame").get(name, ())
-        if not files:
-            raise InputError(f"adjoint: hyperparameters: start is {name!r}; allowed: none, or a shipped set")
-        policy = Policy.read(files[self.options.seed % len(files)])
+    def _linear(self, policy: Policy) -> Array:
+        """(inputs,) weights whose action is that of a linear policy. Raises InputError."""
         names, layers = self.task.observer.names, policy.network.layers
         unseen = [n for n in policy.observer.names if n not in names]
         same = policy.period == self.task.rows.period and _alike(policy.levels, self.levels)
         if len(layers) != 1 or policy.teacher is not None or unseen or not same:
             raise InputError(
-                f"adjoint: start {name}: not a linear policy of these observations and this damper; set start=null"
+                f"adjoint: start ({policy.name}): no linear policy of these observations and damper; set start=null"
             )
         row = np.zeros(len(names))
         row[[names.index(n) for n in policy.observer.names]] = (layers[0][0] @ policy.transform)[0]
@@ -216,13 +213,13 @@ class AdjointRun(Run):
         references = self.loop.references()
         alive = np.arange(len(run.channels))[:, None] <= run.lasts
         total = 0.0
-        for k, (group, c) in enumerate(zip(self.loop.groups, self.world.criteria, strict=True)):
+        for k, (group, part) in enumerate(zip(self.loop.groups, self.world.shares, strict=True)):
             size = np.abs(run.channels[:, :, group]) * alive[:, :, None]
             largest = size.max(axis=(0, 2), keepdims=True)
             near = (size / largest) ** _NORM
             whole = near.sum(axis=(0, 2), keepdims=True)
             norm = largest * whole ** (1 / _NORM)
-            share = c.share / (self._loads * references[None, :, k, None])
+            share = part / (self._loads * references[None, :, k, None])
             total += float((share * norm).sum())
             slope = share * norm / whole * near / np.maximum(size, 1e-30)
             by_channel[:, :, group] = slope * np.sign(run.channels[:, :, group])
@@ -242,16 +239,15 @@ class AdjointRun(Run):
 
 
 def _earlier(start: str | None, seed: int) -> Policy | None:
-    """Of a seed in a shipped set or in a folder of an earlier training; None where it is not of this learner. Raises
-    InputError."""
-    files = shipped_policies("frame").get(start or "", ())
-    if files:
-        found = Policy.read(files[seed % len(files)])
-    elif start is not None and Path(start).is_dir():
-        found = Policy.read(Path(start) / f"seed_{seed}" / "policy.json")
-    else:
+    """Of a seed in a shipped set or in a folder of an earlier training; none: None. Raises InputError."""
+    if start is None:
         return None
-    return found if len(found.network.layers) > 1 else None
+    files = shipped_policies("frame").get(start, ())
+    if not files and not Path(start).is_dir():
+        raise InputError(
+            f"adjoint: hyperparameters: start is {start!r}; allowed: none, a shipped set, or a folder of a training"
+        )
+    return Policy.read(files[seed % len(files)] if files else Path(start) / f"seed_{seed}" / "policy.json")
 
 
 def _continued(policy: Policy, observer: Observer, own: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -67,7 +67,7 @@ class ClosedLoop:
         o = self.task.observer
         if o.history != 1 or o.memory:
             raise InputError("adjoint: the observer has a history or a memory; allowed: none of them")
-        names, storeys = self.task.rows.names, range(1, self.task.structure.storeys + 1)
+        names, storeys = self.task.rows.names, range(1, self.task.structure.frame.storeys + 1)
         self.signals = [names.index(name) for name in o.signals]
         watched = [names.index(f"{what}_{j}") for what in ("drift", "acceleration") for j in storeys]
         self.columns = [*self.signals, *watched]

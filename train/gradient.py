@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import random
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from mrdamp.train.pool import Drawn, Known, known
 from mrdamp.train.run import Progress, Run
 from mrdamp.train.wrappers import PolicyAction, Whitened
 
+CHECKPOINT = "checkpoint.pt"
 _FALLING = (
     "linear_"  # before a learning rate that falls to zero over the training, as RL Baselines3 Zoo has `lin_`
 )
@@ -63,9 +64,11 @@ class GradientRun(Run):
             venv = Lessons(venv, self.world, self.task, runs, exponent, self.chosen.price, privileged=privileged)
             self.lessons_given = venv
         self.venv = VecMonitor(venv)
+        checkpoint = self.out / CHECKPOINT
+        self._kept: dict[str, Any] = torch.load(checkpoint, weights_only=False) if checkpoint.is_file() else {}
         self.model = self._model(int(self.seed.generate_state(1)[0] // 2))
         self._renewed, self._resumed = 0, False
-        if self._present.is_file():
+        if self._kept:
             self._go_on()
 
     @property
@@ -94,8 +97,10 @@ class GradientRun(Run):
     def save(self) -> None:
         """The model, and the present: rows with their wrappers, replay memory, exploration and random numbers."""
         assert self.model is not None
-        write_atomic(self.out / "checkpoint.zip", self.model.save)
+        model = io.BytesIO()
+        self.model.save(model)
         kept = {
+            "model": model.getvalue(),  # in one file with the rest: of two, one may be older after a stop
             "layers": [{k: v for k, v in vars(each).items() if k not in _FIXED} for each in _layers(self.venv)],
             "memory": {name: vars(self.model)[name] for name in _MEMORIES if name in vars(self.model)},
             "exploration": {k: v for k, v in _state(_noise_of(self.model)).items() if k in _EXPLORATION},
@@ -104,16 +109,11 @@ class GradientRun(Run):
             "random": (torch.get_rng_state(), np.random.get_state(), random.getstate()),  # noqa: NPY002
             "renewed": self._renewed,
         }
-        write_atomic(self._present, lambda file: torch.save(kept, file))
-
-    @property
-    def _present(self) -> Path:
-        return self.out / "present.pt"
+        write_atomic(self.out / CHECKPOINT, lambda file: torch.save(kept, file))
 
     def _go_on(self) -> None:
         """From the saved present, to the last bit; what belongs to a rollout, at its start (`_Callback`)."""
         assert self.model is not None
-        self._kept: dict[str, Any] = torch.load(self._present, weights_only=False)
         for each, held in zip(_layers(self.venv), self._kept["layers"], strict=True):
             vars(each).update(held)
         self.task = self.venv.unwrapped.task
@@ -160,9 +160,8 @@ class GradientRun(Run):
         algorithm: type[BaseAlgorithm] = (
             sb3_contrib.RecurrentPPO if name == "recurrent" else getattr(stable_baselines3, name.upper())
         )
-        checkpoint = self.out / "checkpoint.zip"
-        if checkpoint.is_file():
-            return algorithm.load(checkpoint, env=self.venv, device="cpu", force_reset=False)
+        if self._kept:
+            return algorithm.load(io.BytesIO(self._kept["model"]), env=self.venv, device="cpu", force_reset=False)
         if chosen.freeze and name in _OFF_POLICY:
             raise InputError(f"{name}: freeze is for a2c, ppo and recurrent")
         policy_kwargs: dict[str, Any] = dict(chosen.policy_kwargs)

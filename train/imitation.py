@@ -13,7 +13,7 @@ from mrdamp.control.clipped_optimal import OptimalForce
 from mrdamp.control.force_control import ForceController
 from mrdamp.control.ground_filter import Ground
 from mrdamp.control.observe import LinearFilter, Observer
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError
 from mrdamp.train.worlds import Stage, World
 
@@ -58,11 +58,11 @@ def with_ground(world: World, given: Any) -> World:
     """The world with an observer that has the states of a filter of frame and ground besides, or of several, one behind
     the other; given: see `mrdamp.control.ground_filter.Ground`, or a list of such. Raises InputError."""
     task = world.task(1)
-    if not isinstance(task, FrameTask):
+    if not isinstance(task.structure, Frame):
         raise InputError("ground filter: it is for mrdamp/Frame-v0 only")
     observer = task.observer
     for ground in [Ground.of(one) for one in (given if isinstance(given, list) else [given])]:
-        observer = ground.observed(observer, task.structure, task.rows.period)
+        observer = ground.observed(observer, task.structure.frame, task.rows.period)
     return world.observing(replace(observer, limit=_WIDE))
 
 

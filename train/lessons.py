@@ -62,7 +62,7 @@ class Lessons(VecEnvWrapper):
     def renew(self, runs: Sequence[Known]) -> None:
         """Another base controller from now on, under the same loads: a mean of powers is the mean of ratios only near
         the base."""
-        shares = np.array([c.share for c in self._world.criteria])
+        shares = self._world.shares
         self._peaks = np.array([np.maximum(run.criteria.max(axis=0), 1e-12) for run in runs])
         powers = [(run.criteria / peak) ** self._p for run, peak in zip(runs, self._peaks, strict=True)]
         ratios = np.array([run.ratios for run in runs])
@@ -92,7 +92,7 @@ class Lessons(VecEnvWrapper):
         base = self._costs[self._first[self._load] + self._t]
         reward = base - cost
         if self._price:
-            reward -= self._price * period[:, self._world.share_column] / self._task.rows.steps
+            reward -= self._price * self._world.current_of(period) / self._task.rows.steps
         self._t += 1
         over = np.flatnonzero(done).tolist()
         for (

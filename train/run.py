@@ -19,12 +19,12 @@ from mrdamp.control.networks import Memory, Network
 from mrdamp.control.observe import Observer
 from mrdamp.control.policy import VELOCITY, Policy, velocities
 from mrdamp.envs.task import Task
+from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.errors import InputError
 from mrdamp.files import write_atomic
 from mrdamp.shown import Shown
 from mrdamp.train.evaluate import Judge, forces
 from mrdamp.train.imitation import estimated, imitated, with_ground
-from mrdamp.train.loads import VALIDATION_SEED
 from mrdamp.train.settings import Options, Settings
 from mrdamp.train.worlds import World, world
 

@@ -12,6 +12,7 @@ import yaml
 
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
+from mrdamp.outside import NAMED
 
 #: Those of stable-baselines3, `recurrent` (RecurrentPPO of sb3-contrib), the evolution strategy of
 #: `mrdamp.train.evolution`, and the gradients through the chain of `mrdamp.train.adjoint`.
@@ -157,11 +158,11 @@ class Settings:
 def settings(options: Options) -> Settings:
     """Of the options' environment and algorithm, with their overrides. Raises InputError."""
     table = _read(options)
-    if options.environment not in table:
+    if options.environment not in table and not NAMED.fullmatch(options.environment):
         raise InputError(
             f"no hyperparameters of {options.algorithm} for {options.environment}; there are {', '.join(table)}"
         )
-    chosen: dict[str, Any] = dict(table[options.environment] or {})
+    chosen: dict[str, Any] = dict(table.get(options.environment) or {})  # a structure of one's own may have none
     for override in options.overrides:
         _set(chosen, override)
     if options.timesteps is not None:

@@ -73,43 +73,40 @@ mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* 
   return new (std::nothrow) mrdamp_rows{Rows(std::move(plan), std::move(made), FloorSensors(f))};
 }
 
-mrdamp_rows* mrdamp_rows_modes(const mrdamp_modes* modes, const mrdamp_dampers* dampers, double period, int steps,
-                               int instants, char* err, int err_size) {
+mrdamp_rows* mrdamp_rows_linear(const mrdamp_linear* linear, const mrdamp_dampers* dampers, double period, int steps,
+                                char* err, int err_size) {
   RowsPlan plan;
   std::vector<Damper> made;
-  const int n = modes->modes;
-  if (n < 1 || n > 500 || modes->places < 0) {
-    Fail(err, err_size, std::to_string(n) + " modes at " + std::to_string(modes->places) + " places; allowed are 1 to 500, 0 or more");
+  const mrdamp_linear& s = *linear;
+  const int n = s.coordinates;
+  if (n < 1 || n > 500 || s.loads < 1 || s.places < 0) {
+    Fail(err, err_size, std::to_string(n) + " coordinates, " + std::to_string(s.loads) + " loads, " + std::to_string(s.places) +
+                            " places; allowed are 1 to 500, 1 or more, 0 or more");
     return nullptr;
   }
-  if (!(modes->mass > 0) || !std::isfinite(modes->mass)) {
-    Fail(err, err_size, "the mass of the modes must be a finite number above 0");
-    return nullptr;
-  }
-  if (dampers->count != 1) {
-    Fail(err, err_size, std::to_string(dampers->count) + " dampers on modes; allowed is 1");
-    return nullptr;
-  }
-  if (!Take(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
-  plan.system = LinearSystem(n, n, 1);
-  plan.place = Matrix(modes->places, n);
-  for (int i = 0; i < n; i++) {
-    const double w = modes->frequency[i], ratio = modes->ratio[i], stroke = modes->stroke[i];
-    if (!(w > 0 && ratio >= 0 && std::isfinite(w) && std::isfinite(ratio) && std::isfinite(stroke))) {
-      Fail(err, err_size, "mode " + std::to_string(i + 1) + ": frequency must be above 0, its ratio of damping 0 or more, both finite");
-      return nullptr;
-    }
-    plan.system.rate(i, i) = -w * w;
-    plan.system.rate(i, n + i) = -2 * ratio * w;
-    plan.system.load(i, i) = 1;
-    plan.system.stroke(0, i) = stroke;
-    plan.system.push(i, 0) = -stroke;
-    for (int p = 0; p < modes->places; p++) plan.place(p, i) = modes->at[static_cast<std::size_t>(p) * n + i];
-  }
+  if (!Take(*dampers, period, steps, 1, &plan, &made, err, err_size)) return nullptr;
+  plan.system = LinearSystem(n, s.loads, dampers->count);
+  plan.place = Matrix(s.places, n);
   plan.drift = Matrix(0, n);
-  plan.loaded = true;
+  bool finite = s.mass >= 0 && std::isfinite(s.mass);
+  const std::pair<Matrix*, const double*> parts[] = {{&plan.system.rate, s.rate}, {&plan.system.load, s.load},
+                                                     {&plan.system.stroke, s.stroke}, {&plan.system.push, s.push}, {&plan.place, s.at}};
+  for (const auto& [to, from] : parts) {
+    for (int i = 0; i < to->n; i++) {
+      for (int j = 0; j < to->m; j++) {
+        (*to)(i, j) = from[static_cast<std::size_t>(i) * to->m + j];
+        finite = finite && std::isfinite((*to)(i, j));
+      }
+    }
+  }
+  if (!finite) {
+    Fail(err, err_size, "the structure's matrices must be finite, and its mass at least 0");
+    return nullptr;
+  }
+  plan.loaded = !s.absolute;
   plan.peaks = false;
-  plan.square = 1 / modes->mass;
+  plan.each = s.mass == 0;
+  if (!plan.each) plan.square = 1 / s.mass;
   return new (std::nothrow) mrdamp_rows{Rows(std::move(plan), std::move(made), {})};
 }
 

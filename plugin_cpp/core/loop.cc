@@ -12,7 +12,7 @@ Loop::Loop(const Linear& linear, const RowsPlan& plan, const Sparse& place, cons
     : linear_(linear), plan_(plan), dampers_(dampers), accelerometers_(accelerometers), place_(place), drift_(drift),
       assembly_(linear, dampers, plan.storeys, true), sensors_(dampers.size()), floors_(accelerometers.size()),
       load0_(linear.loads()), load1_(linear.loads()), forces_(linear.elements()), rate_(linear.n()), before_(linear.n()),
-      from_(2 * linear.n()), current_(dampers.size()), filter_(plan.sections.size() / 5 * 2), command_(dampers.size()),
+      from_(2 * linear.n()), current_(dampers.size()), filter_(plan.sections.size() / 5 * 2), each_(plan.each ? 4 * plan.place.n : 0), command_(dampers.size()),
       measured_(measurements()) {
   for (const Damper& d : dampers) readings_.push_back(SensorParams::Of(d.p));
 }
@@ -94,6 +94,19 @@ void Loop::Ride(Real* sums) {
   sums[2] += stroke * stroke;
   sums[3] = max(sums[3], fabs(stroke));
   sums[4] += Select(load == 0, 1, 0);
+}
+
+// Adds the step's start at every place.
+void Loop::Each() {
+  const int places = plan_.place.n;
+  for (int i = 0; i < places; i++) {
+    const Real of[] = {place_.Row(i, before_.data()), place_.Row(i, from_.data())};
+    for (const int k : {0, 1}) {
+      Real* at = &each_[2 * k * places + i];
+      at[0] += of[k] * of[k];
+      at[places] = max(at[places], fabs(of[k]));
+    }
+  }
 }
 
 // A drift at a share s of the last step, by its values and velocities at both ends.
@@ -192,6 +205,7 @@ void Loop::Step(const MrdampRow* rows, int count, const double* noise) {
   }
   Real first = 0, second = 0, share = 0, power = 0, current = 0, energy = 0, ride[5] = {};
   const bool rides = !plan_.sections.empty();
+  for (Real& x : each_) x = 0;
   const Real* command = command_.data();
   LoadAt(each, 0, load0_.data());
   Rates();
@@ -208,6 +222,7 @@ void Loop::Step(const MrdampRow* rows, int count, const double* noise) {
     load0_.swap(load1_);
     Rates();
     if (rides) Ride(ride);
+    else if (plan_.each) Each();
     else if (!plan_.peaks) {
       for (int i = 0; i < n; i++) second += before_[i] * before_[i];
       for (int i = 0; i < n; i++) first += a.q[i] * a.q[i];
@@ -238,10 +253,11 @@ void Loop::Step(const MrdampRow* rows, int count, const double* noise) {
   }
   // max passes over what is no number.
   const Mask lost = !isfinite(a.q[0] + a.q[n]);
-  Real all[9];
-  int criteria = 0;
-  const auto add = [&](Real x) { all[criteria++] = x; };
-  if (rides) {
+  criteria_.clear();
+  const auto add = [&](Real x) { criteria_.push_back(x); };
+  if (plan_.each) {
+    for (std::size_t i = 0; i < each_.size(); i++) add(Select(lost, kUnset, i / places % 2 == 0 ? each_[i] * of_steps : each_[i]));
+  } else if (rides) {
     for (const int i : {0, 1, 2}) add(ride[i] * of_steps);
     add(ride[3]);
     add(ride[4] * of_steps);
@@ -250,7 +266,7 @@ void Loop::Step(const MrdampRow* rows, int count, const double* noise) {
     add(Select(lost, kUnset, second));
   }
   for (const Real& x : {share * of_dampers, power * of_dampers, current * of_dampers, energy}) add(x);
-  for (int i = 0; i < criteria; i++) Scatter(all[i], count, [&](int l, double x) { rows[l].criteria[i] = x; });
+  for (std::size_t i = 0; i < criteria_.size(); i++) Scatter(criteria_[i], count, [&](int l, double x) { rows[l].criteria[i] = x; });
   Measure(each, noise);
   for (std::size_t i = 0; i < floors_.size(); i++) {
     const Real ideal = place_.Row(static_cast<int>(i), rate_.data()), disturbance = measured_[i] - ideal;

@@ -25,6 +25,7 @@ struct RowsPlan {
   // if there are `sections`, those of a ride: b0 b1 b2 a1 a2 of each section of a filter of the second place's
   // acceleration. Drift 0 is then the tyre's, on storey 0, and drift 1 the stroke.
   bool peaks = true;
+  bool each = false;  // in place of these, of every place, see mrdamp_linear
   std::vector<double> sections;
   double square = 1;  // factor on these
   std::vector<double> command_max;  // reference of the currents
@@ -54,6 +55,7 @@ class Loop {
   void LoadAt(const MrdampRow* rows, double step, Real* out) const;
   void Rates();
   void Ride(Real* sums);
+  void Each();
   Real DriftWithin(int j, double s) const;
   void Measure(const MrdampRow* rows, const double* noise);
 
@@ -68,6 +70,8 @@ class Loop {
   std::vector<Real> load0_, load1_, forces_;
   std::vector<Real> rate_, before_, from_, current_;  // present rates; three of the step's start
   std::vector<Real> filter_;  // of a ride: two for each section
+  std::vector<Real> each_;    // of every place: mean squares and peaks of acceleration, then of displacement
+  std::vector<Real> criteria_;
   std::vector<Real> command_, measured_;
 };
 

@@ -17,7 +17,10 @@ class Rows {
 
   int size() const { return size_; }
   int measurements() const { return measurements_; }
-  int criteria() const { return plan_.sections.empty() ? int{MRDAMP_CRITERIA} : int{MRDAMP_CAR_CRITERIA}; }
+  int criteria() const {
+    if (plan_.each) return 4 * plan_.place.n + 4;
+    return plan_.sections.empty() ? int{MRDAMP_CRITERIA} : int{MRDAMP_CAR_CRITERIA};
+  }
   int dampers() const { return static_cast<int>(dampers_.size()); }
   // Standard deviation of each measurement.
   void SetNoise(const double* deviation) { noise_.assign(deviation, deviation + measurements_); }

@@ -260,13 +260,19 @@ TEST(TheLoadEndsWhereItIsSaid) {
 struct Modes {
   std::vector<double> frequency{12.0, 31.0}, ratio{0.01, 0.02}, stroke{0.0, 0.0}, at{0.5, -0.2};
   std::vector<double> params = check::Parameters({{"c0a", 100}, {"c0b", 0}, {"fya", 0}, {"fyb", 0}, {"v_ref", 0.1}});
-  double largest = 1;
+  double largest = 1, mass = 2.5;
 
   mrdamp_rows* Make(int steps, char* err, int size) const {
     const int law = mrdamp_law_find("bingham");
     const mrdamp_dampers dampers{1, &law, nullptr, params.data(), &largest};
-    const mrdamp_modes modes{2, frequency.data(), ratio.data(), stroke.data(), 1, at.data(), 2.5};
-    return mrdamp_rows_modes(&modes, &dampers, kPeriod, steps, 1, err, size);
+    const double unit[] = {1, 0, 0, 1};
+    std::vector<double> rate(8);
+    for (int i = 0; i < 2; i++) {
+      rate[5 * i] = -frequency[i] * frequency[i];
+      rate[5 * i + 2] = -2 * ratio[i] * frequency[i];
+    }
+    const mrdamp_linear linear{2, 2, rate.data(), unit, stroke.data(), stroke.data(), 1, at.data(), 0, mass};
+    return mrdamp_rows_linear(&linear, &dampers, kPeriod, steps, err, size);
   }
 };
 
@@ -305,6 +311,36 @@ TEST(ModesUnderAStepOfForce) {
     NEAR(out[0], a, 1e-9);
     NEAR(criteria[0], squares[0] / 4 / 2.5, 1e-12);
     NEAR(criteria[1], squares[1] / 4 / 2.5, 1e-7);
+  }
+  mrdamp_rows_free(rows);
+}
+
+// The same, at the place: mean squares and peaks of its acceleration and displacement over the steps' starts.
+TEST(CriteriaOfAPlace) {
+  char err[300] = "";
+  Modes given;
+  given.mass = 0;
+  given.frequency[1] = 12;  // both as one
+  given.ratio[1] = 0.01;
+  mrdamp_rows* rows = given.Make(4, err, sizeof err);
+  check::That(rows != nullptr, __FILE__, __LINE__, err);
+  CHECK(mrdamp_rows_criteria(rows) == 8);
+  const double force[] = {3, -40}, u = 0, w = 12, z = 0.01 * w, wd = std::sqrt(w * w - z * z), push = 0.5 * 3 + 0.2 * 40;
+  const mrdamp_load load{force, 1, 1, 1 << 30};
+  std::vector<double> state(mrdamp_rows_size(rows)), out(mrdamp_rows_measurements(rows)), criteria(8);
+  mrdamp_rows_start(rows, 0, &load, state.data(), out.data());
+  for (int k = 0; k < 100; k++) {
+    mrdamp_rows_step(rows, 1, state.data(), &load, &u, criteria.data(), out.data(), 1, 0);
+    double wanted[4] = {};
+    for (int j = 0; j < 4; j++) {
+      const double t = k * kPeriod + j * kPeriod / 4, decay = std::exp(-z * t), c = std::cos(wd * t), d = std::sin(wd * t);
+      const double a = push * decay * (c - z / wd * d), x = push / (w * w) * (1 - decay * (c + z / wd * d));
+      wanted[0] += a * a / 4;
+      wanted[1] = std::max(wanted[1], std::fabs(a));
+      wanted[2] += x * x / 4;
+      wanted[3] = std::max(wanted[3], std::fabs(x));
+    }
+    for (int i = 0; i < 4; i++) NEAR(criteria[i], wanted[i], 1e-7);
   }
   mrdamp_rows_free(rows);
 }
@@ -370,9 +406,9 @@ TEST(BadRowsAreTold) {
   CHECK(!mrdamp_rows_frame(&f, &free, good, kPeriod, 5, 1, err, sizeof err));
   HAS(err, "command_max of damper 1");
   Modes modes;
-  modes.frequency[1] = -1;
+  modes.frequency[1] = HUGE_VAL;
   CHECK(!modes.Make(5, err, sizeof err));
-  HAS(err, "mode 2");
+  HAS(err, "finite");
   mrdamp_rows* rows = mrdamp_rows_frame(&f, &one, good, kPeriod, 5, 1, err, sizeof err);
   std::vector<double> noise(mrdamp_rows_measurements(rows), 0.0);
   noise[3] = -1;

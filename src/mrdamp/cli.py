@@ -31,6 +31,7 @@ from mrdamp.commands.models import named_model
 from mrdamp.commands.output import OutFile, OutFolder, progress_bar
 from mrdamp.errors import EngineError, InputError
 from mrdamp.interrupts import unguard
+from mrdamp.outside import NAMED
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -122,7 +123,10 @@ def build_parser() -> argparse.ArgumentParser:
     mjcf.add_argument("-o", "--out", type=OutFolder, required=True, help="folder to write")
 
     view = add("view", _view, "look at a model in MuJoCo's viewer", "mrdamp view frame3")
-    view.add_argument("model", nargs="?", default="frame3", help="model file, MJCF file or a packaged model")
+    view.add_argument(
+        "model", nargs="?", default="frame3",
+        help="model file, MJCF file, a packaged model, or file.py:NAME of a structure",
+    )  # fmt: skip
 
     sets = add("sets", _sets, "list the published parameter sets", "mrdamp sets")
     sets.add_argument("name", nargs="?", help="print this one as a model file")
@@ -203,6 +207,12 @@ def _view(a: argparse.Namespace) -> int:
             raise InputError(f"{path}: no such file")
         return _launch(path)
     with tempfile.TemporaryDirectory() as folder:
+        if NAMED.fullmatch(a.model):
+            from mrdamp.envs.linear import own_kind
+
+            path = Path(folder) / "model.xml"
+            path.write_text(own_kind(a.model)().mjcf(5e-4, drawn=True), encoding="utf-8")
+            return _launch(path)
         return _launch(write_mjcf(named_model(a.model), Path(folder) / "model"))
 
 

@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
         "mrdamp compare frame --motions records/*.AT2 --controllers passive-on best-constant policy:seeds/",
     )
     p.add_argument(
-        "environment", nargs="?", default="frame", help="frame (default), cable or car, or their ids"
+        "environment", nargs="?", default="frame", help="frame (default), cable or car, their ids, or file.py:NAME"
     )
     p.add_argument("--preset", choices=_PRESETS, help="a published table in place of a comparison")
     p.add_argument(

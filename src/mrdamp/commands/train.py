@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
         "train a controller in an environment, and export it for NumPy alone",
         "mrdamp train mrdamp/Frame-v0 --seeds 5 --jobs 2 -o out/frame",
     )
-    p.add_argument("environment", help="mrdamp/Frame-v0, mrdamp/Cable-v0 or mrdamp/QuarterCar-v0")
+    p.add_argument("environment", help="mrdamp/Frame-v0, mrdamp/Cable-v0, mrdamp/QuarterCar-v0, or file.py:NAME")
     p.add_argument(
         "--algo", default="es", choices=_ALGORITHMS,
         help="of stable-baselines3 (recurrent: of sb3-contrib), es: an evolution strategy, or adjoint: gradients "

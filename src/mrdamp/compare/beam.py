@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.compare.bench import UNCONTROLLED, Bench
+from mrdamp.compare.bench import UNCONTROLLED
+from mrdamp.compare.plant_run import PlantBench
 from mrdamp.compare.shares import least
-from mrdamp.control.base import Controller
 from mrdamp.control.replay import Replay
 from mrdamp.simulation.rows import ChainRows
 
@@ -87,18 +87,8 @@ def _one(
     return commands, float(so_far[best])
 
 
-class Driven(Bench, Protocol):
-    """A bench whose controllers act every `period` s, and that runs any of them under a load."""
-
-    @property
-    def period(self) -> float: ...
-
-    def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
-        """What is kept of a controller's run."""
-
-
 def judged(
-    bench: Driven, name: str, start: str, load: Any, amplitude: float, commands: Array, values: Sequence[float]
+    bench: PlantBench, name: str, start: str, load: Any, amplitude: float, commands: Array, values: Sequence[float]
 ) -> dict[str, Any]:
     """A bound's entry of what a search gives: found commands (periods,) in the bench's engine, or a better run.
 

@@ -5,19 +5,30 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
 
-from mrdamp.errors import InputError
+import numpy as np
 
-if TYPE_CHECKING:
-    from mrdamp.control.base import Controller
-    from mrdamp.envs.task import Task
+from mrdamp import __version__
+from mrdamp.compare import own
+from mrdamp.compare.motions import UNSEEN_AMPLITUDES
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.envs.plants import of_engine
+from mrdamp.envs.structure import Structure
+from mrdamp.envs.task import Task, task_of
+from mrdamp.errors import InputError, require_positive
+from mrdamp.library import library_path
+from mrdamp.model import Model
 
+_VERSION = 6  # of what a kept run holds
 #: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
 Ranges = Mapping[str, tuple[float, float]]
-Found = TypeVar("Found")
 
 #: The spec of a run without the damper.
 UNCONTROLLED = "uncontrolled"
@@ -77,13 +88,6 @@ def score(bench: Bench, values: Mapping[str, float]) -> float:
     return sum(weight * values[key] for key, (_, weight) in bench.objective.items())
 
 
-def of_kind(ranges: Mapping[str, Found], kind: str) -> Found:
-    """Raises InputError for a kind that has none."""
-    if kind not in ranges:
-        raise InputError(f"tuning: nothing to tune in {kind}; allowed: {', '.join(ranges)}")
-    return ranges[kind]
-
-
 #: Of the command and the coil, on any bench; NaN for an ideal actuator.
 ELECTRIC: tuple[Measure, ...] = (
     Measure("mean_command", "mean command ({unit})"),
@@ -120,93 +124,170 @@ class Coil:
         }
 
 
-class Bench(Protocol):
-    """A structure on which any controller can be run under any load. A run is pure: its result is the same anywhere.
+_MOST = 10_000_000  # periods of a run: results of more may not fit into memory
+
+
+def require_periods(load: Any, period: float) -> None:
+    """InputError unless a load, with a name and a duration (s), lasts 1 to `_MOST` control periods (s)."""
+    if not 1 <= load.duration / period * (1 + 1e-9) <= _MOST:
+        raise InputError(
+            f"{load.name}: {load.duration:g} s in control periods of {period:g} s; allowed: 1 to {_MOST} periods"
+        )
+
+
+def content(of: Any) -> bytes:
+    """All that a load, a model or a structure is made of."""
+    if isinstance(of, np.ndarray):
+        return of.tobytes()
+    if isinstance(of, Model):
+        of = of.to_dict(), of.structure and of.structure.places
+    if is_dataclass(of):
+        return b"".join(f.name.encode() + content(getattr(of, f.name)) for f in fields(of))
+    return repr(of).encode()
+
+
+class Bench(ABC):
+    """A structure on which any controller can be run under any load, a dataclass. A run is pure: its result is the same
+    anywhere.
+
+    Fields: command_unit, A or V; period: of the classical controllers, s; timestep: of the
+    engine, s, at most; engine: `mujoco` or `chain`.
 
     measures: of a run. headline: keys of the measures that a short table shows. claimed: keys of those by which a
     learned controller is set against the others. tuned: controllers that are tuned, by name -> their kind. default:
     controllers of the default table. unseen_amplitudes: of the loads of the evaluation. objective: what tuning makes
-    small, measure -> its name in the `info` of a task, and its weight. option: of a task's reset, that names the load.
-    reference: denominator of the ratios, in words. bounds: name -> weights by key of measure, which a clairvoyant
-    command minimises; empty without such a search. base: spec of the constant command that gains count from.
+    small, measure -> its name in the `info` of a task, and its weight. reference: denominator of the ratios, in words.
+    bounds: name -> weights by key of measure, which a clairvoyant command minimises; empty without such a search. base:
+    spec of the constant command that gains count from. tuning_step: of the engine while controllers are tuned, s,
+    at least.
     """
 
-    @property
-    def command_unit(self) -> str: ...
+    command_unit: str
+    period: float
+    timestep: float
+    engine: str
+    measures: ClassVar[tuple[Measure, ...]]
+    headline: ClassVar[tuple[str, ...]]
+    claimed: ClassVar[tuple[str, ...]]
+    objective: ClassVar[Mapping[str, tuple[str, float]]]
+    unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
+    reference: ClassVar[str] = WITHOUT
+    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
+    base: ClassVar[str] = "passive-on"
+    tuning_step: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        own.require_period("compare", self.period)
+        require_positive("compare", timestep=self.timestep)
+        of_engine(self.structure.engines, self.engine)
 
     @property
-    def environment(self) -> str: ...
+    @abstractmethod
+    def structure(self) -> Structure:
+        """With its damper."""
 
     @property
-    def measures(self) -> tuple[Measure, ...]: ...
+    @abstractmethod
+    def site(self) -> registry.AnySite:
+        """What controllers are made for."""
 
-    @property
-    def headline(self) -> tuple[str, ...]: ...
-
-    @property
-    def claimed(self) -> tuple[str, ...]: ...
-
-    @property
-    def tuned(self) -> Mapping[str, str]: ...
-
-    @property
-    def default(self) -> tuple[str, ...]: ...
-
-    @property
-    def objective(self) -> Mapping[str, tuple[str, float]]: ...
-
-    @property
-    def option(self) -> str: ...
-
-    @property
-    def unseen_amplitudes(self) -> tuple[float, ...]: ...
-
-    @property
-    def reference(self) -> str: ...
-
-    @property
-    def bounds(self) -> Mapping[str, Mapping[str, float]]: ...
-
-    @property
-    def base(self) -> str: ...
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds of controllers, see `mrdamp.control.registry`."""
-
-    def check(self, spec: str) -> None:
-        """Raises InputError for an unknown controller."""
-
-    def key(self, spec: str, load: Any, amplitude: float) -> str:
-        """Hash of all inputs of a run."""
-
+    @abstractmethod
     def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
         """What is kept of a run, for JSON; spec: UNCONTROLLED or a controller's."""
 
+    @abstractmethod
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         """Every measure by key, from what is kept of a run and of the uncontrolled one; NaN where it has no value."""
 
-    def controller(self, spec: str) -> Controller:
-        """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
-
-    def task(self, n: int) -> Task:
-        """n of the structures on the chain, as controllers are tuned on them."""
-
-    def ranges(self, kind: str) -> Ranges:
-        """Of every option of a kind. Raises InputError where there is none."""
-
+    @abstractmethod
     def effort(self, kind: str) -> tuple[int, int]:
         """A search runs every so many-th of the tuning loads, its last choice all or a quarter of them; and how many
         control periods a search may take."""
 
+    @abstractmethod
+    def unseen_loads(self) -> Sequence[Any]:
+        """Loads of the evaluation, that no controller is tuned or trained on."""
+
+    @abstractmethod
+    def own_identity(self) -> list[Any]:
+        """What tuned settings belong to, besides the names of their loads, for JSON."""
+
+    @abstractmethod
+    def about(self) -> str:
+        """The structure in words."""
+
+    @property
+    def environment(self) -> str:
+        return self.structure.name
+
+    @property
+    def option(self) -> str:
+        """Of a task's reset, that names the load."""
+        return self.structure.option
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of controllers, see `mrdamp.control.registry`."""
+        return tuple(self.site.options)
+
+    @property
+    def measured(self) -> Sequence[str]:
+        """What controllers are given, by name."""
+        return self.structure.names
+
+    @property
+    def tuned(self) -> Mapping[str, str]:
+        return TUNED
+
+    @property
+    def default(self) -> tuple[str, ...]:
+        return DEFAULT
+
+    @property
+    def command_max(self) -> float:
+        """A or V. Raises InputError where the model has none."""
+        model = self.structure.models[0]
+        largest = model.attributes.get("command_max", math.nan)
+        if not 0 < largest < math.inf:
+            raise InputError(f"{model.name}: no command_max among its parameters; give the largest command")
+        return largest
+
+    def check(self, spec: str) -> None:
+        """Raises InputError for an unknown controller."""
+        registry.parse(spec, self.site.options)
+        own.at_rest(self.controller(spec), self.measured)
+
+    def controller(self, spec: str) -> Controller:
+        """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
+        return own.make(spec, self.site, partial(task_of, self.structure, 1))
+
+    def task(self, n: int) -> Task:
+        """n of the structures on the chain, as controllers are tuned on them."""
+        step = max(self.timestep, self.structure.searched, self.tuning_step)
+        return Task(self.structure, n, period=self.period, timestep=step, engine="chain", reward=None)
+
+    def ranges(self, kind: str) -> Ranges:
+        """Of every option of a kind. Raises InputError where there is none."""
+        if kind not in self.tuned.values():
+            raise InputError(f"tuning: nothing to tune in {kind}; allowed: {', '.join(self.tuned.values())}")
+        known = {"value": (0.0, self.site.command_max), **self.site.ranges()}
+        return {name: known.get(f"{kind}.{name}") or known[name] for name in self.site.options[kind]}
+
     def tuning_loads(self) -> Sequence[Any]:
         """Loads that controllers are tuned on."""
+        return self.structure.validation()
 
-    def unseen_loads(self) -> Sequence[Any]:
-        """Other loads, for the evaluation."""
+    def key(self, spec: str, load: Any, amplitude: float) -> str:
+        """Hash of all inputs of a run."""
+        return hashlib.sha256(
+            self._content + f"{spec} {amplitude!r}".encode() + content(load) + own.files_of(spec)
+        ).hexdigest()[:32]
+
+    @cached_property
+    def _content(self) -> bytes:
+        library = hashlib.sha256(Path(library_path()).read_bytes()).digest()
+        return f"{_VERSION} {__version__} {type(self).__name__}".encode() + content(self) + library
 
     def identity(self) -> str:
         """What tuned settings belong to, as a hash."""
-
-    def about(self) -> str:
-        """The structure in words."""
+        return digest([*self.own_identity(), [load.name for load in self.tuning_loads()]])

@@ -12,8 +12,11 @@ from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
+from mrdamp.compare.goals import GoalBench
+from mrdamp.envs.linear import own_kind
 from mrdamp.errors import InputError
 from mrdamp.model import Model
+from mrdamp.outside import NAMED
 from mrdamp.structures import dyke1996
 
 #: Name, or id of the environment with or without its namespace -> structure.
@@ -42,19 +45,20 @@ def bench_of(
     dampers: pairs of floors between which a frame has dampers; none: its model's. told: what controllers of a frame are
     told in place of the model.
     """
-    if structure not in STRUCTURES:
-        raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}")
-    kind = STRUCTURES[structure]
+    if structure not in STRUCTURES and not NAMED.fullmatch(structure):
+        raise InputError(f"environment {structure!r} is unknown; there are {', '.join(STRUCTURES)}, file.py:NAME")
+    kind = STRUCTURES.get(structure)
     unit = command_unit or ("V" if model is None else "A")
     read = model if model is None or isinstance(model, Model) else Model.read(model)
     if kind == "frame":
         lied = None if told is None else _framed(told if isinstance(told, Model) else Model.read(told), dampers)
         shown = _framed(frame_model() if read is None else read, dampers)
         return FrameBench(shown, unit, compression, 1e-3 if period is None else period, engine=engine, told=lied)
-    made: Any = CableBench if kind == "cable" else CarBench
-    given = {} if read is None else {"model": read}
-    bench: Bench = made(**given, command_unit=unit, period=5e-3 if period is None else period, engine=engine)
-    return bench
+    given: dict[str, Any] = {} if read is None else {"model": read}
+    others: dict[str, Any] = {"command_unit": unit, "period": 5e-3 if period is None else period, "engine": engine}
+    if kind is None:
+        return GoalBench(own_kind(structure)(**given), **others)
+    return CableBench(**given, **others) if kind == "cable" else CarBench(**given, **others)
 
 
 def _framed(model: Model, dampers: Sequence[tuple[int, int]]) -> Model:

@@ -16,8 +16,8 @@ from mrdamp.compare.beam import judged, search
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.cable import CableBench
 from mrdamp.envs.cable_loads import CableLoad
-from mrdamp.envs.cable_task import default_places
-from mrdamp.envs.chain_rows import CableChain
+from mrdamp.envs.cable_rows import CableChain
+from mrdamp.envs.cable_task import Cable
 from mrdamp.simulation.rows import ChainRows, Stepping
 from mrdamp.structures.cables import StayCable
 
@@ -41,14 +41,15 @@ def cable_bound(
 
     def rows(n: int) -> CableChain:
         stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
-        made = CableChain(bench.cable, bench.model, default_places(bench.cable), None, stepping)
+        made = CableChain(Cable(bench.cable, bench.model), stepping)
         for row in range(n):
             made.start(row, scaled)
         return made
 
     first = rows(1)
     periods = int(first.steps[0])
-    to_come = ToCome(bench.cable, first.forces(scaled), scaled.sample_time, bench.period, periods)
+    forces = bench.cable.forces(scaled.force, scaled.places)
+    to_come = ToCome(bench.cable, forces, scaled.sample_time, bench.period, periods)
 
     def cost(plants: ChainRows) -> Array:
         return np.asarray(np.square(plants.coordinates()).sum(axis=1))

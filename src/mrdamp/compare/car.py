@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
-import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from functools import cached_property, partial
-from pathlib import Path
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mrdamp import __version__
-from mrdamp.compare import own as outside
-from mrdamp.compare.bench import ELECTRIC, UNCONTROLLED, Measure, Ranges, digest, of_kind
-from mrdamp.compare.plant_run import PlantBench, require_periods, run_plant
-from mrdamp.control import car as controllers
-from mrdamp.control import registry
-from mrdamp.control.base import Controller
-from mrdamp.control.car_plant import CarSite
+from mrdamp.compare.bench import ELECTRIC, Measure, require_periods
+from mrdamp.compare.plant_run import PlantBench, PlantRun
+from mrdamp.control.car import CarSite
+from mrdamp.control.registry import largest_force
 from mrdamp.control.told import knowledge
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
-from mrdamp.envs.car_task import CarPlant, CarTask, car_damper
-from mrdamp.errors import InputError
-from mrdamp.library import library_path
+from mrdamp.envs.car_task import Car, car_damper
 from mrdamp.model import Model
 from mrdamp.simulation.roads import Road, bump, iso8608
 from mrdamp.structures.cars import QuarterCar
-from mrdamp.train.loads import validation_roads
 
-_VERSION = 3
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
 _UNSEEN = (
     ("A", 30.0, 9_000_201), ("B", 20.0, 9_000_202), ("B", 30.0, 9_000_203), ("C", 12.0, 9_000_204),
@@ -75,10 +64,11 @@ class CarBench(PlantBench):
 
     car: QuarterCar = field(default_factory=QuarterCar)
     model: Model = field(default_factory=car_damper, kw_only=True)
+    command_unit: str = field(default="V", kw_only=True)
+    period: float = field(default=5e-3, kw_only=True)
     timestep: float = field(default=5e-4, kw_only=True)
+    engine: str = field(default="mujoco", kw_only=True)
 
-    environment: ClassVar[str] = "car"
-    options: ClassVar[Mapping[str, Mapping[str, float]]] = controllers.OPTIONS
     reference: ClassVar[str] = "the linear suspension, a dashpot of .3 of critical"
     measures: ClassVar[tuple[Measure, ...]] = (
         Measure("comfort", "weighted acceleration", ratio=True),
@@ -105,7 +95,6 @@ class CarBench(PlantBench):
         "comfort": ("comfort_ratio", 0.5),
         "load": ("load_ratio", 0.5),
     }
-    option: ClassVar[str] = "road"
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
     #: The largest command makes the suspension nearly rigid: the way to a bound begins at none.
     base: ClassVar[str] = "passive-off"
@@ -125,88 +114,43 @@ class CarBench(PlantBench):
         return tuple(name for name in _DEFAULT if _TUNED.get(name) != _MPC or _solver())
 
     @cached_property
+    def structure(self) -> Car:
+        return Car(self.car, self.model)
+
+    @cached_property
     def site(self) -> CarSite:
-        """What controllers are made for."""
         largest = self.command_max
-        force = registry.Site(self.car.frame, self.model, largest, self.period).force_max()
-        return CarSite(self.car, self.model, largest, force, self.period)
+        return CarSite(self.car, self.model, largest, largest_force(self.model, largest), self.period)
 
-    def run(self, spec: str, load: Road, amplitude: float) -> dict[str, Any]:
-        if spec == UNCONTROLLED:
-            road = load.scaled(amplitude)
-            require_periods(road, self.period)
-            time = np.arange(0.0, road.duration, self.timestep)
-            square = [float(np.mean(x * x)) for x in linear_run(self.car, road.at(time), self.timestep)]
-            return dict(zip(PERIOD[:3], square, strict=True))
-        return self.driven(self.controller(spec), load, amplitude)
+    def uncontrolled(self, load: Road) -> dict[str, Any]:
+        require_periods(load, self.period)
+        time = np.arange(0.0, load.duration, self.timestep)
+        square = [float(np.mean(x * x)) for x in linear_run(self.car, load.at(time), self.timestep)]
+        return dict(zip(PERIOD[:3], square, strict=True))
 
-    def controller(self, spec: str) -> Controller:
-        return outside.make(spec, self.site, controllers.make, partial(CarTask, car=self.car, model=self.model))
-
-    def driven(self, controller: Controller, load: Road, amplitude: float) -> dict[str, Any]:
-        """What is kept of a controller's run. Raises InputError."""
-        run = run_plant(self.plant, load.scaled(amplitude), controller, self.period)
+    def kept(self, run: PlantRun) -> dict[str, Any]:
         mean = dict(zip(PERIOD, run.of_period.mean(axis=0).tolist(), strict=True))
-        if not all(map(math.isfinite, mean.values())):
-            raise InputError(f"{self.model.name}: the simulation diverged; check the car and the road's unit")
         return {
             **{key: mean[key] for key in ("comfort", "load", "stroke", "airborne")},
             "peak_stroke": 1e3 * float(run.of_period[:, PERIOD.index("stroke_peak")].max()),
             "dissipated_energy": float(run.of_period[:, PERIOD.index("energy")].sum()),
-            **run.electric(self.command_unit, self.site.command_max),
         }
-
-    def plant(self, period: float) -> CarPlant:
-        return CarPlant(self.car, self.model, period=period, timestep=self.timestep, engine=self.engine)
 
     def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
         ratios = {key: math.sqrt(kept[key] / uncontrolled[key]) for key in PERIOD[:3]}
         own = {"acceleration": math.sqrt(kept["comfort"]), "load_share": math.sqrt(kept["load"])}
         return {**kept, **own, **ratios, "airborne": 100 * kept["airborne"]}
 
-    def ranges(self, kind: str) -> Ranges:
-        critical = self.car.critical_damping
-        leak, level = {"leak": (0.05, 5.0)}, {"level": (0.01, 1.0)}
-        hook = {"damping": (0.01 * critical, 2.0 * critical), **leak}
-        weights = {"holding": (1e-2, 10.0), "stroke": (1e-3, 1.0), "r": (1e-4, 10.0), "roughness": (1e-5, 1e-1)}
-        ranges: Mapping[str, Ranges] = {
-            "constant": {"value": (0.0, self.command_max)},
-            "skyhook-switch": {**leak, **level},
-            "skyhook": hook,
-            "groundhook": hook,
-            "hybrid": {**hook, "share": (0.0, 1.0)},
-            "add": {**leak, **level},
-            "sh-add": {"alpha": (0.5, 100.0), **leak, **level},
-            "clipped-lq": {**weights, **level},
-            "lq-tracking": weights,
-            _MPC: {**weights, "horizon": (0.02, 0.3)},
-        }
-        return of_kind(ranges, kind)
-
     def effort(self, kind: str) -> tuple[int, int]:
         """Every class of roads is among the loads; inverse models are slow."""
         quick = kind in ("constant", "skyhook-switch", "add", "sh-add", "clipped-lq")
-        return 7, 3_000_000 if quick else 500_000
-
-    def task(self, n: int) -> CarTask:
-        return CarTask(n, car=self.car, model=self.model, period=self.period, engine="chain", reward=None)
-
-    def tuning_loads(self) -> tuple[Road, ...]:
-        return tuple(validation_roads())
+        return 7, 3_000_000 if quick else 1_000_000
 
     def unseen_loads(self) -> tuple[Road, ...]:
         return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
 
-    def key(self, spec: str, load: Road, amplitude: float) -> str:
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "car")}
-        parts = [_VERSION, __version__, own, asdict(self.car), self.model.to_dict()]
-        digest = hashlib.sha256(json.dumps([*parts, spec, amplitude, load.speed, load.spacing]).encode())
-        digest.update(load.height.tobytes() + Path(library_path()).read_bytes() + outside.files_of(spec))
-        return digest.hexdigest()[:32]
-
-    def identity(self) -> str:
-        loads = [load.name for load in self.tuning_loads()]
-        return digest([asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep, loads])
+    def own_identity(self) -> list[Any]:
+        return [asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep]
 
     def about(self) -> str:
         c = self.car

@@ -14,6 +14,7 @@ from mrdamp.compare.beam import Beam, judged, search
 from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.car import CarBench
 from mrdamp.envs.car_rows import PERIOD
+from mrdamp.envs.car_task import Car
 from mrdamp.envs.chain_rows import CarChain
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.simulation.roads import Road
@@ -45,7 +46,7 @@ def car_bound(
 
     def rows(n: int) -> CarChain:
         stepping = Stepping(bench.period, min(bench.period, _STEP), np.array([largest]), n)
-        made = CarChain(bench.car, bench.model, stepping)
+        made = CarChain(Car(bench.car, bench.model), stepping)
         for row in range(n):
             made.start(row, scaled)
         return made

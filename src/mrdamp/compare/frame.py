@@ -2,57 +2,36 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mrdamp import __version__
-from mrdamp.compare import own
-from mrdamp.compare.bench import (
-    DEFAULT,
-    ELECTRIC,
-    TUNED,
-    UNCONTROLLED,
-    WITHOUT,
-    Coil,
-    Measure,
-    Ranges,
-    digest,
-    of_kind,
-)
-from mrdamp.compare.motions import UNSEEN_AMPLITUDES, unseen_motions
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, UNCONTROLLED, Bench, Coil, Measure, require_periods
+from mrdamp.compare.motions import unseen_motions
 from mrdamp.compare.on_rows import run_rows
-from mrdamp.compare.plant_run import at_rest, require_period, require_periods
 from mrdamp.control import registry
 from mrdamp.control.base import OWN, Controller, sensor_name
 from mrdamp.control.told import knowledge
 from mrdamp.control.zero_order_hold import ZeroOrderHold
-from mrdamp.envs.chain_rows import FRAMES, of_engine
-from mrdamp.envs.frame_task import FrameTask
+from mrdamp.envs.frame_task import Frame
 from mrdamp.errors import InputError, require_positive
-from mrdamp.library import library_path
 from mrdamp.model import Model
 from mrdamp.motions import TIME_SCALE, GroundMotion
 from mrdamp.simulation.criteria import Criteria, evaluate
 from mrdamp.simulation.stepping import FrameRun, run_frame
-from mrdamp.train.loads import validation_motions
 
 #: Of what is kept of a run: a controller with a longer period is held in between, so that no peak is missed.
 SAMPLE_TIME = 1e-3
-_VERSION = 5  # of what a kept run holds
 #: J1 to J6 and J12 over the uncontrolled run, J11 over the weight, as in mrdamp.simulation.criteria.
 _RATIOS = ("J1", "J2", "J3", "J4", "J5", "J6", "J11", "J12")
 
 
 @dataclass(frozen=True)
-class FrameBench:
+class FrameBench(Bench):
     """A frame with its damper, ready to run. model: of the rig `frame`; compression: how many times as fast motions
     are played; period: of the classical controllers, s; timestep: of the engine, s; engine: `mujoco`, or `chain` for
     runs with the damper (an ideal actuator and the frame alone stay in MuJoCo). told: the model that controllers are
@@ -66,7 +45,6 @@ class FrameBench:
     engine: str = "mujoco"
     told: Model | None = None
 
-    environment: ClassVar[str] = "frame"
     measures: ClassVar[tuple[Measure, ...]] = (
         *(Measure(key, key, ratio=True) for key in _RATIOS),
         *ELECTRIC,
@@ -74,16 +52,11 @@ class FrameBench:
     )
     headline: ClassVar[tuple[str, ...]] = ("J1", "J2", "J4", "J5", "mean_command", "switching_rate")
     claimed: ClassVar[tuple[str, ...]] = ("J1", "J2", "mean_command")
-    tuned: ClassVar[Mapping[str, str]] = TUNED
     #: The mean of peak drift and peak acceleration over the uncontrolled ones.
     objective: ClassVar[Mapping[str, tuple[str, float]]] = {
         "J1": ("drift_ratio", 0.5),
         "J2": ("acceleration_ratio", 0.5),
     }
-    option: ClassVar[str] = "motion"
-    unseen_amplitudes: ClassVar[tuple[float, ...]] = UNSEEN_AMPLITUDES
-    reference: ClassVar[str] = WITHOUT
-    base: ClassVar[str] = "passive-on"
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {
         "clairvoyant": {"J1": 0.5, "J2": 0.5},
         "clairvoyant-drift": {"J1": 1.0},
@@ -91,9 +64,8 @@ class FrameBench:
     }
 
     def __post_init__(self) -> None:
-        require_period("compare", self.period)
-        require_positive("compare", compression=self.compression, timestep=self.timestep)
-        of_engine(FRAMES, self.engine)
+        require_positive("compare", compression=self.compression)
+        super().__post_init__()
         true, told = self.model.structure, (self.told or self.model).structure
         if true and told and (true.storeys, true.places) != (told.storeys, told.places):
             raise InputError(
@@ -117,15 +89,11 @@ class FrameBench:
         return self.site.frame.places
 
     @property
-    def kinds(self) -> tuple[str, ...]:
-        return tuple(registry.ENTRIES)
-
-    def check(self, spec: str) -> None:
-        registry.parse(spec)
-        floors = range(1, self.site.frame.storeys + 1)
-        names = [f"{what}_{j}" for what in ("acceleration", "displacement") for j in floors]
+    def measured(self) -> list[str]:
+        """What `run_frame` measures."""
+        floors, names = range(1, self.site.frame.storeys + 1), ("acceleration", "displacement")
         own = [sensor_name(name, k) for k in range(self.site.dampers) for name in OWN]
-        at_rest(self.controller(spec), [*names, *own])
+        return [*(f"{what}_{j}" for what in names for j in floors), *own]
 
     def history(self, spec: str, load: GroundMotion, amplitude: float) -> FrameRun:
         """The run itself, sampled at SAMPLE_TIME or a little less; spec: see `mrdamp.control.registry`."""
@@ -139,14 +107,13 @@ class FrameBench:
         """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
         if registry.is_ideal(spec):  # its force is its own command, which no sensor reads
             return registry.make(spec, self.site)
-        return own.make(spec, self.site, registry.make, self._task)
+        return super().controller(spec)
 
-    @property
-    def _task(self) -> Callable[..., FrameTask]:
-        """Of rows of this frame."""
+    @cached_property
+    def structure(self) -> Frame:
         assert self.model.structure is not None
         single = replace(self.model, structure=replace(self.model.structure, others=()))
-        return partial(FrameTask, model=single, damper_between=self.places)
+        return Frame(single, damper_between=self.model.structure.places)
 
     def played(self, load: GroundMotion, amplitude: float) -> GroundMotion:
         """The motion as the frame feels it."""
@@ -201,48 +168,18 @@ class FrameBench:
             "dissipated_energy": c.dissipated_energy,
         }
 
-    def ranges(self, kind: str) -> Ranges:
-        """Forces are weighed in units of the structure's mass."""
-        frame, site = self.site.frame, self.site
-        mass, first, force = float(frame.mass.sum()), 2 * math.pi * float(frame.frequencies[0]), site.force_max()
-        noise, level, weak = {"noise_ratio": (10.0, 1e5)}, {"level": (0.1, 1.0)}, {"weak": (0.0, 0.3 * force)}
-        optimal = {"balance": (1.0, 1e4), "r": (1e-5 / mass**2, 10.0 / mass**2), **noise}
-        dashpot = {"damping": (0.1 * first * mass, 50.0 * first * mass), "leak": (1.0 / first, 100.0 / first)}
-        ranges: Mapping[str, Ranges] = {
-            "constant": {"value": (0.0, site.command_max)},
-            "clipped-optimal": {**optimal, **level, **weak},
-            "modulated-optimal": {**optimal, "force_max": (0.05 * force, 2.0 * force), **weak},
-            "force-tracking": {**optimal, **weak},
-            "lyapunov": {"balance": (1e-2, 1e4), **noise, **level, **weak},
-            "max-dissipation": {**noise, **level, **weak},
-            "skyhook": {**dashpot, **level, **weak},
-        }
-        return of_kind(ranges, kind)
-
     def effort(self, kind: str) -> tuple[int, int]:
         """Every amplitude is among the loads; inverse models are slow."""
-        return (17, 250_000) if kind == "force-tracking" else (8, 12_000_000)
-
-    def task(self, n: int) -> FrameTask:
-        return self._task(n, period=self.period, engine="chain", reward=None)
+        return (17, 2_000_000) if kind == "force-tracking" else (8, 12_000_000)
 
     def tuning_loads(self) -> tuple[GroundMotion, ...]:
-        return tuple(m.compressed(self.compression / TIME_SCALE) for m in validation_motions())
+        return tuple(m.compressed(self.compression / TIME_SCALE) for m in self.structure.validation())
 
     def unseen_loads(self) -> tuple[GroundMotion, ...]:
         return unseen_motions()
 
-    def key(self, spec: str, load: GroundMotion, amplitude: float) -> str:
-        digest = hashlib.sha256(self._own)
-        digest.update(f"{spec} {amplitude!r} {load.sample_time!r}".encode())
-        digest.update(load.acceleration.tobytes())
-        digest.update(own.files_of(spec))
-        return digest.hexdigest()[:32]
-
-    def identity(self) -> str:
-        loads = [load.name for load in self.tuning_loads()]
-        model = (self.told or self.model).to_dict()["model"]
-        return digest([model, self.places, self.compression, self.period, loads])
+    def own_identity(self) -> list[Any]:
+        return [(self.told or self.model).to_dict()["model"], self.places, self.compression, self.period]
 
     def about(self) -> str:
         frame = self.site.frame
@@ -252,14 +189,6 @@ class FrameBench:
             f"motions at {self.compression:g} times their speed, control period {1e3 * self.period:g} ms; "
             f"{knowledge(self.model)}"
         )
-
-    @cached_property
-    def _own(self) -> bytes:
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "told")}
-        models = [m and (m.to_dict(), m.structure and m.structure.places) for m in (self.model, self.told)]
-        digest = hashlib.sha256(json.dumps([_VERSION, __version__, own, models]).encode())
-        digest.update(Path(library_path()).read_bytes())
-        return digest.digest()
 
 
 def _criteria(kept: Mapping[str, Any]) -> Criteria:

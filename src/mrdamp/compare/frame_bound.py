@@ -15,6 +15,7 @@ from mrdamp.compare.rollouts import Rollouts
 from mrdamp.compare.shares import least
 from mrdamp.control.replay import Replay
 from mrdamp.envs.chain_rows import FrameChain
+from mrdamp.envs.frame_task import Frame
 from mrdamp.model import FLOOR_SENSOR_EFFECTS
 from mrdamp.motions import GroundMotion
 from mrdamp.simulation.rows import Stepping
@@ -92,7 +93,7 @@ def frame_rollouts(bench: FrameBench, played: GroundMotion, period: float) -> Ro
     model, largest = replace(bench.model, effects=ideal), np.array([bench.site.command_max])
 
     def make(n: int) -> FrameChain:
-        return FrameChain((model,), Stepping(period, min(period, _STEP), largest, n))
+        return FrameChain(Frame(model), Stepping(period, min(period, _STEP), largest, n))
 
     names = make(1).names
     floors = range(1, bench.site.frame.storeys + 1)

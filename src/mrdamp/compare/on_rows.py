@@ -31,7 +31,7 @@ def run_rows(
     )  # fmt: skip
     controller.reset()
     y, rows = plant.reset(motion), []
-    floors, dampers = range(1, plant.structure.storeys + 1), range(len(model.structure.places))
+    floors, dampers = range(1, model.structure.storeys + 1), range(len(model.structure.places))
     names = [f"{what}_{j}" for what in ("drift", "acceleration") for j in floors]
     names += [sensor_name(what, k) for what in ("force", "stroke", "current") for k in dampers]
     while not plant.finished:

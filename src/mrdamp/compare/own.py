@@ -10,23 +10,17 @@
 
 from __future__ import annotations
 
-import ast
-import importlib
-import importlib.util
 import json
 import pickle
-import re
-import sys
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from mrdamp.compare.plant_run import require_period
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.observe import Observer
@@ -34,24 +28,40 @@ from mrdamp.control.told import Site, Told, ask, first_line, told
 from mrdamp.envs.task import Task
 from mrdamp.errors import InputError
 from mrdamp.files import decode, read_bytes
-
-_NAMED = re.compile(r"(?P<place>.+\.py|[A-Za-z_][\w.]*):(?P<name>[A-Za-z_]\w*)")
+from mrdamp.outside import NAMED, load, with_imports
+from mrdamp.outside import named as outside_object
 
 #: Makes the task of one row that a model was trained in, from arguments of its environment.
 MakeTask = Callable[..., Task]
+_PERIODS = 1e-5, 10.0  # s
+
+
+def at_rest(controller: Controller, names: Sequence[str]) -> None:
+    """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run.
+
+    names: of the measurements. Raises InputError.
+    """
+    controller.reset()
+    controller.command(0.0, dict.fromkeys(names, 0.0))
+
+
+def require_period(what: str, period: Any) -> None:
+    """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
+    if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
+        raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
 
 
 def is_own(what: str) -> bool:
     """Whether a name on the command line is a controller from outside the package."""
-    return what.partition(",")[0].endswith(".zip") or _NAMED.fullmatch(what) is not None
+    return what.partition(",")[0].endswith(".zip") or NAMED.fullmatch(what) is not None
 
 
-def make(spec: str, site: Site, builtin: Callable[[str, Site], Controller], task: MakeTask) -> Told:
+def make(spec: str, site: Site, task: MakeTask) -> Told:
     """The controller of a spec, from outside or built in, told of the site's damper. Raises InputError."""
     kind, _, rest = spec.partition(":")
     if kind == registry.OWN:
         return told(partial(_build, rest, task), site, rest)
-    return told(partial(builtin, spec), site)
+    return told(partial(registry.make, spec), site)
 
 
 def files_of(spec: str) -> bytes:
@@ -62,70 +72,23 @@ def files_of(spec: str) -> bytes:
         return read_bytes(Path(rest))
     if kind != registry.OWN:
         return b""
-    named = _NAMED.fullmatch(rest)
+    named = NAMED.fullmatch(rest)
     if named is None:
         return b"".join(read_bytes(Path(part)) for part in rest.split(","))
-    file = Path(str(_load(named["place"]).__file__))
-    return b"".join(map(read_bytes, _with_imports(file) if named["place"].endswith(".py") else [file]))
-
-
-def _with_imports(file: Path) -> list[Path]:
-    """A Python file and those that it imports, they as well, from its folder; of a package every module."""
-    found = [file]
-    for path in found:
-        nodes: list[ast.AST] = []
-        with suppress(SyntaxError, ValueError):  # of a module that is never run
-            nodes = list(ast.walk(ast.parse(read_bytes(path))))
-        names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
-        names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
-        for place in (file.parent / name.partition(".")[0] for name in names):
-            beside = place.rglob("*.py") if (place / "__init__.py").is_file() else [place.with_suffix(".py")]
-            found += sorted(other for other in beside if other.is_file() and other not in found)
-    return found
+    file = Path(str(load(named["place"]).__file__))
+    return b"".join(map(read_bytes, with_imports(file) if named["place"].endswith(".py") else [file]))
 
 
 def _build(rest: str, task: MakeTask, site: Any) -> Controller:
-    named = _NAMED.fullmatch(rest)
+    named = NAMED.fullmatch(rest)
     if named is None:
         return SavedPolicy(rest, task)
-    module = _load(named["place"])
-    if not hasattr(module, named["name"]):
-        raise InputError(f"controller {rest}: there is no {named['name']} in {named['place']}")
-    found = ask(rest, getattr(module, named["name"]), site)
+    made = outside_object(rest, "controller")
+    found = ask(rest, made, site)
     if not isinstance(found, Controller):
         raise InputError(f"controller {rest}: it lacks some of name, period, reset and command (mrdamp.control.base)")
     require_period(f"controller {rest}", found.period)
     return found
-
-
-def _load(place: str) -> Any:
-    """A module by its name, also from the working folder, or from a file. Raises InputError."""
-    try:
-        if not place.endswith(".py"):
-            if "" not in sys.path and "." not in sys.path:
-                sys.path.append("")
-            return importlib.import_module(place)
-        path = Path(place)
-        if not path.is_file():
-            raise InputError(f"{place}: no such file")
-        folder = str(path.resolve().parent)
-        if folder not in sys.path:
-            sys.path.insert(0, folder)  # as that of a script, for what it imports now or later
-        # By its path: its stem may be the name of another module.
-        spec = importlib.util.spec_from_file_location(str(path.resolve()), path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # a dataclass looks there
-        spec.loader.exec_module(module)
-        for beside in _with_imports(path)[1:]:
-            other = getattr(sys.modules.get(beside.stem, beside), "__file__", beside)
-            if str(beside.parent.resolve()) == folder and not beside.samefile(str(other)):
-                raise InputError(f"{place}: its {beside.name} is hidden by {other}; give it another name")
-    except InputError:
-        raise
-    except (Exception, SystemExit) as error:  # of its own code
-        raise InputError(f"{place}: cannot be imported: {type(error).__name__}: {first_line(error)}") from None
-    return module
 
 
 class SavedPolicy:

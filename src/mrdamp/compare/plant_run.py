@@ -2,95 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Real
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.compare.bench import Coil
-from mrdamp.control import registry
+from mrdamp.compare.bench import UNCONTROLLED, Bench, Coil, require_periods
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.plant import RowPlant
-from mrdamp.errors import InputError, require_positive
-from mrdamp.model import Model
+from mrdamp.errors import InputError
 
 Array = NDArray[np.float64]
-_PERIODS = 1e-5, 10.0  # s
-_MOST = 10_000_000  # periods of a run: results of more may not fit into memory
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlantBench(ABC):
-    """Base of benches of a plant. command_unit: A or V; period: of the classical controllers, s; timestep: of the
-    engine, s, at most; engine: `mujoco` or `chain`; options: kind of controller -> options with their defaults."""
-
-    model: Model
-    command_unit: str = "V"
-    period: float = 5e-3
-    timestep: float
-    engine: str = "mujoco"
-    options: ClassVar[Mapping[str, Mapping[str, float]]]
-    bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
-    base: ClassVar[str] = "passive-on"
-
-    def __post_init__(self) -> None:
-        require_period("compare", self.period)
-        require_positive("compare", timestep=self.timestep)
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        return tuple(self.options)
-
-    @abstractmethod
-    def controller(self, spec: str) -> Controller:
-        """Of a spec, as it is compared: see `mrdamp.control.told`. Raises InputError."""
-
-    @abstractmethod
-    def plant(self, period: float) -> RowPlant:
-        """The structure with its damper, from its control period, s."""
-
-    def check(self, spec: str) -> None:
-        registry.parse(spec, self.options)
-        at_rest(self.controller(spec), self.plant(self.period).rows.names)
-
-    @property
-    def command_max(self) -> float:
-        """A or V. Raises InputError where the model has none."""
-        largest = self.model.attributes.get("command_max", math.nan)
-        if not 0 < largest < math.inf:
-            raise InputError(
-                f"{self.model.name}: no command_max among its parameters; give the largest command"
-            )
-        return largest
-
-
-def at_rest(controller: Controller, names: Sequence[str]) -> None:
-    """Asks a controller once for a command, at rest, so that what is wrong with it is found before a run.
-
-    names: of the measurements. Raises InputError.
-    """
-    controller.reset()
-    controller.command(0.0, dict.fromkeys(names, 0.0))
-
-
-def require_period(what: str, period: Any) -> None:
-    """InputError unless a control period, s, is a number that a run can be made with. what: whose it is."""
-    if not isinstance(period, Real) or not _PERIODS[0] <= float(period) <= _PERIODS[1]:
-        raise InputError(f"{what}: period is {period!r}; allowed: {_PERIODS[0]:g} to {_PERIODS[1]:g} s")
-
-
-def require_periods(load: Any, period: float) -> None:
-    """InputError unless a load, with a name and a duration (s), lasts 1 to `_MOST` control periods (s)."""
-    if not 1 <= load.duration / period * (1 + 1e-9) <= _MOST:
-        raise InputError(
-            f"{load.name}: {load.duration:g} s in control periods of {period:g} s; allowed: 1 to {_MOST} periods"
-        )
 
 
 @dataclass(frozen=True)
@@ -141,3 +67,31 @@ def run_plant(
         rows.append((command, y["current"], y["true_force"], y["stroke"]))
         said.append(tuple(plant.of_period))
     return PlantRun(period, np.array(said), *np.array(rows).T)
+
+
+class PlantBench(Bench):
+    """Base of benches whose runs are those of a `RowPlant`."""
+
+    def plant(self, period: float) -> RowPlant:
+        """The structure with its damper, from its control period, s."""
+        return RowPlant(self.structure, period=period, timestep=self.timestep, engine=self.engine)
+
+    def run(self, spec: str, load: Any, amplitude: float) -> dict[str, Any]:
+        if spec == UNCONTROLLED:
+            return self.uncontrolled(load.scaled(amplitude))
+        return self.driven(self.controller(spec), load, amplitude)
+
+    @abstractmethod
+    def uncontrolled(self, load: Any) -> dict[str, Any]:
+        """What is kept of the run that ratios are over."""
+
+    @abstractmethod
+    def kept(self, run: PlantRun) -> dict[str, Any]:
+        """What is kept of a controller's run, besides `PlantRun.electric`."""
+
+    def driven(self, controller: Controller, load: Any, amplitude: float) -> dict[str, Any]:
+        """What is kept of a controller's run. Raises InputError."""
+        run = run_plant(self.plant, load.scaled(amplitude), controller, self.period)
+        if not np.isfinite(run.of_period).all():
+            raise InputError(f"{self.structure.models[0].name}: the simulation diverged; check structure and load")
+        return {**self.kept(run), **run.electric(self.command_unit, self.site.command_max)}

@@ -27,7 +27,7 @@ from mrdamp.model.core import Array
 #: Of the options' range: members for each option in a generation. The search ends where the scores of a generation
 #: are as near to each other as this, or after the budget.
 _MEMBERS, _FLAT = 4, 1e-3
-_CHOSEN = 5  # of the best settings of a search, evaluated on all loads
+_CHOSEN = 5  # of the start and the best settings of a search, evaluated on all loads: what is best on few may not hold
 _FAILED = 10.0  # score of a setting that no controller can be made of
 _SEED = 47
 
@@ -192,14 +192,16 @@ class Search:
 
     def run(self, seed: int = _SEED) -> Setting:
         """The best setting. Raises InputError where there is none."""
-        cube = [(0.0, 1.0)] * len(self.ranges)
+        cube, start = [(0.0, 1.0)] * len(self.ranges), self._start()
         with suppress(_Spent):
             differential_evolution(
-                self, cube, x0=self._start(), popsize=_MEMBERS, tol=_FLAT, polish=False, vectorized=True,
+                self, cube, x0=start, popsize=_MEMBERS, tol=_FLAT, polish=False, vectorized=True,
                 updating="deferred", rng=np.random.default_rng(seed), maxiter=10_000,
             )  # fmt: skip
         every = Loops(self.bench, self.loads[:: 1 if self.stride <= 8 else 4], _CHOSEN)
-        scores = self.scores(sorted(self.found, key=self.found.__getitem__)[:_CHOSEN], every)
+        begun = [] if start is None else [self.spec(start.tolist())]
+        chosen = dict.fromkeys([*begun, *sorted(self.found, key=self.found.__getitem__)])
+        scores = self.scores(list(chosen)[:_CHOSEN], every)
         spec = min(scores, key=scores.__getitem__)
         if scores[spec] >= _FAILED:
             raise InputError(f"tuning: no setting of {self.kind} makes a controller")

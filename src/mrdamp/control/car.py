@@ -16,20 +16,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp.control import registry
-from mrdamp.control.base import Controller
 from mrdamp.control.car_mpc import MpcForce
-from mrdamp.control.car_plant import MEASURED, CarSite, car_outputs, car_plant, regulated
-from mrdamp.control.clipped_optimal import plant_force
-from mrdamp.control.force_control import Aim, ForceController, OnOff, Tracking
-from mrdamp.control.passive import Constant, passive_off, passive_on
+from mrdamp.control.car_plant import car_linear, regulated
+from mrdamp.control.clipped_optimal import Lqg
+from mrdamp.control.force_control import Aim, ForceController, Tracking
+from mrdamp.control.plant import Linear
 from mrdamp.control.skyhook import SkyhookForce
 from mrdamp.errors import InputError, require_positive
-from mrdamp.inverse import LawInverse
+from mrdamp.model import Model
+from mrdamp.structures.cars import QuarterCar
 
 
 class Velocities:
@@ -109,82 +110,75 @@ def sh_add_switch(alpha: float) -> Switch:
     return switch
 
 
-def lq_force(site: CarSite, holding: float, stroke: float, r: float, roughness: float) -> Aim:
-    """LQG force for these weights. r: of (f / m_b)^2; roughness: intensity of the road's velocity, m2/s."""
-    car = site.car
-    deviation = np.array(list(MEASURED.values())) * math.sqrt(site.period)
-    return plant_force(
-        car_plant(car), lambda names: car_outputs(car, names), regulated(car, holding, stroke), r / car.body**2,
-        roughness, site.period, tuple(MEASURED), deviation,
-    )  # fmt: skip
+_LEAK = {"leak": 1.0}  # s, of the integrators, slow against the bounce
+_SWITCH = {**_LEAK, "level": 1.0}  # level: of on/off switching, command over the largest
+_LQ = {"holding": 0.3, "stroke": 0.03, "r": 1e-3, "roughness": 1e-3}  # roughness: class C at 20 m/s
 
 
-def tracked(site: CarSite, aim: Aim, name: str) -> ForceController:
-    """The aim through the inverse of the site's damper."""
-    inverse = LawInverse(site.damper, site.period, commands=(0.0, site.command_max))
-    return ForceController(aim, Tracking(inverse), site.period, name)
+@dataclass(frozen=True)
+class CarSite(registry.AnySite):
+    """Of a quarter car.
 
+    command_max: the largest command, A or V; force_max: the force at that command, N; period: of control, s.
+    """
 
-#: Leak: s, of the integrators, slow against the bounce; level: of on/off switching, command over the largest;
-#: roughness: class C at 20 m/s.
-_LEAK = {"leak": 1.0}
-_SWITCH = {**_LEAK, "level": 1.0}
-_LQ = {"holding": 0.3, "stroke": 0.03, "r": 1e-3, "roughness": 1e-3}
-#: Kind -> options with their defaults; NaN: worked out from the site.
-OPTIONS: Mapping[str, Mapping[str, float]] = {
-    "passive-off": {},
-    "passive-on": {},
-    "constant": {"value": 0.0},
-    "skyhook": {"damping": math.nan, **_LEAK},
-    "skyhook-switch": _SWITCH,
-    "groundhook": {"damping": math.nan, **_LEAK},
-    "hybrid": {"damping": math.nan, "share": 0.5, **_LEAK},
-    "add": _SWITCH,
-    "sh-add": {"alpha": 12.0, **_SWITCH},
-    "clipped-lq": {**_LQ, "level": 1.0},
-    "lq-tracking": _LQ,
-    "clipped-mpc": {**_LQ, "horizon": 0.1},
-}
+    car: QuarterCar
+    damper: Model
+    command_max: float
+    force_max: float
+    period: float = 5e-3
 
-
-def make(spec: str, site: CarSite) -> Controller:
-    """The controller of a spec (see `mrdamp.control.registry`) for a car. Raises InputError."""
-    kind, path, options = registry.parse(spec, OPTIONS)
-    if kind == registry.POLICY:
-        return registry.policy(path)
-    o = {**OPTIONS[kind], **options}
-    # By default as much as would damp the body critically.
-    damping = o.get("damping", math.nan)
-    c = site.car.critical_damping if math.isnan(damping) else damping
-
-    def hook(share: float) -> ForceController:
-        return tracked(site, HookForce(c, share, o["leak"], site.period), kind)
-
-    def switching(switch: Switch) -> Switching:
-        return Switching(kind, switch, o["level"] * site.command_max, o["leak"], site.period)
-
-    def force() -> Aim:
-        return lq_force(site, o["holding"], o["stroke"], o["r"], o["roughness"])
-
-    def mpc() -> ForceController:
-        return tracked(
-            site, MpcForce(site, o["holding"], o["stroke"], o["r"], o["roughness"], o["horizon"]), kind
-        )
-
-    builders: Mapping[str, Callable[[], Controller]] = {
-        "passive-off": lambda: passive_off(site.period),
-        "passive-on": lambda: passive_on(site.command_max, site.period),
-        "constant": lambda: Constant(o["value"], f"constant {o['value']:g}", site.period),
-        "skyhook": lambda: hook(1.0),
-        "skyhook-switch": lambda: switching(skyhook_switch),
-        "groundhook": lambda: hook(0.0),
-        "hybrid": lambda: hook(o["share"]),
-        "add": lambda: switching(add_switch),
-        "sh-add": lambda: switching(sh_add_switch(o["alpha"])),
-        "clipped-lq": lambda: ForceController(
-            force(), OnOff(o["level"] * site.command_max), site.period, kind
-        ),
-        "lq-tracking": lambda: tracked(site, force(), kind),
-        "clipped-mpc": mpc,
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        **registry.PASSIVE,
+        "skyhook": {"damping": math.nan, **_LEAK},
+        "skyhook-switch": _SWITCH,
+        "groundhook": {"damping": math.nan, **_LEAK},
+        "hybrid": {"damping": math.nan, **_LEAK, "share": 0.5},
+        "add": _SWITCH,
+        "sh-add": {"alpha": 12.0, **_SWITCH},
+        "clipped-lq": {**_LQ, "level": 1.0},
+        "lq-tracking": _LQ,
+        "clipped-mpc": {**_LQ, "horizon": 0.1},
     }
-    return builders[kind]()
+
+    @property
+    def linear(self) -> Linear:
+        return car_linear(self.car, self.period)
+
+    def lqg(self, options: Mapping[str, float]) -> Lqg:
+        """r: of (f / m_b)^2; roughness: intensity of the road's velocity, m2/s."""
+        weights = regulated(self.car, options["holding"], options["stroke"])
+        return Lqg(regulate=weights, r=options["r"] / self.car.body**2, noise_ratio=options["roughness"])
+
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        critical = self.car.critical_damping
+        return {
+            "leak": (0.05, 5.0), "level": (0.01, 1.0), "damping": (0.01 * critical, 2.0 * critical),
+            "share": (0.0, 1.0), "alpha": (0.5, 100.0), "holding": (1e-2, 10.0), "stroke": (1e-3, 1.0),
+            "r": (1e-4, 10.0), "roughness": (1e-5, 1e-1), "horizon": (0.02, 0.3),
+        }  # fmt: skip
+
+    def builders(self) -> Mapping[str, registry.Builder]:
+        return {
+            "skyhook": lambda site, o: site.hook(o, 1.0, "skyhook"),
+            "skyhook-switch": lambda site, o: site.switching(o, skyhook_switch, "skyhook-switch"),
+            "groundhook": lambda site, o: site.hook(o, 0.0, "groundhook"),
+            "hybrid": lambda site, o: site.hook(o, o["share"], "hybrid"),
+            "add": lambda site, o: site.switching(o, add_switch, "add"),
+            "sh-add": lambda site, o: site.switching(o, sh_add_switch(o["alpha"]), "sh-add"),
+            "clipped-lq": registry.BUILDERS["clipped-optimal"][0],
+            "lq-tracking": registry.BUILDERS["force-tracking"][0],
+            "clipped-mpc": lambda site, o: site.tracked(MpcForce(site, o), "clipped-mpc"),
+        }
+
+    def tracked(self, aim: Aim, name: str) -> ForceController:
+        """The aim through the inverse of the site's damper."""
+        return ForceController(aim, Tracking(self.inverse()), self.period, name)
+
+    def hook(self, o: Mapping[str, float], share: float, name: str) -> ForceController:
+        """By default as much as would damp the body critically."""
+        damping = self.car.critical_damping if math.isnan(o["damping"]) else o["damping"]
+        return self.tracked(HookForce(damping, share, o["leak"], self.period), name)
+
+    def switching(self, o: Mapping[str, float], switch: Switch, name: str) -> Switching:
+        return Switching(name, switch, o["level"] * self.command_max, o["leak"], self.period)

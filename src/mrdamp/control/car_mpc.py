@@ -10,52 +10,49 @@ The first force is wanted, and followed through the damper's inverse. As in Cana
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import expm, solve_discrete_are
 
-from mrdamp.control.car_plant import MEASURED, CarSite, car_outputs, car_plant, regulated
-from mrdamp.control.estimator import Estimator
+from mrdamp.control.clipped_optimal import estimator
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray
+
+if TYPE_CHECKING:
+    from mrdamp.control.registry import AnySite
 
 _MOST = 200  # forces in a horizon
 
 
 class MpcForce:
-    """The wanted force above. holding, stroke, r, roughness: as of `mrdamp.control.car.lq_force`; horizon: s. Raises
-    InputError, also where OSQP is not installed."""
+    """The wanted force above, for a quarter car. o: options of the LQ force, and horizon, s. Raises InputError, also
+    where OSQP is not installed."""
 
-    def __init__(
-        self, site: CarSite, holding: float, stroke: float, r: float, roughness: float, horizon: float
-    ) -> None:
+    def __init__(self, site: AnySite, o: Mapping[str, float]) -> None:
         try:
             import osqp
         except ImportError:
             raise InputError(
                 "clipped-mpc needs osqp, which is not installed: pip install 'mrdamp[mpc]'"
             ) from None
+        horizon = o["horizon"]
         steps = round(horizon / site.period)
         if not 1 <= steps <= _MOST:
             raise InputError(f"clipped-mpc: horizon is {horizon} s; allowed: 1 to {_MOST} control periods")
-        car, linear = site.car, car_plant(site.car)
-        deviation = np.array(list(MEASURED.values())) * math.sqrt(site.period)
-        self._estimator = Estimator(
-            linear, *car_outputs(car, tuple(MEASURED)), tuple(MEASURED), roughness, site.period, deviation
-        )
+        whole, lqg = site.linear, site.lqg(o)
+        linear, weights = whole.plant, dict(lqg["regulate"] or {})
+        self._estimator = estimator(whole, lqg["noise_ratio"], site.period)
         n = len(linear.a)
         both = np.zeros((n + 1, n + 1))
         both[:n, :n], both[:n, n] = linear.a, linear.b
         moved = expm(both * site.period)
         a, b = moved[:n, :n], moved[:n, n:]
-        weights = regulated(car, holding, stroke)
-        c, d = car_outputs(car, tuple(weights))
+        c, d = whole.outputs(tuple(weights))
         cost = np.diag(list(weights.values()))
-        q, s, rr = c.T @ cost @ c, c.T @ cost @ d[:, None], float(d @ cost @ d) + r / car.body**2
+        q, s, rr = c.T @ cost @ c, c.T @ cost @ d[:, None], float(d @ cost @ d) + lqg["r"]
         # Forces in units of the largest, so that the program is well scaled.
         largest = site.force_max
         b, s, rr = b * largest, s * largest, rr * largest**2

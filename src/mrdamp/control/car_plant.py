@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from mrdamp.control.plant import Plant
+from mrdamp.control.plant import Linear, Plant
 from mrdamp.errors import InputError
-from mrdamp.model import Model
 from mrdamp.structures import FloatArray
 from mrdamp.structures.cars import QuarterCar
 
 #: Of white noise on what the Kalman filter gets, per sample: wheel and body, m/s2, stroke, m.
 MEASURED = {"acceleration_1": 0.5, "acceleration_2": 0.05, "stroke": 2e-4}
-
-
-@dataclass(frozen=True)
-class CarSite:
-    """What a controller is made for.
-
-    command_max: the largest command, A or V; force_max: the force at that command, N; period: of control, s.
-    """
-
-    car: QuarterCar
-    damper: Model
-    command_max: float
-    force_max: float
-    period: float = 5e-3
 
 
 def car_plant(car: QuarterCar) -> Plant:
@@ -65,3 +51,10 @@ def regulated(car: QuarterCar, holding: float, stroke: float) -> dict[str, float
         "drift_1": holding * (car.tyre_stiffness / car.body) ** 2,
         "stroke": stroke * car.bounce**4,
     }
+
+
+def car_linear(car: QuarterCar, period: float) -> Linear:
+    """As controllers at a period (s) see it: white noise per sample."""
+    deviation = np.array(list(MEASURED.values())) * math.sqrt(period)
+    rows = partial(car_outputs, car)
+    return Linear(car_plant(car), rows, tuple(MEASURED), regulated(car, 0.3, 0.03), car.bounce, deviation=deviation)

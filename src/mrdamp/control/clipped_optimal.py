@@ -16,28 +16,20 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
 from mrdamp.control.estimator import Estimator
-from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, clip, for_each
+from mrdamp.control.force_control import Direct, ForceController, Modulated, OnOff, Tracking, for_each
 from mrdamp.control.lqg import regulator_gain
-from mrdamp.control.plant import Plant, outputs, plant
+from mrdamp.control.plant import Linear, linear
 from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
 
 if TYPE_CHECKING:
     from mrdamp.inverse import Inverse
-
-__all__ = [
-    "Lqg", "OptimalForce", "clip", "clipped_optimal", "force_tracking", "frame_estimator", "ideal_active",
-    "modulated_optimal", "optimal_force",
-]  # fmt: skip
-
-#: Rows c (p, n) and feedthrough d (p,) of named measurements of a plant.
-Outputs = Callable[[Sequence[str]], tuple[FloatArray, FloatArray]]
 
 
 class OptimalForce:
@@ -54,29 +46,27 @@ class OptimalForce:
         return -(self.k @ self.estimator(y))
 
 
-def default_measurements(frame: ShearFrame) -> tuple[str, ...]:
-    """What Dyke's filter got: all floor accelerations and `displacement_1`; the force is always used."""
-    return (*(f"acceleration_{i}" for i in range(1, frame.storeys + 1)), "displacement_1")
-
-
-def frame_estimator(
-    frame: ShearFrame,
+def estimator(
+    structure: ShearFrame | Linear,
     noise_ratio: float = 50.0,
     period: float = 1e-3,
     measurements: Sequence[str] | None = None,
 ) -> Estimator:
-    """The Kalman filter of a frame's states [x; x'] (2N,); arguments as for `optimal_force`."""
+    """The Kalman filter of a structure's states [x; x'] (2N,); arguments as for `optimal_force`."""
     require_positive("clipped_optimal", noise_ratio=noise_ratio, period=period)
-    names = default_measurements(frame) if measurements is None else tuple(measurements)
-    return Estimator(plant(frame), *outputs(frame, names), names, noise_ratio, period)
+    s = linear(structure)
+    names = s.measured if measurements is None else tuple(measurements)
+    if not names:
+        raise InputError("clipped_optimal: measurements is empty; name at least one")
+    deviation = s.deviation if measurements is None else None
+    return Estimator(s.plant, *s.outputs(names), names, noise_ratio, period, deviation)
 
 
 class Lqg(TypedDict, total=False):
-    """Options of the LQG force of a frame, all with Dyke's values by default.
+    """Options of the LQG force of a structure, all with Dyke's values by default.
 
-    regulate: weights Q of the regulated outputs by measurement name (or `drift_j`), 1 on the top floor's absolute
-    acceleration by default. r: weight of the force squared, 1e-17. noise_ratio: S_g / S_v, 50. measurements: names of
-    what the filter gets, all floor accelerations and `displacement_1` by default.
+    regulate: weights Q of the regulated outputs by measurement name (or `drift_j`). r: weight of the force squared,
+    1e-17. noise_ratio: S_g / S_v, 50. measurements: names of what the filter gets. See `Linear` for their defaults.
     """
 
     regulate: Mapping[str, float] | None
@@ -85,86 +75,61 @@ class Lqg(TypedDict, total=False):
     measurements: Sequence[str] | None
 
 
-def optimal_force(frame: ShearFrame, period: float = 1e-3, **lqg: Unpack[Lqg]) -> OptimalForce:
-    """The LQG force of a frame. period: s; lqg: options, see `Lqg`. Raises InputError."""
-    regulate, measurements = lqg.get("regulate"), lqg.get("measurements")
-    weights = dict(regulate) if regulate is not None else {f"acceleration_{frame.storeys}": 1.0}
-    names = default_measurements(frame) if measurements is None else tuple(measurements)
+def optimal_force(structure: ShearFrame | Linear, period: float = 1e-3, **lqg: Unpack[Lqg]) -> OptimalForce:
+    """The LQG force of a structure; see `kalman_gain` for the noise. period: s; lqg: options. Raises InputError."""
+    regulate, s = lqg.get("regulate"), linear(structure)
+    weights = dict(s.regulated if regulate is None else regulate)
     r, noise_ratio = lqg.get("r", 1e-17), lqg.get("noise_ratio", 50.0)
-    return plant_force(
-        plant(frame), lambda rows: outputs(frame, rows), weights, r, noise_ratio, period, names
-    )
-
-
-def plant_force(
-    linear: Plant,
-    rows: Outputs,
-    regulate: Mapping[str, float],
-    r: float,
-    noise_ratio: float,
-    period: float,
-    measurements: Sequence[str],
-    deviation: FloatArray | None = None,
-) -> OptimalForce:
-    """The LQG force of any linear plant whose measurements `rows` gives by name; see `kalman_gain` for the noise.
-
-    Raises InputError.
-    """
     require_positive("clipped_optimal", r=r, noise_ratio=noise_ratio, period=period)
-    if not regulate or any(not 0 <= w < math.inf for w in regulate.values()) or not any(regulate.values()):
-        raise InputError(
-            f"clipped_optimal: regulate is {dict(regulate)}; allowed: weights >= 0, one of them > 0"
-        )
-    if not measurements:
-        raise InputError("clipped_optimal: measurements is empty; name at least one")
-    regulated, through = rows(tuple(regulate))
-    k = regulator_gain(linear.a, linear.b, regulated, through, np.array(list(regulate.values())), r)
-    return OptimalForce(
-        k, Estimator(linear, *rows(measurements), measurements, noise_ratio, period, deviation)
-    )
+    if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
+        raise InputError(f"clipped_optimal: regulate is {weights}; allowed: weights >= 0, one of them > 0")
+    filtered = estimator(s, noise_ratio, period, lqg.get("measurements"))
+    regulated, through = s.outputs(tuple(weights))
+    gain = regulator_gain(s.plant.a, s.plant.b, regulated, through, np.array(list(weights.values())), r)
+    return OptimalForce(gain, filtered)
 
 
 def clipped_optimal(
-    frame: ShearFrame,
+    structure: ShearFrame | Linear,
     command_max: float,
     period: float = 1e-3,
     name: str = "clipped-optimal",
     **lqg: Unpack[Lqg],
 ) -> ForceController:
-    """A clipped-optimal controller for a frame; the defaults are Dyke's.
+    """A clipped-optimal controller for a structure; on a frame the defaults are Dyke's.
 
     command_max: A or V; period: s; lqg: options, see `Lqg`. Raises InputError.
     """
     require_positive("clipped_optimal", command_max=command_max)
-    follower = for_each(lambda: OnOff(command_max), len(frame.places))
-    return ForceController(optimal_force(frame, period, **lqg), follower, period, name)
+    follower = for_each(lambda: OnOff(command_max), linear(structure).dampers)
+    return ForceController(optimal_force(structure, period, **lqg), follower, period, name)
 
 
 def modulated_optimal(
-    frame: ShearFrame,
+    structure: ShearFrame | Linear,
     command_max: float,
     force_max: float,
     period: float = 1e-3,
     **lqg: Unpack[Lqg],
 ) -> ForceController:
     """The same aim, followed by a command in proportion to it; force_max in N, see `Modulated`."""
-    aim = optimal_force(frame, period, **lqg)
-    follower = for_each(lambda: Modulated(command_max, force_max), len(frame.places))
+    aim = optimal_force(structure, period, **lqg)
+    follower = for_each(lambda: Modulated(command_max, force_max), linear(structure).dampers)
     return ForceController(aim, follower, period, "modulated-optimal")
 
 
-def force_tracking(frame: ShearFrame, inverse: Inverse, **lqg: Unpack[Lqg]) -> ForceController:
+def force_tracking(structure: ShearFrame | Linear, inverse: Inverse, **lqg: Unpack[Lqg]) -> ForceController:
     """The same aim, followed by an inverse model of the damper in place of on/off switching, at its period."""
-    aim = optimal_force(frame, inverse.period, **lqg)
-    follower = for_each(lambda: Tracking(copy.deepcopy(inverse)), len(frame.places))
+    aim = optimal_force(structure, inverse.period, **lqg)
+    follower = for_each(lambda: Tracking(copy.deepcopy(inverse)), linear(structure).dampers)
     return ForceController(aim, follower, inverse.period, "force-tracking")
 
 
 def ideal_active(
-    frame: ShearFrame, period: float = 1e-3, force_max: float = math.inf, **lqg: Unpack[Lqg]
+    structure: ShearFrame | Linear, period: float = 1e-3, force_max: float = math.inf, **lqg: Unpack[Lqg]
 ) -> ForceController:
     """The LQG force applied as it is, limited to force_max (N).
 
     Its command is a force in N, for `run_frame(..., ideal_force=True)`.
     """
-    return ForceController(optimal_force(frame, period, **lqg), Direct(force_max), period, "ideal-active")
+    return ForceController(optimal_force(structure, period, **lqg), Direct(force_max), period, "ideal-active")

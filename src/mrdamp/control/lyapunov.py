@@ -16,43 +16,40 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from mrdamp.control.clipped_optimal import OptimalForce, Outputs, frame_estimator
+from mrdamp.control.base import sensor_name
+from mrdamp.control.clipped_optimal import OptimalForce, estimator
 from mrdamp.control.estimator import Estimator
 from mrdamp.control.force_control import ForceController, Resisting, for_each
-from mrdamp.control.plant import Plant, outputs, plant
+from mrdamp.control.plant import Linear, linear
 from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import FloatArray, ShearFrame
 
 
 def bang_bang(
-    direction: FloatArray, estimator: Estimator, command_max: float, period: float, name: str
+    direction: FloatArray, states: Estimator, command_max: float, period: float, name: str
 ) -> ForceController:
-    """v = v_max H((direction^T s_hat) f). direction (2N,), of m dampers (2N, m), of the force that is good; estimator:
-    of the states (2N,); command_max: A or V."""
+    """v = v_max H((direction^T s_hat) f). direction (2N,), of m dampers (2N, m), of the force that is good; states: a
+    filter of the states (2N,); command_max: A or V."""
     require_positive(f"controller {name}", command_max=command_max)
     dampers = 1 if direction.ndim == 1 else direction.shape[1]
     follower = for_each(lambda: Resisting(command_max), dampers)
-    return ForceController(OptimalForce(-direction.T, estimator), follower, period, name)
+    return ForceController(OptimalForce(-direction.T, states), follower, period, name)
 
 
-def lyapunov_matrix(frame: ShearFrame, weights: Mapping[str, float]) -> FloatArray:
-    """`plant_lyapunov_matrix` of a frame and its outputs."""
-    return plant_lyapunov_matrix(plant(frame), lambda rows: outputs(frame, rows), weights)
-
-
-def plant_lyapunov_matrix(linear: Plant, rows: Outputs, weights: Mapping[str, float]) -> FloatArray:
+def lyapunov_matrix(structure: ShearFrame | Linear, weights: Mapping[str, float]) -> FloatArray:
     """P (2N, 2N) of a^T P + P a = -c^T diag(weights) c, c the named outputs' rows. Raises InputError."""
     if not weights or any(not 0 <= w < math.inf for w in weights.values()) or not any(weights.values()):
         raise InputError(f"lyapunov: weights are {dict(weights)}; allowed: weights >= 0, one of them > 0")
-    a = linear.a
+    s = linear(structure)
+    a = s.plant.a
     if np.linalg.eigvals(a).real.max() >= 0:
         raise InputError("lyapunov: the structure has a mode without damping; no such function is found")
-    c, _ = rows(tuple(weights))
+    c, _ = s.outputs(tuple(weights))
     return np.asarray(solve_continuous_lyapunov(a.T, -c.T @ (np.array(list(weights.values()))[:, None] * c)))
 
 
 def lyapunov(
-    frame: ShearFrame,
+    structure: ShearFrame | Linear,
     command_max: float,
     weights: Mapping[str, float] | None = None,
     noise_ratio: float = 50.0,
@@ -61,21 +58,24 @@ def lyapunov(
 ) -> ForceController:
     """Control by the Lyapunov function of the named outputs' weighted squares.
 
-    command_max: A or V. weights: by measurement name or `drift_j`, 1 on every floor's absolute acceleration by
-    default. noise_ratio, period: of the Kalman filter, as for clipped-optimal control. Raises InputError.
+    command_max: A or V. weights: by measurement name or `drift_j`, 1 on every measured acceleration by default.
+    noise_ratio, period: of the Kalman filter, as for clipped-optimal control. Raises InputError.
     """
-    chosen = weights or {f"acceleration_{j}": 1.0 for j in range(1, frame.storeys + 1)}
-    direction = -lyapunov_matrix(frame, chosen) @ plant(frame).b
-    return bang_bang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)
+    s = linear(structure)
+    chosen = weights or {each: 1.0 for each in s.measured if each.startswith("acceleration")}
+    direction = -lyapunov_matrix(s, chosen) @ s.plant.b
+    return bang_bang(direction, estimator(s, noise_ratio, period), command_max, period, name)
 
 
 def max_dissipation(
-    frame: ShearFrame,
+    structure: ShearFrame | Linear,
     command_max: float,
     noise_ratio: float = 50.0,
     period: float = 1e-3,
     name: str = "max-dissipation",
 ) -> ForceController:
-    """The field on wherever the damper's force resists its motion: V is the frame's energy. Raises InputError."""
-    direction = np.concatenate([np.zeros_like(frame.gamma), -frame.gamma])
-    return bang_bang(direction, frame_estimator(frame, noise_ratio, period), command_max, period, name)
+    """The field on wherever the damper's force resists its motion: V is the structure's energy. Raises InputError."""
+    s = linear(structure)
+    rows = s.outputs([sensor_name("stroke_velocity", k) for k in range(s.dampers)])[0]
+    direction = rows.T if s.plant.b.ndim > 1 else rows[0]
+    return bang_bang(direction, estimator(s, noise_ratio, period), command_max, period, name)

@@ -1,13 +1,13 @@
-"""A shear frame as a linear plant: states, and measurements as rows over them.
+"""Structures as linear plants: states, and measurements as rows over them.
 
-s = [x; x'] (2N,), s' = a s + b f + e xg''; a measurement is y = c s + d f. The damper's force f
+s = [x; x'] (2N,), s' = a s + b f + e w, of a frame w = xg''; a measurement is y = c s + d f. The damper's force f
 is an input here, as a controller that measures it may treat it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from mrdamp.control.base import sensor_name
 from mrdamp.errors import InputError
 from mrdamp.structures import FloatArray, ShearFrame
+from mrdamp.structures.mechanics import Mechanics
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,50 @@ class Plant:
     a: FloatArray
     b: FloatArray
     e: FloatArray
+
+
+#: Rows c (p, n) and feedthrough d (p,) of named measurements of a plant.
+Outputs = Callable[[Sequence[str]], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A structure as controllers see it.
+
+    outputs: of measurements and strokes by name, InputError for an unknown one. measured: what a Kalman filter gets
+    besides the forces; deviation: (p,) of white noise on it, one by default. regulated: weights by name that force
+    controllers make small by default. first: rad/s. hooks: a damper each, number of the accelerometer at its rod end
+    (from 1), -1 where that is at its other end; dashpot: N s/m, of a skyhook by default.
+    """
+
+    plant: Plant
+    outputs: Outputs
+    measured: tuple[str, ...]
+    regulated: Mapping[str, float]
+    first: float
+    hooks: tuple[tuple[int, float], ...] = ()
+    dashpot: float = 0.0
+    deviation: FloatArray | None = None
+
+    @property
+    def dampers(self) -> int:
+        return 1 if self.plant.b.ndim == 1 else self.plant.b.shape[1]
+
+
+def linear(structure: ShearFrame | Linear) -> Linear:
+    """Of a frame: what Dyke's filter got, all floor accelerations and `displacement_1`; regulated is the top floor's
+    absolute acceleration. The dashpot would damp a rigid frame with the first frequency with a ratio of one half.
+    """
+    if isinstance(structure, Linear):
+        return structure
+    frame, first = structure, float(2 * np.pi * structure.frequencies[0])
+    floors = tuple(f"acceleration_{i}" for i in range(1, frame.storeys + 1))
+    # Of the two floors of a damper the rod is at the second.
+    hooks = tuple((max(p), 1.0 if max(p) == p[1] else -1.0) for p in frame.places)
+    return Linear(
+        plant(frame), lambda names: outputs(frame, names), (*floors, "displacement_1"), {floors[-1]: 1.0}, first, hooks,
+        first * float(frame.mass.sum()),
+    )  # fmt: skip
 
 
 def plant(frame: ShearFrame) -> Plant:
@@ -73,3 +118,30 @@ def outputs(frame: ShearFrame, names: Sequence[str]) -> tuple[FloatArray, FloatA
             if match.group(1) == "drift" and floor > 0:
                 c[row, floor - 1] = -1.0
     return c, d
+
+
+def plant_of(system: Mechanics) -> Plant:
+    """First-order form; e (2n, k) per unit of the loads."""
+    n = len(system.stroke)
+    a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), system.rate])
+    b = np.append(np.zeros(n), system.push[:, 0])
+    return Plant(a, b, np.vstack([np.zeros_like(system.loaded), system.loaded]))
+
+
+def outputs_of(
+    system: Mechanics, places: Mapping[str, FloatArray], more: Mapping[str, FloatArray], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows c (p, 2n) and feedthrough d (p,) of measurements by name: acceleration_P, velocity_P and displacement_P of
+    places P, rows (n,); stroke, stroke_velocity; and more rows over the coordinates. Raises InputError."""
+    none = np.zeros_like(system.stroke)
+    rows = {"stroke": np.append(system.stroke, none), "stroke_velocity": np.append(none, system.stroke)}
+    direct = {}
+    for place, at in places.items():
+        rows[f"displacement_{place}"], rows[f"velocity_{place}"] = np.append(at, none), np.append(none, at)
+        rows[f"acceleration_{place}"] = at @ system.rate
+        direct[f"acceleration_{place}"] = float(at @ system.push[:, 0])
+    rows |= {name: np.append(row, none) for name, row in more.items()}
+    unknown = [name for name in names if name not in rows]
+    if unknown:
+        raise InputError(f"measurement {unknown[0]!r} is unknown; allowed: {', '.join(rows)}")
+    return np.array([rows[name] for name in names]), np.array([direct.get(name, 0.0) for name in names])

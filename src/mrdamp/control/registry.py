@@ -1,11 +1,14 @@
-"""Controllers of a frame by name, with options: `clipped-optimal:r=1e-10,balance=1`, `constant:value=0.75`."""
+"""Controllers by name, with options: `clipped-optimal:r=1e-10,balance=1`, `constant:value=0.75`."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -20,10 +23,14 @@ from mrdamp.control.clipped_optimal import (
 from mrdamp.control.least_command import AtLeast, LeastCommand
 from mrdamp.control.lyapunov import lyapunov, max_dissipation
 from mrdamp.control.passive import Constant, passive_off, passive_on
+from mrdamp.control.plant import Linear, linear
 from mrdamp.control.skyhook import skyhook
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.structures import ShearFrame
+
+if TYPE_CHECKING:
+    from mrdamp.inverse import Inverse
 
 POLICY, OWN = "policy", "own"
 IDEAL = "ideal-active"
@@ -31,15 +38,83 @@ Options = dict[str, float]
 _LEAK = 15.0  # periods of the first mode, of the peak that `weak` is compared with
 
 
+_LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
+_WEAK = {"weak": 0.0}  # N, that the damper resists weak motion with, where its command is never small: `_at_least`
+_BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
+PASSIVE: Mapping[str, Mapping[str, float]] = {"passive-off": {}, "passive-on": {}, "constant": {"value": 0.0}}
+#: Of a frame's controllers.
+OPTIONS: Mapping[str, Mapping[str, float]] = {
+    **PASSIVE,
+    "clipped-optimal": {"balance": math.nan, "r": 1e-17, "noise_ratio": 50.0, **_LEVEL, **_WEAK},
+    "modulated-optimal": {**_BALANCED, "force_max": math.nan, **_WEAK},
+    "force-tracking": {**_BALANCED, **_WEAK},
+    "lyapunov": {"balance": 1.0, "noise_ratio": 50.0, **_LEVEL, **_WEAK},
+    "max-dissipation": {"noise_ratio": 50.0, **_LEVEL, **_WEAK},
+    "skyhook": {"damping": math.nan, "leak": math.nan, **_LEVEL, **_WEAK},
+    IDEAL: _BALANCED,
+}
+
+
+class AnySite(ABC):
+    """What a controller is made for.
+
+    damper: its model (rig `damper`); command_max: the largest command, A or V; period: of control, s; force_max: N at
+    the largest command. options: kind of controller -> its options with their defaults, NaN: worked out from the site.
+    """
+
+    damper: Model
+    command_max: float
+    period: float
+    force_max: float
+    options: ClassVar[Mapping[str, Mapping[str, float]]]
+
+    @property
+    @abstractmethod
+    def linear(self) -> Linear:
+        """The structure."""
+
+    @abstractmethod
+    def lqg(self, options: Mapping[str, float]) -> Lqg:
+        """Of an LQG force or a Lyapunov function, from options of a kind."""
+
+    @abstractmethod
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """What tuning chooses from, the lower and the upper end, by option or `kind.option`."""
+
+    @property
+    def dampers(self) -> int:
+        return self.linear.dampers
+
+    def builders(self) -> Mapping[str, Builder]:
+        """Of kinds of its own, or that mean something else here."""
+        return {}
+
+    def inverse(self) -> Inverse:
+        """Of the damper's law."""
+        from mrdamp.inverse import LawInverse
+
+        return LawInverse(self.damper, self.period, commands=(0.0, self.command_max))
+
+
+def largest_force(damper: Model, command: float) -> float:
+    """N at a command, the size of a damper's forces: of one moved at 0.1 m/s through 1 cm."""
+    dt, n = 1e-3, 200
+    x = 1e-2 * np.sin(10 * dt * np.arange(n))
+    u = np.full(n, command)
+    return float(np.abs(damper.simulate(dt, {"displacement_m": x, "command": u})["force_N"]).max())
+
+
 @dataclass(frozen=True)
-class Site:
-    """What a controller is made for: the frame with the places of its dampers, the damper's model (rig `damper`), the
+class Site(AnySite):
+    """Of a frame: the frame with the places of its dampers, the damper's model (rig `damper`), the
     largest command (A or V) and the control period, s."""
 
     frame: ShearFrame
     damper: Model
     command_max: float
     period: float = 1e-3
+
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = OPTIONS
 
     @classmethod
     def of(cls, model: Model, period: float = 1e-3) -> Site:
@@ -55,29 +130,29 @@ class Site:
         frame = ShearFrame(held.mass, held.stiffness, held.damping, s.damper_between, s.others)
         return cls(frame, damper, largest, period)
 
+    @cached_property
+    def force_max(self) -> float:  # type: ignore[override]
+        return largest_force(self.damper, self.command_max)
+
     @property
-    def dampers(self) -> int:
-        return len(self.frame.places)
+    def linear(self) -> Linear:
+        return linear(self.frame)
 
-    def force_max(self) -> float:
-        """N at the largest command, of the damper moved at 0.1 m/s through 1 cm: the size of its forces."""
-        dt, n = 1e-3, 200
-        x = 1e-2 * np.sin(10 * dt * np.arange(n))
-        u = np.full(n, self.command_max)
-        return float(np.abs(self.damper.simulate(dt, {"displacement_m": x, "command": u})["force_N"]).max())
+    def lqg(self, options: Mapping[str, float]) -> Lqg:
+        """Dyke's own weights where no balance is given."""
+        balance = options.get("balance", math.nan)
+        regulate = None if math.isnan(balance) else balanced(self.frame, balance)
+        return Lqg(regulate=regulate, r=options.get("r", 1e-17), noise_ratio=options["noise_ratio"])
 
-
-#: Makes a controller for a site; every option is given.
-Builder = Callable[[Site, Mapping[str, float]], Controller]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One kind of controller. options: name -> default; NaN: worked out from the site. about: one line."""
-
-    build: Builder
-    about: str
-    options: Mapping[str, float]
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Forces are weighed in units of the structure's mass."""
+        mass, first, force = float(self.frame.mass.sum()), self.linear.first, self.force_max
+        return {
+            "balance": (1.0, 1e4), "lyapunov.balance": (1e-2, 1e4), "r": (1e-5 / mass**2, 10.0 / mass**2),
+            "noise_ratio": (10.0, 1e5), "level": (0.1, 1.0), "weak": (0.0, 0.3 * force),
+            "force_max": (0.05 * force, 2.0 * force), "damping": (0.1 * first * mass, 50.0 * first * mass),
+            "leak": (1.0 / first, 100.0 / first),
+        }  # fmt: skip
 
 
 def balanced(frame: ShearFrame, balance: float) -> dict[str, float]:
@@ -90,84 +165,58 @@ def balanced(frame: ShearFrame, balance: float) -> dict[str, float]:
     return {f"acceleration_{j}": 1.0 for j in floors} | {f"drift_{j}": weight for j in floors}
 
 
-def _lqg(site: Site, o: Mapping[str, float]) -> Lqg:
-    """Dyke's own weights where no balance is given."""
-    regulate = None if math.isnan(o["balance"]) else balanced(site.frame, o["balance"])
-    return Lqg(regulate=regulate, r=o["r"], noise_ratio=o["noise_ratio"])
+#: Makes a controller for a site; every option is given.
+Builder = Callable[[Any, Mapping[str, float]], Controller]
 
 
-def _optimal(site: Site, o: Mapping[str, float]) -> Controller:
-    return clipped_optimal(site.frame, o["level"] * site.command_max, site.period, **_lqg(site, o))
+def _optimal(site: AnySite, o: Mapping[str, float]) -> Controller:
+    return clipped_optimal(site.linear, o["level"] * site.command_max, site.period, **site.lqg(o))
 
 
-def _modulated(site: Site, o: Mapping[str, float]) -> Controller:
-    largest = site.force_max() if math.isnan(o["force_max"]) else o["force_max"]
-    return modulated_optimal(site.frame, site.command_max, largest, site.period, **_lqg(site, o))
+def _modulated(site: AnySite, o: Mapping[str, float]) -> Controller:
+    largest = site.force_max if math.isnan(o["force_max"]) else o["force_max"]
+    return modulated_optimal(site.linear, site.command_max, largest, site.period, **site.lqg(o))
 
 
-def _tracking(site: Site, o: Mapping[str, float]) -> Controller:
-    from mrdamp.inverse import LawInverse
-
-    inverse = LawInverse(site.damper, site.period, commands=(0.0, site.command_max))
-    return force_tracking(site.frame, inverse, **_lqg(site, o))
+def _tracking(site: AnySite, o: Mapping[str, float]) -> Controller:
+    return force_tracking(site.linear, site.inverse(), **site.lqg(o))
 
 
-def _active(site: Site, o: Mapping[str, float]) -> Controller:
-    return ideal_active(site.frame, site.period, **_lqg(site, o))
+def _lyapunov(site: AnySite, o: Mapping[str, float]) -> Controller:
+    level, weights = o["level"] * site.command_max, site.lqg(o).get("regulate")
+    return lyapunov(site.linear, level, weights, o["noise_ratio"], site.period)
 
 
-def _lyapunov(site: Site, o: Mapping[str, float]) -> Controller:
-    weights = balanced(site.frame, o["balance"])
-    return lyapunov(site.frame, o["level"] * site.command_max, weights, o["noise_ratio"], site.period)
+def _dissipating(site: AnySite, o: Mapping[str, float]) -> Controller:
+    return max_dissipation(site.linear, o["level"] * site.command_max, o["noise_ratio"], site.period)
 
 
-def _skyhook(site: Site, o: Mapping[str, float]) -> Controller:
-    given = {key: None if math.isnan(o[key]) else o[key] for key in ("damping", "leak")}
-    return skyhook(site.frame, o["level"] * site.command_max, given["damping"], given["leak"], site.period)
+def _skyhook(site: AnySite, o: Mapping[str, float]) -> Controller:
+    damping, leak = (None if math.isnan(o[key]) else o[key] for key in ("damping", "leak"))
+    return skyhook(site.linear, o["level"] * site.command_max, damping, leak, site.period)
 
 
-_DYKE = {"balance": math.nan, "r": 1e-17, "noise_ratio": 50.0}
-_LEVEL = {"level": 1.0}  # of on/off switching, over the largest command
-_WEAK = {"weak": 0.0}  # N, that the damper resists weak motion with, where its command is never small: `_at_least`
-_BALANCED = {"balance": 100.0, "r": 1e-6, "noise_ratio": 50.0}
-
-ENTRIES: Mapping[str, Entry] = {
-    "passive-off": Entry(lambda site, o: passive_off(site.period), "no command", {}),
-    "passive-on": Entry(lambda site, o: passive_on(site.command_max, site.period), "the largest command", {}),
-    "constant": Entry(
+#: Kinds of controllers of any structure: how they are made, and what they do.
+BUILDERS: Mapping[str, tuple[Builder, str]] = {
+    "passive-off": (lambda site, o: passive_off(site.period), "no command"),
+    "passive-on": (lambda site, o: passive_on(site.command_max, site.period), "the largest command"),
+    "constant": (
         lambda site, o: Constant(o["value"], f"constant {o['value']:g}", site.period),
         "the same command at all times",
-        {"value": 0.0},
     ),
-    "clipped-optimal": Entry(
+    "clipped-optimal": (
         _optimal,
         "LQG force with on/off switching; by default as Dyke et al. 1996; level: command that is on, over the largest",
-        {**_DYKE, **_LEVEL, **_WEAK},
     ),
-    "modulated-optimal": Entry(
-        _modulated,
-        "LQG force with a command in proportion to it",
-        {**_BALANCED, "force_max": math.nan, **_WEAK},
+    "modulated-optimal": (_modulated, "LQG force with a command in proportion to it"),
+    "force-tracking": (_tracking, "LQG force through the damper's inverse model"),
+    "lyapunov": (_lyapunov, "on where the force takes a Lyapunov function down"),
+    "max-dissipation": (_dissipating, "on where the force resists the damper's motion"),
+    "skyhook": (_skyhook, "a dashpot to a fixed point in space, with on/off switching"),
+    IDEAL: (
+        lambda site, o: ideal_active(site.linear, site.period, **site.lqg(o)),
+        "the LQG force itself, from an ideal actuator that can push as well",
     ),
-    "force-tracking": Entry(_tracking, "LQG force through the damper's inverse model", {**_BALANCED, **_WEAK}),
-    "lyapunov": Entry(
-        _lyapunov,
-        "on where the force takes a Lyapunov function down",
-        {"balance": 1.0, "noise_ratio": 50.0, **_LEVEL, **_WEAK},
-    ),
-    "max-dissipation": Entry(
-        lambda site, o: max_dissipation(
-            site.frame, o["level"] * site.command_max, o["noise_ratio"], site.period
-        ),
-        "on where the force resists the damper's motion",
-        {"noise_ratio": 50.0, **_LEVEL, **_WEAK},
-    ),
-    "skyhook": Entry(
-        _skyhook,
-        "a dashpot to a fixed point in space, with on/off switching",
-        {"damping": math.nan, "leak": math.nan, **_LEVEL, **_WEAK},
-    ),
-    IDEAL: Entry(_active, "the LQG force itself, from an ideal actuator that can push as well", _BALANCED),
 }
 
 
@@ -176,8 +225,7 @@ def parse(spec: str, defaults: Mapping[str, Mapping[str, float]] | None = None) 
 
     defaults: kind -> options, those of a frame's controllers by default. Raises InputError.
     """
-    if defaults is None:
-        defaults = {kind: entry.options for kind, entry in ENTRIES.items()}
+    defaults = OPTIONS if defaults is None else defaults
     kind, _, rest = spec.partition(":")
     if kind in (POLICY, OWN):
         if not rest:
@@ -215,25 +263,25 @@ def policy(path: str) -> Controller:
     return Policy.read(Path(path))
 
 
-def make(spec: str, site: Site) -> Controller:
+def make(spec: str, site: AnySite) -> Controller:
     """The controller of a spec for a site, as it is: see `mrdamp.control.told` for one that is compared.
 
     Raises InputError.
     """
-    kind, path, options = parse(spec)
+    kind, path, options = parse(spec, site.options)
     if kind == POLICY:
         return policy(path)
-    entry = ENTRIES[kind]
-    o = {**entry.options, **options}
-    return _at_least(entry.build(site, o), o.get("weak", 0.0), site)
+    o = {**site.options[kind], **options}
+    build = site.builders().get(kind) or BUILDERS[kind][0]
+    return _at_least(build(site, o), o.get("weak", 0.0), site)
 
 
-def _at_least(controller: Controller, weak: float, site: Site) -> Controller:
+def _at_least(controller: Controller, weak: float, site: AnySite) -> Controller:
     """With the least command of the learned policies, for a force `weak` of the damper without current, N."""
     if not weak:
         return controller
     least = LeastCommand(site.command_max, 1.4 * weak, 0.7 * weak, 0.5 * weak)
-    return AtLeast(controller, least, _LEAK / float(site.frame.frequencies[0]), site.dampers)
+    return AtLeast(controller, least, _LEAK / (site.linear.first / (2 * math.pi)), site.dampers)
 
 
 def is_ideal(spec: str) -> bool:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from mrdamp.control.force_control import Aim, Follower, ForceController, OnOff, for_each
+from mrdamp.control.plant import Linear, linear
 from mrdamp.errors import require_positive
 from mrdamp.structures import ShearFrame
 
@@ -61,7 +62,7 @@ class Several:
 
 
 def skyhook(
-    frame: ShearFrame,
+    structure: ShearFrame | Linear,
     command_max: float,
     damping: float | None = None,
     leak: float | None = None,
@@ -69,16 +70,13 @@ def skyhook(
     follower: Follower | None = None,
     name: str = "skyhook",
 ) -> ForceController:
-    """Skyhook control of the upper of the damper's two floors.
+    """Skyhook control of what each damper's rod is at; of a frame, the upper of the damper's two floors.
 
-    command_max: A or V. damping: N s/m, by default that which would damp a rigid frame on its first storey's
-    frequency with a ratio of one half. leak: s, by default one period of the first mode. follower: of the wanted
-    force, on/off switching by default. Raises InputError.
+    command_max: A or V. damping: N s/m, by default the structure's `Linear.dashpot`. leak: s, by default one period of
+    the first mode. follower: of the wanted force, on/off switching by default. Raises InputError.
     """
-    first = float(2 * np.pi * frame.frequencies[0])
-    c = first * float(frame.mass.sum()) if damping is None else damping
-    tau = 2 * math.pi / first if leak is None else leak
-    # Of the two floors of a damper the rod is at the second.
-    aims = [SkyhookForce(max(p), 1.0 if max(p) == p[1] else -1.0, c, tau, period) for p in frame.places]
+    s = linear(structure)
+    c, tau = s.dashpot if damping is None else damping, 2 * math.pi / s.first if leak is None else leak
+    aims = [SkyhookForce(number, sign, c, tau, period) for number, sign in s.hooks]
     aim = aims[0] if len(aims) == 1 else Several(aims)
     return ForceController(aim, follower or for_each(lambda: OnOff(command_max), len(aims)), period, name)

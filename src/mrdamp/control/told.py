@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mrdamp.control.base import Controller
 from mrdamp.control.policy import Policy
+from mrdamp.control.registry import AnySite
 from mrdamp.control.unlagged import Unlagged
 from mrdamp.errors import InputError, MrdampError
 from mrdamp.model import Model
@@ -25,17 +26,7 @@ from mrdamp.simulation.rows import finite
 _LAG = "sensor_lag"
 
 
-class _Site(Protocol):
-    """What controllers are made for: of a frame, a cable or a car."""
-
-    @property
-    def damper(self) -> Model | None: ...
-
-    @property
-    def command_max(self) -> float: ...
-
-
-Site = TypeVar("Site", bound=_Site)
+Site = TypeVar("Site", bound=AnySite)
 
 
 class Told:
@@ -91,8 +82,6 @@ def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Tol
     Raises InputError.
     """
     damper, largest = site.damper, site.command_max
-    if damper is None:
-        return Told(build(site), 0.0, (-largest, largest), name)
     own = tuple(e for e in damper.effects if e.name != _LAG)
     # Inverse models compare the force with what they expect at the sensor: without its lag, as it is given to them.
     made = build(replace(site, damper=replace(damper, effects=own)))  # type: ignore[type-var]
@@ -100,7 +89,7 @@ def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Tol
         made.matched(damper.command_lag)
     # As the chain clamps: without command_min a command acts by its size. 0 is no command, also of a law above it.
     least = min(0.0, damper.attributes.get("command_min", -largest))
-    return Told(made, damper.sensor_lag, (least, largest), name, getattr(site, "dampers", 1))
+    return Told(made, damper.sensor_lag, (least, largest), name, site.dampers)
 
 
 def knowledge(damper: Model) -> str:

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from mrdamp import sets
-from mrdamp.compare.bench import of_kind
 from mrdamp.compare.motions import tuning_motions, unseen_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.told import told
+from mrdamp.errors import InputError
 from mrdamp.gap.learned import Learning, Progress
 from mrdamp.gap.real import RealFrame
 from mrdamp.model import Model
@@ -152,7 +152,7 @@ def candidates(kind: str, site: registry.Site) -> tuple[str, ...]:
         "modulated-optimal": {
             **optimal,
             "r": weights[1:],
-            "force_max": [site.force_max() * k for k in (0.1, 0.2, 0.5)],
+            "force_max": [site.force_max * k for k in (0.1, 0.2, 0.5)],
         },
         "force-tracking": {**optimal, "balance": [10.0, *balances]},
         "lyapunov": {"balance": [0.0, 1.0, 10.0, 100.0, 1000.0], "noise_ratio": noise},
@@ -161,7 +161,9 @@ def candidates(kind: str, site: registry.Site) -> tuple[str, ...]:
             "leak": [2 * math.pi / first * k for k in (1.0, 2.0)],
         },
     }
-    chosen = of_kind(choices, kind)
+    if kind not in choices:
+        raise InputError(f"tuning: nothing to tune in {kind}; allowed: {', '.join(choices)}")
+    chosen = choices[kind]
     points = [dict(zip(chosen, point, strict=True)) for point in itertools.product(*chosen.values())]
     return tuple(registry.spec(kind, point) for point in points)[:: 1 if kind == "constant" else 3]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mrdamp.control.clipped_optimal import clip
+from mrdamp.control.force_control import clip
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from mrdamp.library import library_path, load_plugin
 Array = npt.NDArray[np.float64]
 double_p = ctypes.POINTER(ctypes.c_double)
 
-_ABI = 10
+_ABI = 11
 ERROR_SIZE = 400
 
 
@@ -68,14 +68,16 @@ class Dampers(ctypes.Structure):
     )
 
 
-class Modes(ctypes.Structure):
+class LinearStructure(ctypes.Structure):
+    """`mrdamp_linear` of `mrdamp.h`."""
+
     _fields_ = (
-        ("modes", ctypes.c_int),
-        ("frequency", double_p),
-        ("ratio", double_p),
-        ("stroke", double_p),
+        ("coordinates", ctypes.c_int),
+        ("loads", ctypes.c_int),
+        *((name, double_p) for name in ("rate", "load", "stroke", "push")),
         ("places", ctypes.c_int),
         ("at", double_p),
+        ("absolute", ctypes.c_int),
         ("mass", ctypes.c_double),
     )
 
@@ -144,9 +146,10 @@ def library() -> ctypes.CDLL:
         ctypes.POINTER(c_int),
         *rest,
     )
-    lib.mrdamp_rows_modes.argtypes = (ctypes.POINTER(Modes), ctypes.POINTER(Dampers), *rest)
+    linear = ctypes.POINTER(LinearStructure), ctypes.POINTER(Dampers), c_double, c_int, c_char_p, c_int
+    lib.mrdamp_rows_linear.argtypes = linear
     lib.mrdamp_rows_car.argtypes = (ctypes.POINTER(Car), ctypes.POINTER(Dampers), *rest)
-    for name in ("frame", "modes", "car"):
+    for name in ("frame", "linear", "car"):
         getattr(lib, f"mrdamp_rows_{name}").restype = c_void_p
     lib.mrdamp_rows_free.argtypes = (c_void_p,)
     lib.mrdamp_rows_free.restype = None

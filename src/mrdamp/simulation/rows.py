@@ -15,7 +15,18 @@ from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model
 from mrdamp.model.attributes import law_number, vector
 from mrdamp.model.core import FrameInput, Narx, fill_frame
-from mrdamp.model.native import ERROR_SIZE, Array, Car, Dampers, Frame, Load, Modes, checked, library, pointer
+from mrdamp.model.native import (
+    ERROR_SIZE,
+    Array,
+    Car,
+    Dampers,
+    Frame,
+    LinearStructure,
+    Load,
+    checked,
+    library,
+    pointer,
+)
 from mrdamp.simulation.comfort import STATES, wk_sections
 from mrdamp.structures.cars import QuarterCar
 
@@ -165,40 +176,34 @@ class ChainRows:
         return rows
 
     @classmethod
-    def modes(
+    def linear(
         cls,
-        frequency: Array,
-        ratio: float,
+        rate: Array,
+        load: Array,
         stroke: Array,
+        push: Array,
         at: Array,
-        mass: float,
-        model: Model,
+        models: Sequence[Model],
         stepping: Stepping,
+        mass: float = 0.0,
+        absolute: bool = False,
     ) -> ChainRows:
-        """Oscillators of 1 kg under a force (N) each, on which one damper stands.
+        """Linear structures q'' = rate [q; q'] + load w + push f with m dampers, f (N) their tension, under loads w.
 
-        frequency: (modes,) rad/s. ratio: of damping. stroke: (modes,) of the damper and at: (p, modes) of the places,
-        m per unit of the coordinates. mass: kg of the whole.
+        rate (n, 2n), load (n, k), stroke (m, n) of the dampers per unit of the coordinates, push (n, m), at (p, n) of
+        the places of measurement. mass: kg, reference of the criteria; 0: those of each place, see `mrdamp.h`.
+        absolute: the coordinates are relative to a ground whose acceleration is the load.
         """
-        arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in (frequency, stroke, at)]
-        ratios = np.full(len(frequency), float(ratio))
-        given = Modes(
-            len(frequency),
-            pointer(arrays[0]),
-            pointer(ratios),
-            pointer(arrays[1]),
-            len(at),
-            pointer(arrays[2]),
-            mass,
-        )
+        arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in (rate, load, stroke, push, at)]
+        n, loads, places = len(rate), arrays[1].shape[1], len(at)
+        given = LinearStructure(n, loads, *map(pointer, arrays[:4]), places, pointer(arrays[4]), absolute, mass)
 
         def make(lib: Any, dampers: Dampers, error: Any) -> int:
             period, inner = stepping.period, stepping.inner
-            return int(lib.mrdamp_rows_modes(given, dampers, period, inner, 1, error, ERROR_SIZE) or 0)
+            return int(lib.mrdamp_rows_linear(given, dampers, period, inner, error, ERROR_SIZE) or 0)
 
-        many = len(frequency)
-        rows = cls(make, [model], stepping, many, many)
-        rows._made = "modes", (frequency, ratio, stroke, at, mass, model, stepping)
+        rows = cls(make, models, stepping, loads, n)
+        rows._made = "linear", (rate, load, stroke, push, at, models, stepping, mass, absolute)
         return rows
 
     @classmethod
@@ -253,6 +258,7 @@ class ChainRows:
         Behind its end it stays as it is, and is none from step `steps` on. seed: of the row's noise, below 2^53. The
         row's `measured` is that of the start.
         """
+        row = int(row)  # of NumPy's integers ctypes makes no address
         self._give(row, load, sample_time, steps)
         size = self.measured.itemsize
         self._lib.mrdamp_rows_start(

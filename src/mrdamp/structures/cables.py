@@ -24,6 +24,7 @@ from scipy.optimize import brentq
 
 from mrdamp.errors import InputError, require_positive
 from mrdamp.structures import GRAVITY, FloatArray
+from mrdamp.structures.mechanics import Mechanics
 from mrdamp.structures.taut_cable import TENSION, TautCable
 
 
@@ -118,6 +119,17 @@ class StayCable:
         hats = np.array([np.interp(x, places, row) for row in np.eye(len(places))])
         hats[:, [0, -1]] *= 0.5  # the trapezoidal rule
         return np.asarray(self.length / 4000 * hats @ self.at(x))
+
+    @cached_property
+    def mechanics(self) -> Mechanics:
+        """In the natural coordinates, each under a load of its own, N."""
+        w = self.natural
+        unit = np.eye(len(w))
+        return Mechanics(unit, np.diag(2 * self.ratio * w), np.diag(w * w), self.at(self.damper_at), unit)
+
+    def forces(self, force: FloatArray, places: FloatArray) -> FloatArray:
+        """(samples, N+1) N on the natural coordinates from a load (samples, p), N/m, at places x / L (p,)."""
+        return np.asarray(force @ self.load_matrix(places))
 
     def irvine(self, count: int) -> FloatArray:
         """(count,) rad/s, natural frequencies of the flat-sag cable by Irvine's equations, ascending.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +121,9 @@ def some_motions(
     return [motion.scaled(factor / motion.pga) for motion, factor in zip(drawn, factors, strict=True)]
 
 
+Lasting = TypeVar("Lasting", "CableLoads", "TrainingRoads")
+
+
 @dataclass(frozen=True)
 class CableLoads:
     """Wind and ambient loads of `duration` s, one of them for each episode."""
@@ -131,9 +135,9 @@ class CableLoads:
         d = self.duration
         return WindLoads(duration=d), AmbientLoads(duration=d), AmbientLoads(shape="uniform", duration=d)
 
-    def some(self, rng: np.random.Generator, length: float, count: int, first: int = 0) -> list[CableLoad]:
-        """count loads, of each source in turn from number `first` on."""
-        return [self.sources[(first + k) % len(self.sources)].draw(rng, length) for k in range(count)]
+    def some(self, rng: np.random.Generator, length: float, count: int, spread: float = 0.0) -> list[CableLoad]:
+        """count loads, of each source in turn; spread: as of `some_motions`."""
+        return [_in_turn(_lasting(self, rng, spread).sources, k).draw(rng, length) for k in range(count)]
 
     def draw(self, rng: np.random.Generator, length: float) -> CableLoad:
         return self.sources[int(rng.integers(len(self.sources)))].draw(rng, length)
@@ -154,9 +158,9 @@ class TrainingRoads:
     def sources(self) -> tuple[RoadSource, ...]:
         return (*(IsoRoads((c,), (8.0, 32.0), self.duration) for c in CLASSES), Bumps())
 
-    def some(self, rng: np.random.Generator, count: int, first: int = 0) -> list[Road]:
-        """count roads, of each source in turn from number `first` on."""
-        return [self.sources[(first + k) % len(self.sources)].draw(rng) for k in range(count)]
+    def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Road]:
+        """count roads, of each source in turn; spread: as of `some_motions`."""
+        return [_in_turn(_lasting(self, rng, spread).sources, k).draw(rng) for k in range(count)]
 
     def draw(self, rng: np.random.Generator) -> Road:
         return self.sources[int(rng.integers(len(self.sources)))].draw(rng)
@@ -165,3 +169,14 @@ class TrainingRoads:
 def validation_roads(count: int = 40) -> list[Road]:
     """count roads, drawn apart from those of training."""
     return TrainingRoads().some(np.random.default_rng([VALIDATION_SEED, 3]), count)
+
+
+def _lasting(source: Lasting, rng: np.random.Generator, spread: float) -> Lasting:
+    """The source of a duration up to a share longer or shorter."""
+    if not spread:
+        return source
+    return replace(source, duration=source.duration * float(rng.uniform(1.0 - spread, 1.0 + spread)))
+
+
+def _in_turn(sources: Sequence[Any], k: int) -> Any:
+    return sources[k % len(sources)]

@@ -1,0 +1,248 @@
+"""Structures of one's own, given by matrices, places and goals: all else follows from these.
+
+The matrices are those of `mrdamp.structures.mechanics.Mechanics`.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import math
+from abc import ABCMeta, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamp.control import registry
+from mrdamp.control.base import Controller
+from mrdamp.control.lqg import first_order_hold
+from mrdamp.envs.damper_sensors import SIGNALS
+from mrdamp.envs.linear_rows import LinearChain, LinearRows
+from mrdamp.envs.linear_site import LinearSite
+from mrdamp.envs.linear_xml import LinearView, linear_xml
+from mrdamp.envs.loads import MotionSource
+from mrdamp.envs.options import model_of
+from mrdamp.envs.structure import Criterion, Structure, largest_force
+from mrdamp.envs.task import Task
+from mrdamp.envs.training_loads import VALIDATION_SEED
+from mrdamp.envs.weights import Part, Total, Weights, of_dampers
+from mrdamp.errors import InputError
+from mrdamp.model import Model
+from mrdamp.outside import named
+from mrdamp.structures.mechanics import Mechanics
+
+Array = NDArray[np.float64]
+_STEP = 1e-3  # s, of the run without the damper
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is to be small: the RMS or the peak of the acceleration or displacement of a place, over that without the
+    damper. weight: in the default reward, and in the score of tuning and training."""
+
+    place: str
+    of: Literal["acceleration", "displacement"]
+    how: Literal["rms", "peak"] = "rms"
+    weight: float = 1.0
+
+
+class _Kind(ABCMeta):
+    """Of structures of one's own: those of a file are pickled by their `spec`, `file.py:NAME`."""
+
+    spec = ""
+
+
+copyreg.pickle(_Kind, lambda kind: (own_kind, (kind.spec,)) if "spec" in kind.__dict__ else kind.__qualname__)
+
+
+def own_kind(given: str | type[LinearStructure]) -> type[LinearStructure]:
+    """A class, or that of `module:NAME` or `file.py:NAME`. Raises InputError."""
+    found = named(given, "structure") if isinstance(given, str) else given
+    if not (isinstance(found, type) and issubclass(found, LinearStructure)):
+        raise InputError(f"structure {given}: it is no subclass of mrdamp.envs.LinearStructure")
+    if isinstance(given, str):
+        place, _, name = given.rpartition(":")
+        found.spec = f"{Path(place).resolve() if place.endswith('.py') else place}:{name}"
+    return found
+
+
+def _rewarded(kind: type[LinearStructure], weights: Mapping[str, float]) -> Weights:
+    return kind.weights(**weights)
+
+
+@dataclass(frozen=True)
+class LinearStructure(Structure, metaclass=_Kind):
+    """Base of a frozen dataclass with `mechanics`, and these: name; places: rows (n,) over the coordinates by name, of
+    what is measured; goals: by name; strong: m/s2, an acceleration that scales of observations belong to; rod: the
+    place at the damper's rod end, for skyhook control. Raises InputError.
+
+    For a load other than a ground motion: option, `loads` and `forces`. model: of the damper, None: `damper()`.
+    """
+
+    model: Model | str | None = None
+
+    places: ClassVar[Mapping[str, Sequence[float]]]
+    goals: ClassVar[Mapping[str, Goal]]
+    signals: ClassVar[tuple[str, ...]] = ()
+    strong: ClassVar[float] = 1.0
+    rod: ClassVar[str] = ""
+    whole: ClassVar[float] = 0.0
+    option, source, Source, drawn_size, cameras = "motion", "motions", MotionSource, 0.1, ("front",)
+    exponent: ClassVar[float] = 4.0
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        cls.engines = {"mujoco": (LinearRows, 5e-4), "chain": (LinearChain, 1e-3)}
+        if "goals" not in cls.__dict__:
+            return
+        unknown = [goal.place for goal in cls.goals.values() if goal.place not in cls.places]
+        if unknown:
+            raise InputError(f"{cls.__name__}: no place {unknown[0]!r}; there are {', '.join(cls.places)}")
+        parts, totals = of_dampers(4 * len(cls.places))
+        own: list[Part] = []
+        for k, (name, goal) in enumerate(cls.goals.items()):
+            at, rms = cls.column(goal), goal.how == "rms"
+            own.append(Part(name, at, k, 0.5) if rms else Part(name, at, k, rise=True, summed=True))
+            size = Total(f"{goal.how}_{name}", at, goal.how, k)
+            totals = (size, Total(f"{name}_ratio", at, goal.how, k, ratio=True), *totals)
+        cls.typical = {}
+        cls.weights = make_dataclass(
+            f"{cls.__name__}Reward", [(name, float, field(default=goal.weight)) for name, goal in cls.goals.items()],
+            bases=(Weights,), frozen=True, kw_only=True,
+            namespace={
+                "table": (*own, *parts), "totals": totals, "references": len(own),
+                "__reduce__": lambda self: (_rewarded, (cls, vars(self))),
+            },
+        )  # fmt: skip
+
+    @classmethod
+    def column(cls, goal: Goal) -> int:
+        """Of a period's results: mean squares and peaks of accelerations, then of displacements, a place each."""
+        block = 2 * (goal.of == "displacement") + (goal.how == "peak")
+        return block * len(cls.places) + list(cls.places).index(goal.place)
+
+    @abstractmethod
+    def mechanics(self) -> Mechanics:
+        """The structure without its damper."""
+
+    @abstractmethod
+    def damper(self) -> Model:
+        """The damper by default."""
+
+    def forces(self, load: Any) -> Array:
+        """(samples, k) of a load every `load.sample_time`, straight between; loads have a name, a duration and
+        `scaled(factor)` too."""
+        return np.asarray(load.acceleration[:, None])
+
+    @cached_property
+    def system(self) -> Mechanics:
+        return self.mechanics()
+
+    @cached_property
+    def at(self) -> Array:
+        """(places, n)."""
+        return np.array([np.asarray(row, dtype=np.float64) for row in self.places.values()])
+
+    @cached_property
+    def models(self) -> tuple[Model, ...]:
+        return (model_of(self.model, self.damper),)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        whats = ("acceleration", "displacement", "velocity")
+        return (*(f"{what}_{place}" for what in whats for place in self.places), *SIGNALS[:-1])
+
+    @property
+    def load_names(self) -> list[str]:
+        return [f"load_{k + 1}" for k in range(self.system.load.shape[1])]
+
+    @property
+    def first(self) -> float:
+        return float(self.system.frequencies[0])
+
+    def mjcf(self, timestep: float, *, drawn: bool = False) -> str:
+        s = self.system
+        return linear_xml(self.name, s.mass, s.damping, s.stiffness, s.stroke, s.load, self.models[0], timestep)
+
+    def view(self, task: Task, camera: str, size: tuple[int, int]) -> LinearView:
+        return LinearView(self.mjcf(1e-3, drawn=True), camera, size)
+
+    def sensors(self, command_max: Array, full_state: bool) -> tuple[list[str], dict[str, float]]:
+        """Accelerations of all places, stroke and force; full_state: displacements and velocities, and the current."""
+        w, strong = self.first, self.strong
+        sizes = {"acceleration": strong, "displacement": strong / w**2, "velocity": strong / w}
+        scale = {f"{what}_{place}": size for what, size in sizes.items() for place in self.places}
+        largest = float(command_max[0])
+        force = largest_force(self.models[0], strong / w**2, w, largest)
+        scale |= {
+            "stroke": strong / w**2, "stroke_velocity": strong / w, "current": largest, "force": force,
+            "true_force": force,
+        }  # fmt: skip
+        whats = ("displacement", "velocity") if full_state else ("acceleration",)
+        default = [f"{what}_{place}" for what in whats for place in self.places]
+        return [*(self.signals or default), *(["current"] if full_state else []), "stroke", "force"], scale
+
+    @classmethod
+    def criteria(cls, **scored: float) -> tuple[Criterion, ...]:
+        return tuple(
+            Criterion(f"{name}_ratio", goal.weight, cls.column(goal), 0.5 if goal.how == "rms" else 1.0)
+            for name, goal in cls.goals.items()
+        )
+
+    def some(self, rng: np.random.Generator, count: int, spread: float = 0.0) -> list[Any]:
+        source = self.training()
+        return [source.draw(rng) for _ in range(count)]
+
+    def validation(self) -> list[Any]:
+        return self.some(np.random.default_rng([VALIDATION_SEED, 4]), 6)
+
+    def load(self, rng: np.random.Generator, source: Any, options: Mapping[str, Any]) -> Any:
+        given = options.get(self.option)
+        return source.draw(rng) if given is None else given
+
+    def reference(self, given: Array, load: Any, timestep: float, weights: Any, command_max: float) -> Array:
+        return self.uncontrolled(load)
+
+    def uncontrolled(self, load: Any) -> Array:
+        """(goals,) mean squares or peaks without the damper. Raises InputError where nothing moves."""
+        s, given, n = self.system, self.forces(load), len(self.system.stroke)
+        inner = max(1, math.ceil(load.sample_time / _STEP - 1e-9))
+        at = np.arange((len(given) - 1) * inner + 1) / inner
+        w = np.stack([np.interp(at, np.arange(len(given)), column) for column in given.T], axis=1)
+        a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), s.rate])
+        b = np.vstack([np.zeros_like(s.loaded), s.loaded])
+        phi, held, ramp = first_order_hold(a, b, load.sample_time / inner)
+        state, push = np.zeros((len(w), 2 * n)), w[:-1] @ held.T + w[1:] @ ramp.T
+        for k in range(len(push)):
+            state[k + 1] = phi @ state[k] + push[k]
+        acceleration = state @ s.rate.T + (0.0 if s.absolute else w @ s.loaded.T)
+        moved = {"acceleration": acceleration @ self.at.T, "displacement": state[:, :n] @ self.at.T}
+        places = list(self.places)
+        columns = [(goal, moved[goal.of][:, places.index(goal.place)]) for goal in self.goals.values()]
+        found = np.array([np.mean(x * x) if goal.how == "rms" else np.abs(x).max() for goal, x in columns])
+        if not (found > 0).all():
+            raise InputError(f"{load.name}: the load moves nothing; there is nothing to control")
+        return found
+
+    def told(self, load: Any, reference: Sequence[float] | Array) -> dict[str, Any]:
+        return {f"reference_{name}": float(x) for name, x in zip(self.goals, reference, strict=True)}
+
+    def reference_motion(self, values: Array) -> float:
+        """m, of the first displacement among the goals, or of the first goal's acceleration at the first frequency."""
+        for k, goal in enumerate(self.goals.values()):
+            if goal.of == "displacement":
+                return float(values[k] if goal.how == "peak" else math.sqrt(values[k]))
+        goal = next(iter(self.goals.values()))
+        return float(values[0] if goal.how == "peak" else math.sqrt(values[0])) / self.first**2
+
+    def site(self, command_max: float, period: float, force_max: float | None = None) -> LinearSite:
+        """What controllers are made for."""
+        force = registry.largest_force(self.models[0], command_max) if force_max is None else force_max
+        return LinearSite(self, self.models[0], command_max, force, period)
+
+    def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
+        return registry.make(spec, self.site(command_max, period, force_max))

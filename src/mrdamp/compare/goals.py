@@ -1,0 +1,100 @@
+"""A structure of one's own under loads that its source draws: one run, what is kept of it, and what tuning tries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrdamp.compare.bench import DEFAULT, ELECTRIC, TUNED, Measure
+from mrdamp.compare.plant_run import PlantBench, PlantRun
+from mrdamp.control import registry
+from mrdamp.control.told import knowledge
+from mrdamp.envs.linear import LinearStructure
+
+_SEED, _MANY = 9_000_401, 6  # of the loads of the evaluation, for judging alone
+
+
+@dataclass(frozen=True)
+class GoalBench(PlantBench):
+    """A structure with goals. Raises InputError."""
+
+    of: LinearStructure
+    command_unit: str = field(default="V", kw_only=True)
+    period: float = field(default=5e-3, kw_only=True)
+    timestep: float = field(default=5e-4, kw_only=True)
+    engine: str = field(default="mujoco", kw_only=True)
+    unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
+
+    @property
+    def structure(self) -> LinearStructure:
+        return self.of
+
+    @cached_property
+    def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
+        goals = (Measure(name, name, ratio=True) for name in self.structure.goals)
+        return (*goals, *ELECTRIC, Measure("dissipated_energy", "dissipated (J)"))
+
+    @property
+    def headline(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (*self.structure.goals, "mean_command", "switching_rate")
+
+    @property
+    def claimed(self) -> tuple[str, ...]:  # type: ignore[override]
+        return (*self.structure.goals, "mean_command")
+
+    @property
+    def objective(self) -> Mapping[str, tuple[str, float]]:  # type: ignore[override]
+        """The goals over the run without the damper, by their weights."""
+        goals = self.structure.goals
+        whole = sum(goal.weight for goal in goals.values())
+        return {name: (f"{name}_ratio", goal.weight / whole) for name, goal in goals.items()}
+
+    @property
+    def tuned(self) -> Mapping[str, str]:
+        return {name: kind for name, kind in TUNED.items() if kind != "skyhook" or self.structure.rod}
+
+    @property
+    def default(self) -> tuple[str, ...]:
+        return tuple(name for name in DEFAULT if name != "skyhook-tuned" or self.structure.rod)
+
+    @cached_property
+    def site(self) -> registry.AnySite:
+        return self.structure.site(self.command_max, self.period)
+
+    def uncontrolled(self, load: Any) -> dict[str, Any]:
+        return dict(zip(self.structure.goals, self.structure.uncontrolled(load).tolist(), strict=True))
+
+    def kept(self, run: PlantRun) -> dict[str, Any]:
+        found = {}
+        for name, goal in self.structure.goals.items():
+            column = run.of_period[:, self.structure.column(goal)]
+            found[name] = float(column.mean() if goal.how == "rms" else column.max())
+        return {**found, "dissipated_energy": float(run.of_period[:, -1].sum())}
+
+    def values(self, kept: Mapping[str, Any], uncontrolled: Mapping[str, Any]) -> Mapping[str, float]:
+        ratios = {name: kept[name] / uncontrolled[name] for name in self.structure.goals}
+        squares = [name for name, goal in self.structure.goals.items() if goal.how == "rms"]
+        return {**kept, **ratios, **{name: math.sqrt(ratios[name]) for name in squares}}
+
+    def effort(self, kind: str) -> tuple[int, int]:
+        return 1, 100_000 if kind == "force-tracking" else 400_000
+
+    def unseen_loads(self) -> list[Any]:
+        return self.structure.some(np.random.default_rng(_SEED), _MANY)
+
+    def own_identity(self) -> list[Any]:
+        s = self.structure.system
+        matrices = [x.tolist() for x in (s.mass, s.damping, s.stiffness, s.stroke, s.load)]
+        return [matrices, self.structure.models[0].to_dict()["model"], self.period, self.timestep]
+
+    def about(self) -> str:
+        model = self.structure.models[0]
+        return (
+            f"{model.name} in {self.structure.name}, {self.structure.first / (2 * math.pi):.2f} Hz, control period "
+            f"{1e3 * self.period:g} ms; {knowledge(model)}"
+        )

@@ -1,0 +1,136 @@
+"""A structure that no module knows: the building on bearings of the examples, by the engine's matrices and by hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from env_arguments import OWN
+from mrdamp import cli
+from mrdamp.envs import Goal, LinearStructure, Mechanics
+from mrdamp.envs.linear import own_kind
+from mrdamp.envs.plant import RowPlant
+from mrdamp.model import Model
+from mrdamp.motions import GroundMotion
+from refusals import refuses
+
+Isolated: Any = own_kind(OWN)
+DASHPOT = 900.0
+DAMPER = Model("bingham", {"c0a": DASHPOT, "c0b": 0.0, "fya": 0.0, "fyb": 0.0, "v_ref": 1.0, "command_max": 1.0})
+#: kg; storey by storey N/m, N s/m.
+MASS, STIFFNESS, DAMPING = [150.0, 100.0, 100.0, 100.0], [9e4, 9e5, 9e5, 9e5], [250.0, 300.0, 300.0, 300.0]
+
+
+def test_the_engines_own_matrices_are_the_buildings() -> None:
+    """Masses from `mj_fullM`; frequencies from accelerations that the engine gives for a unit of each coordinate."""
+    model = mujoco.MjModel.from_xml_string(Isolated().mjcf(1e-4))
+    data, mass, stiffness = mujoco.MjData(model), np.zeros((4, 4)), np.zeros((4, 4))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    np.testing.assert_allclose(mass, np.diag(MASS))
+    for k in range(4):
+        mujoco.mj_resetData(model, data)
+        data.qpos[k] = 1e-3
+        mujoco.mj_forward(model, data)
+        stiffness[:, k] = -data.qfrc_passive / 1e-3
+    found = np.sqrt(eigh(stiffness, mass, eigvals_only=True))
+    np.testing.assert_allclose(found, Isolated().system.frequencies, rtol=1e-9)
+    # Rayleigh's quotient of a rigid building on its bearings is an upper bound, and near.
+    assert 0.9 < found[0] / np.sqrt(STIFFNESS[0] / sum(MASS)) < 1.0
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+def test_a_sine_passes_as_the_transfer_function_says(engine: str) -> None:
+    """Storey by storey in complex numbers, with a dashpot for the damper: places' amplitudes at two frequencies."""
+    for w in (9.0, 25.0):
+        z = [k + 1j * w * c for k, c in zip(STIFFNESS, [DAMPING[0] + DASHPOT, *DAMPING[1:]], strict=True)]
+        dynamic = np.diag([-(w**2) * m for m in MASS]).astype(complex)
+        for j, each in enumerate(z):
+            dynamic[j, j] += each
+            if j > 0:
+                dynamic[j - 1, j - 1] += each
+                dynamic[j, j - 1] -= each
+                dynamic[j - 1, j] -= each
+        x = np.linalg.solve(dynamic, -np.array(MASS, complex))  # per m/s2 of the ground
+        motion = GroundMotion("sine", 1e-3, np.sin(w * 1e-3 * np.arange(12_000)))
+        plant = RowPlant(Isolated(DAMPER), engine=engine, timestep=2.5e-4)
+        plant.reset(motion)
+        seen = []
+        while not plant.finished:
+            y = plant.step(0.0)
+            seen.append([plant.time, y["displacement_base"], y["acceleration_top"], y["velocity_top"], y["force"]])
+        time, *signals = np.array(seen)[1400:-2].T
+        waves = np.stack([np.sin(w * time), np.cos(w * time)], axis=1)
+        wanted = x[0], 1 - w**2 * x[3], 1j * w * x[3], 1j * w * DASHPOT * x[0]
+        for signal, complex_size in zip(signals, wanted, strict=True):
+            sine, cosine = np.linalg.lstsq(waves, signal, rcond=None)[0]
+            assert abs(sine + 1j * cosine - complex_size) < 0.01 * abs(complex_size)
+
+
+def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
+    """Without a damper under a ground acceleration a that sets in: displacement 2 m a / k, acceleration 2 a, RMS by
+    a^2 (1 - cos w t)^2, 3/2 a^2 over whole periods."""
+
+    class Single(LinearStructure):
+        name, places = "single", {"mass": (1.0,)}
+        goals = {"drift": Goal("mass", "displacement", "peak"), "shaking": Goal("mass", "acceleration")}  # noqa: RUF012
+
+        def mechanics(self) -> Mechanics:
+            return Mechanics([[2.0]], [[0.0]], [[200.0]], [1.0], [[-2.0]], absolute=True)  # type: ignore[arg-type]
+
+        def damper(self) -> Model:
+            return DAMPER
+
+        def loads(self) -> Any:
+            raise NotImplementedError
+
+    many = round(10 * 2 * np.pi / 10 / 1e-3)
+    drift, shaking = Single().uncontrolled(GroundMotion("step", 1e-3, np.full(many + 1, 1.5)))
+    assert drift == pytest.approx(2 * 1.5 / 100.0, rel=1e-3)
+    assert shaking == pytest.approx(1.5 * 1.5**2, rel=2e-3)
+
+
+def test_engine_and_chain_say_the_same_of_an_episode() -> None:
+    found = []
+    for engine in ("mujoco", "chain"):
+        env: Any = gymnasium.make("mrdamp/Structure-v0", structure=OWN, engine=engine, timestep=2.5e-4)
+        env.reset(seed=4)
+        for k in range(400):
+            observation, reward, _, _, info = env.step(np.array([np.sin(0.1 * k)], np.float32))
+        found.append([*observation, info["shaking_ratio"], info["bearings_ratio"], info["dissipated_energy"]])
+        assert reward == pytest.approx(sum(v for name, v in info.items() if name.startswith("reward_")))
+    np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=0.01)
+
+
+def test_the_ordinary_commands_compare_and_train_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--controllers", "passive-off", "passive-on", "clipped-optimal", "skyhook", "--engine", "chain"]
+    assert cli.main(["compare", OWN, *given, "--jobs", "2", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["controllers"]
+    means = {name: {key: m["mean"] for key, m in row["measures"].items()} for name, row in rows.items()}
+    # What isolation is about: no command leaves the building calm, the largest one saves the bearings.
+    assert means["passive-off"]["shaking"] < 1.0
+    assert means["passive-on"]["bearings"] < means["passive-off"]["bearings"] < 1.0
+    assert all(0 < means[name]["mean_command"] < 2.25 for name in ("clipped-optimal", "skyhook"))
+    out = tmp_path / "out"
+    quick = ["--set", "population=4", "loads=2", "--evaluations", "1"]
+    assert cli.main(["train", OWN, *quick, "--timesteps", "10000", "-o", str(out)]) == 0
+    assert "shaking_ratio" in capsys.readouterr().out
+    (policy,) = out.glob("**/policy.json")
+    mine = ["--controllers", f"mine=policy:{policy}", "--engine", "chain", "--jobs", "1"]
+    assert cli.main(["compare", OWN, *mine]) == 0
+
+
+def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "other.py"
+    file.write_text("class Other:\n    pass\n")
+    refuses(lambda: own_kind(f"{file}:Other"), "no subclass of mrdamp.envs.LinearStructure")
+    refuses(lambda: own_kind(f"{file}:None_"), "there is no None_")
+    refuses(lambda: Mechanics(np.eye(2), np.eye(2), np.eye(3), np.ones(2), np.ones(2)), "stiffness has another shape")
+    refuses(lambda: Mechanics(-np.eye(2), np.eye(2), np.eye(2), np.ones(2), np.ones(2)), "positive definite")
