@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -58,6 +60,41 @@ def test_a_second_cause_that_takes_little_is_not_added() -> None:
     assert decision.chosen.causes == ("offset",)
     assert ("offset", "sign") in [f.hypothesis.causes for f in search.beside(fits[decision.chosen.index])]
     assert with_further(search, fits, decision) == (fits, decision)
+
+
+@pytest.mark.parametrize(
+    ("second", "rival", "freed", "named"),
+    [
+        (0.60, 0.70, 1.0, ("a", "b")),
+        (0.60, 0.63, 1.0, ("a",)),
+        (0.60, 0.70, 0.5, ("a",)),
+        (0.95, 1.0, 1.0, ("a",)),
+    ],
+)
+def test_a_second_cause_beats_its_rivals_by_a_tenth_and_free_parameters_too(
+    second: float, rival: float, freed: float, named: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shares of the left-out squares beside the cause a, by hand."""
+
+    def fit_of(*causes: str, nominal: tuple[str, ...] = ()) -> Any:
+        hypothesis = SimpleNamespace(causes=causes, nominal=nominal)
+        return SimpleNamespace(hypothesis=hypothesis, point=np.zeros(len(causes)), cost=1.0)
+
+    parent, free = fit_of("a"), fit_of("a", nominal=("c0",))
+    left = {("a", "b"): second, ("a", "c"): rival}
+    search = SimpleNamespace(
+        beside=lambda _: [fit_of("a", "b"), fit_of("a", "c")],
+        problem=SimpleNamespace(rig=None),
+        best_version=lambda _: None,
+        versions=lambda f: [(freed if f is free else left[f.hypothesis.causes], False)],
+        ratio=lambda share, _: share,
+        smallest=lambda is_free, _: free,
+        direct={},
+        own=0.0,
+    )
+    monkeypatch.setattr(further, "of_itself", lambda _: 0.0)
+    found = further._further(search, parent)  # type: ignore[arg-type]
+    assert (("a",) if found is None else found[0].hypothesis.causes) == named
 
 
 def test_unknown_causes_and_exact_laws_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
