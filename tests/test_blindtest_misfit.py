@@ -103,6 +103,7 @@ def test_simulator_leaves_three_to_fifteen_percent(name: str, request: pytest.Fi
     assert before == pytest.approx(label["gap"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_control_has_its_law_alone(control: Made) -> None:
     _, _, label = control
     assert label["size"] == {}

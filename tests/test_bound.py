@@ -144,6 +144,7 @@ def bounded() -> Comparison:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Comparison) -> None:
     for bound, weights in BENCH.bounds.items():
         score = {
@@ -158,6 +159,7 @@ def test_a_bound_is_not_worse_than_any_controller_in_any_case(bounded: Compariso
         assert all(path["values"][-1] <= path["values"][0] for found in paths.values() for path in found)
 
 
+@pytest.mark.slow
 def test_shares_are_none_for_passive_on_and_whole_for_the_bound(bounded: Comparison) -> None:
     for bound in BENCH.bounds:
         assert share(bounded, "c0", bound).mean == 0
@@ -244,6 +246,7 @@ class Boundless(CarBench):
     bounds: ClassVar[Mapping[str, Mapping[str, float]]] = {}
 
 
+@pytest.mark.slow
 def test_bounds_need_their_base_and_a_plant_that_has_them(bounded: Comparison) -> None:
     alone = compare(BENCH, [Contender("off", ("passive-off",))], (MOTION,), (1.0,))
     with pytest.raises(InputError, match="needs passive-on"):

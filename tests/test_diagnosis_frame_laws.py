@@ -59,6 +59,7 @@ def fitted(problem: Problem, *names: str) -> Fit:
     return fit(problem, hypothesis, hypothesis.start(), most=8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("others", [(), ("sensor_gain@3",)])
 def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> None:
     one = case(1.15 if others else 1.0)
@@ -80,6 +81,7 @@ def test_another_law_makes_shear_thinning_needless(others: tuple[str, ...]) -> N
     assert np.all(np.isinf(found.left_out)) if others else found.gap < float(np.max(found.left_out))
 
 
+@pytest.mark.slow
 def test_a_cause_that_leaves_as_little_as_the_laws_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of(case())
     chosen = fitted(problem, "shear_thinning")

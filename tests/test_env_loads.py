@@ -82,6 +82,7 @@ def test_ambient_noise_has_its_size_and_band() -> None:
     assert even.force.shape[1] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "duration"), [(6.0, 1.0), (15.0, 1.0), (15.0, 20.0)])
 def test_a_short_wind_has_its_whole_deviation(speed: float, duration: float) -> None:
     """Over many loads: the integral of von Karman's spectrum up to the bandwidth."""

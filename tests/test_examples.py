@@ -63,6 +63,7 @@ def test_6_the_environment_runs_under_any_agent() -> None:
     assert all(0 < value < 1 for value in drift.values())
 
 
+@pytest.mark.slow
 def test_7_the_inverse_tracks_better_than_switching() -> None:
     switching, inverse = example(7)(seconds=2.0)
     assert inverse.relative_error < 0.6 * switching.relative_error

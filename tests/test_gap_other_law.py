@@ -38,6 +38,7 @@ def motion() -> GroundMotion:
     return GroundMotion("short", whole.sample_time, whole.acceleration[:n])
 
 
+@pytest.mark.slow
 def test_the_simulator_has_another_law_and_the_error_of_a_real_rig(made: OtherLaw) -> None:
     assert made.nominal.law != nominal_frame().law
     assert MISFIT[0] <= made.misfit <= MISFIT[1]

@@ -64,6 +64,7 @@ def over_the_bumps(timestep: float, integrator: mujoco.mjtIntegrator, command: f
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("command", "limit"), [(0.0, 0.006), (1.0, 0.002), (2.0, 0.002)])
 def test_the_car_over_bumps_is_that_of_runge_kutta(command: float, limit: float) -> None:
     truth = over_the_bumps(2e-5, mujoco.mjtIntegrator.mjINT_RK4, command)

@@ -230,6 +230,7 @@ def test_a_failure_leaves_the_old_page(tmp_path: Path, monkeypatch: pytest.Monke
         Page("new", "new").write(tmp_path / "missing" / "index.html")
 
 
+@pytest.mark.slow
 def test_pages_stay_small() -> None:
     page = full_page()
     light = len(page.html())

@@ -55,6 +55,7 @@ def test_a_record_from_rest_is_not_led_into(law: str) -> None:
         assert off(record, simulate(Model(law, TRUE[law]), record)) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["hyperbolic_tangent", "modified_bouc_wen"])
 def test_mujoco_is_led_into_it_too(law: str) -> None:
     model, record = Model(law, TRUE[law]), late(law)[4]
@@ -65,6 +66,7 @@ def test_mujoco_is_led_into_it_too(law: str) -> None:
     assert off(record, stepped) < 0.02
 
 
+@pytest.mark.slow
 def test_parameters_from_records_that_begin_in_motion() -> None:
     train = rig_tests("modified_bouc_wen", late=1.37, chosen=(0, 1, 3, 4, 5, 7, 8))
     fit = identify("modified_bouc_wen", train, starts=2)

@@ -66,6 +66,7 @@ def paid(lessons: Lessons, share: float, runs: list[Known]) -> dict[int, float]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("environment", "exponent"), [(FRAME, 16.0), (FRAME, 8.0), (CABLE, 2.0), (CAR, 2.0)])
 def test_an_episode_pays_what_the_score_gains(environment: str, exponent: float) -> None:
     """For RMS values to first order, for peaks through their p-norm: the longer the power, the nearer."""

@@ -56,6 +56,7 @@ def test_a_known_lag_of_the_force_sensor_is_taken_back_in_rows_too() -> None:
         assert value == pytest.approx(in_mujoco(spec, MOTIONS, bench), rel=0.015)
 
 
+@pytest.mark.slow
 def test_the_best_constant_is_that_of_a_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FrameBench, "tuning_loads", lambda bench: tuple(MOTIONS))
     monkeypatch.setattr(FrameBench, "effort", lambda bench, kind: (1, 200_000))
