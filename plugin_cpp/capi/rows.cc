@@ -19,7 +19,7 @@ namespace {
 constexpr int kMostDampers = 100, kMostSections = 20;
 
 // What frames and modes share; false and a line on failure.
-bool Take(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, std::vector<Damper>* dampers,
+bool ReadDampers(const mrdamp_dampers& from, double period, int steps, int instants, RowsPlan* plan, std::vector<Damper>* dampers,
           char* err, int size) {
   if (from.count < 1 || from.count > kMostDampers) {
     return !Fail(err, size, std::to_string(from.count) + " dampers; allowed are 1 to " + std::to_string(kMostDampers));
@@ -54,7 +54,7 @@ mrdamp_rows* mrdamp_rows_frame(const mrdamp_frame* frame, const mrdamp_dampers* 
   RowsPlan plan;
   std::vector<Damper> made;
   mrdamp_frame f = *frame;
-  if (!Take(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
+  if (!ReadDampers(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
   for (int k = 0; k < dampers->count; k++) {
     f.damper_from = between[2 * k];
     f.damper_to = between[2 * k + 1];
@@ -84,7 +84,7 @@ mrdamp_rows* mrdamp_rows_linear(const mrdamp_linear* linear, const mrdamp_damper
                             " places; allowed are 1 to 500, 1 or more, 0 or more");
     return nullptr;
   }
-  if (!Take(*dampers, period, steps, 1, &plan, &made, err, err_size)) return nullptr;
+  if (!ReadDampers(*dampers, period, steps, 1, &plan, &made, err, err_size)) return nullptr;
   plan.system = LinearSystem(n, s.loads, dampers->count);
   plan.place = Matrix(s.places, n);
   plan.drift = Matrix(0, n);
@@ -129,7 +129,7 @@ mrdamp_rows* mrdamp_rows_car(const mrdamp_car* car, const mrdamp_dampers* damper
                             " sections of the weighting; allowed are 1, 1 to " + std::to_string(kMostSections));
     return nullptr;
   }
-  if (!Take(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
+  if (!ReadDampers(*dampers, period, steps, instants, &plan, &made, err, err_size)) return nullptr;
   plan.system = LinearSystem(2, 1, 2);
   LinearSystem& s = plan.system;
   const double k[] = {c.stiffness, c.damping}, tyre[] = {c.tyre_stiffness, c.tyre_damping};

@@ -67,14 +67,14 @@ void Assembly::Balance(int j, int sweep, Real u0, Real u1, Mask here, Real* move
   Real fx = linear_.Along(j, free_.data(), 0), fv = linear_.Along(j, free_.data(), n);
   for (int o = 0; o < count; o++) {
     const Element& other = elements[o];
-    const Linear::Give& give = linear_.GiveOf(j, o);
+    const Linear::Compliance& compliance = linear_.ComplianceOf(j, o);
     const Real start = o == j ? e.force * (1 - blend_[j]) : other.force + blend_[o] * (other.next - other.force);
     const Real end = o == j ? 0 : other.next;
-    fx += give.hold_x * start + give.ramp_x * end;
-    fv += give.hold_v * start + give.ramp_v * end;
+    fx += compliance.hold_x * start + compliance.ramp_x * end;
+    fv += compliance.hold_v * start + compliance.ramp_v * end;
   }
   const Real x0 = linear_.Along(j, q.data(), 0), v0 = linear_.Along(j, q.data(), n);
-  const auto [hold_x, hold_v, ramp_x, ramp_v] = linear_.GiveOf(j, j);
+  const auto [hold_x, hold_v, ramp_x, ramp_v] = linear_.ComplianceOf(j, j);
   Real wv = ramp_v + blend_[j] * hold_v, wx = ramp_x + blend_[j] * hold_x, tried = 0, given = 0;
   Real tried_before = 0, given_before = 0, trials = 0;
   Site* const site = j < dampers ? &sites[j] : nullptr;

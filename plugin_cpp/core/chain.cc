@@ -103,7 +103,7 @@ void Advance(const Damper& d, State* s, const Motion& m, Real u0, Real u1) {
     if (jumps && !HasLag(p) && !mount && !HasPocket(p)) c.r += InnerJump(d, c, x, piece.va, field0, field1, dt);
     if (jumps && !HasLag(p) && Any(field0 != start)) Release(d, s, x, start, field0 != start);
     StepPiece(d, s, piece, start, field1);
-    if (HasRinging(p)) Ring(p, &c.felt, (piece.vb - piece.va) / dt, dt);
+    if (HasRinging(p)) Ring(p, &c.sprung, (piece.vb - piece.va) / dt, dt);
     x += piece.path();
   }
   if (!mount) {
@@ -133,7 +133,7 @@ Magnetised Commanded(const Damper& d, const State& s, Real u, Side side) {
 
 // The force on the rod, by what the damper or its mount carries.
 Real OnRod(const Params& p, const State& s, Real carried, Real a) {
-  return carried + RodMass(p, HasMount(p)) * a + RingingForce(p, s.c.felt);
+  return carried + RodMass(p, HasMount(p)) * a + RingingForce(p, s.c.sprung);
 }
 
 }  // namespace
@@ -158,7 +158,7 @@ Observation Observe(const Damper& d, const State& s, Real x, Real v, Real a, Rea
   o.field = now.field;
   o.temperature = c.heat;
   if (HasMount(p)) {
-    o.force = OnRod(p, s, c.rubber.Force(p, x - c.piston), a);
+    o.force = OnRod(p, s, c.elastomer.Force(p, x - c.piston), a);
     o.damper = PistonForce(d, s, o.field, c.piston, c.piston_velocity, &o.slope, {v, kUnset});
     o.piston = c.piston;
     o.slope = 0;
@@ -182,7 +182,7 @@ Real CurrentNow(const Damper& d, const State& s, Real u) {
 
 Real RodForce(const Damper& d, const State& s, Real x, Real v, Real a, Real u) {
   if (!HasMount(d.p)) return Observe(d, s, x, v, a, u, kBefore).force;
-  return OnRod(d.p, s, s.c.rubber.Force(d.p, x - s.c.piston), a);
+  return OnRod(d.p, s, s.c.elastomer.Force(d.p, x - s.c.piston), a);
 }
 
 }  // namespace mrdamp

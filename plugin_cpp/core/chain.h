@@ -46,10 +46,10 @@ struct ChainState {
   Real piston = 0, piston_velocity = 0;  // behind the mount
   Real piston_slope = 0;     // N s/m, d(force)/dv of the last balance, start of the next solve
   Stroke stroke;
-  Pocket gas;        // in series with the fluid
+  GasPocket gas;        // in series with the fluid
   Real plate = 0;  // -1 to 1, asymmetry along the stroke or in its own time
-  Rubber rubber;    // friction inside the mount
-  Felt felt;        // accelerations of sprung moving masses
+  Elastomer elastomer;    // friction inside the mount
+  SprungMasses sprung;        // accelerations of sprung moving masses
 };
 
 inline constexpr int kChainSize = sizeof(ChainState) / sizeof(Real);

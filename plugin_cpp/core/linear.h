@@ -87,10 +87,10 @@ class Linear {
 
   // Change of an element's end over a step, in x and v, per unit of another element's force, constant or increasing
   // linearly.
-  struct Give {
+  struct Compliance {
     double hold_x, hold_v, ramp_x, ramp_v;
   };
-  const Give& GiveOf(int of, int by) const { return give_[static_cast<std::size_t>(of) * elements_ + by]; }
+  const Compliance& ComplianceOf(int of, int by) const { return give_[static_cast<std::size_t>(of) * elements_ + by]; }
 
   // Rates of the present velocities, (n): from the motion, the elements' forces and, if `load` is given, the loads.
   template <class T>
@@ -111,7 +111,7 @@ class Linear {
   double h_;
   Sparse free_, hold_load_, ramp_load_, stroke_, rate_, push_, load_;
   std::vector<double> hold_, ramp_;  // elements x 2 n
-  std::vector<Give> give_;           // elements x elements
+  std::vector<Compliance> give_;           // elements x elements
 };
 
 }  // namespace mrdamp

@@ -102,7 +102,7 @@ void PocketStage(const Damper& d, State* s, Real x, Real v, const Stage& g, Real
     const Real near = s->c.r;
     s->c = start;
     if (s->past) *s->past = past;
-    Pocket& gas = s->c.gas;
+    GasPocket& gas = s->c.gas;
     gas.rate = rate;
     tried = Select(here, rate, tried);
     gas.flow = v - share * rate;
@@ -213,7 +213,7 @@ Real MountPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
     const Real gas = Known(gas0, gas_rate, k, m.dt);
     const Real from = field0 + (field1 - field0) * node / m.dt, to = field0 + (field1 - field0) * kNode[k];
     const Easing over = Ease(p, dt);
-    const Real tolerance = 1e-6 * fabs(start.rubber.Force(p, rod - x_from)) + 1e-7;
+    const Real tolerance = 1e-6 * fabs(start.elastomer.Force(p, rod - x_from)) + 1e-7;
     const Real guess = k == 0 ? v0 + kGamma * (m.vb - m.va) : 2 * velocity[k - 1] - (k == 1 ? v0 : velocity[0]);
     const Real before = start.piston_velocity;
     const Pace pace{m.va + rise_of_rod * at, Select(guess * before > 0, guess, before)};
@@ -242,14 +242,14 @@ Real MountPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
       tried = Select(here, v, tried);
       return force + mass * (v - base_velocity) / h;
     };
-    Rubber::View view{};
+    Elastomer::View view{};
     const auto mount = [&](Real v, Mask here) {
-      const Rubber::View seen = start.rubber.Look(p, rod - base - h * v, over);
+      const Elastomer::View seen = start.elastomer.Look(p, rod - base - h * v, over);
       view = {Select(here, seen.beyond, view.beyond), Select(here, seen.held, view.held), Select(here, seen.force, view.force)};
       return -seen.force;
     };
     const auto balance = [&](Real v, Real force, Real sum, Real slope, Mask here) {
-      return MountBalance(p, start.rubber, over, view, rod - base - h * v, h, {force, sum, slope}, tolerance, here);
+      return MountBalance(p, start.elastomer, over, view, rod - base - h * v, h, {force, sum, slope}, tolerance, here);
     };
     if (Any(!(own > 0))) {
       Real slope;
@@ -265,8 +265,8 @@ Real MountPiece(const Damper& d, State* s, const Piece& m, Real field0, Real fie
     // A hysteresis bends within a step: the secant over it is the better guess for the next one.
     const bool bends = d.law == Law::kBoucWen || d.law == Law::kModifiedBoucWen;
     s->c.piston_slope = bends ? fmin(fmax(rise - mass / h, own), 1e3 * own) : own;
-    stiffest = fmax(stiffest, start.rubber.Slope(p, view, 0, over));
-    if (HasRubber(p)) s->c.rubber.Follow(p, rod - s->c.piston, over);
+    stiffest = fmax(stiffest, start.elastomer.Slope(p, view, 0, over));
+    if (HasElastomer(p)) s->c.elastomer.Follow(p, rod - s->c.piston, over);
     velocity[k] = v;
     acceleration[k] = (v - base_velocity) / h;
     gas_rate[k] = s->c.gas.rate;
@@ -298,7 +298,7 @@ Real Rest(const Damper& d, const State& s, Real x) {
     Real slope;
     if (d.law == Law::kHyperbolicTangent) at.c.z = piston;
     at.c.stroke.turn = at.c.stroke.extreme = at.c.stroke.last = piston;
-    return PistonForce(d, at, FieldNow(d, s.c), piston, 0, &slope) - s.c.rubber.Force(d.p, x - piston);
+    return PistonForce(d, at, FieldNow(d, s.c), piston, 0, &slope) - s.c.elastomer.Force(d.p, x - piston);
   };
   return SolveIncreasing(left, x, MountStiffness(d.p), 1e-9 * fabs(left(x, true)) + 1e-12);
 }
@@ -306,7 +306,7 @@ Real Rest(const Damper& d, const State& s, Real x) {
 void Release(const Damper& d, State* s, Real rod, Real field, Mask here) {
   ChainState& c = s->c;
   if (!HasMount(d.p) || !MaySlip(d.p)) return;
-  const Real mount = c.rubber.Force(d.p, rod - c.piston), tolerance = 1e-6 * fabs(mount) + 1e-7;
+  const Real mount = c.elastomer.Force(d.p, rod - c.piston), tolerance = 1e-6 * fabs(mount) + 1e-7;
   Real slope;
   const auto left = [&](Real v, Mask) { return PistonForce(d, *s, field, c.piston, v, &slope, {v, c.piston_velocity}) - mount; };
   left(c.piston_velocity, here);

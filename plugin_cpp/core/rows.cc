@@ -31,8 +31,8 @@ std::unique_ptr<Loop> Rows::MakeLoop() const {
   return std::make_unique<Loop>(linear_, plan_, place_, drift_, dampers_, accelerometers_);
 }
 
-void Rows::Pack(const MrdampPack* pack, Desk* desk) const {
-  if (desk->pack == pack) return;
+void Rows::Pack(const MrdampPack* pack, Workspace* workspace) const {
+  if (workspace->pack == pack) return;
   std::vector<double> params, readings;
   for (const Damper& d : dampers_) params.insert(params.end(), d.p.data(), d.p.data() + kParamCount);
   for (const SensorParams& p : accelerometers_) {
@@ -41,8 +41,8 @@ void Rows::Pack(const MrdampPack* pack, Desk* desk) const {
   }
   void* loop = pack->loop(&linear_, &plan_, &place_, &drift_, this->dampers(), params.data(), kParamCount, dampers_[0].hold,
                           static_cast<int>(accelerometers_.size()), readings.data());
-  desk->packed = {loop, pack->free};
-  desk->pack = pack;
+  workspace->packed = {loop, pack->free};
+  workspace->pack = pack;
 }
 
 void Rows::Start(double seed, const mrdamp_load& load, double* state, double* out) const {
@@ -51,12 +51,12 @@ void Rows::Start(double seed, const mrdamp_load& load, double* state, double* ou
 
 void Rows::Step(int n, double* state, const mrdamp_load* loads, const double* commands, double* criteria, double* out,
                 int threads, int lanes) {
-  desks_.resize(std::max<std::size_t>(desks_.size(), std::clamp(threads, 1, Pool::kMost)));
+  workspaces_.resize(std::max<std::size_t>(workspaces_.size(), std::clamp(threads, 1, Pool::kMost)));
   lanes = Widest(lanes);
   const MrdampPack* const pack = PackFor(dampers_, lanes);
   pool_.For(n, threads, pack ? lanes : kPiece, [&](int first, int last, int worker) {
     // Made by the thread that works in it, so that no two threads write into one line of the cache.
-    Desk& desk = desks_[worker];
+    Workspace& workspace = workspaces_[worker];
     MrdampRow rows[8];
     for (int at = first, count; at < last; at += count) {
       count = pack ? std::min(lanes, last - at) : 1;
@@ -66,11 +66,11 @@ void Rows::Step(int n, double* state, const mrdamp_load* loads, const double* co
                    out + row * measurements_};
       }
       if (count > 1) {
-        Pack(pack, &desk);
-        pack->step(desk.packed.get(), rows, count, noise());
+        Pack(pack, &workspace);
+        pack->step(workspace.packed.get(), rows, count, noise());
       } else {
-        if (!desk.alone) desk.alone = MakeLoop();
-        desk.alone->Step(rows, 1, noise());
+        if (!workspace.alone) workspace.alone = MakeLoop();
+        workspace.alone->Step(rows, 1, noise());
       }
     }
   });

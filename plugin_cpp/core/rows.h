@@ -33,7 +33,7 @@ class Rows {
 
  private:
   // Work space of one thread: for single rows, and for packs.
-  struct Desk {
+  struct Workspace {
     std::unique_ptr<Loop> alone;
     std::unique_ptr<void, void (*)(void*)> packed{nullptr, nullptr};
     const MrdampPack* pack = nullptr;
@@ -41,7 +41,7 @@ class Rows {
 
   const double* noise() const { return noise_.empty() ? nullptr : noise_.data(); }
   std::unique_ptr<Loop> MakeLoop() const;
-  void Pack(const MrdampPack* pack, Desk* desk) const;
+  void Pack(const MrdampPack* pack, Workspace* workspace) const;
 
   RowsPlan plan_;
   std::vector<Damper> dampers_;
@@ -50,7 +50,7 @@ class Rows {
   Sparse place_, drift_;
   int size_, measurements_;
   std::vector<double> noise_;  // empty: none
-  std::vector<Desk> desks_;
+  std::vector<Workspace> workspaces_;
   Pool pool_;
 };
 

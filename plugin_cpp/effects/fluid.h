@@ -158,7 +158,7 @@ inline Real PocketShare(const Params& p, Real v) {
   return Head(p.trapped_gas_direction) == 0 ? 1 : 0.5 * (1 + tanh(v * p.trapped_gas_direction / fmax(p.trapped_gas_width, 1e-6)));
 }
 
-struct Pocket {
+struct GasPocket {
   Real stretch = 0;  // m of compression, with the sign of the force
   Real rate = 0;     // m/s
   Real flow = 0;     // m/s, velocity of the fluid

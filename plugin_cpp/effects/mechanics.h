@@ -23,24 +23,24 @@ inline Real PistonMass(const Params& p) { return Head(p.moving_mass_beyond) > 0 
 inline Real RodMass(const Params& p, bool mount) { return mount && !(Head(p.moving_mass_beyond) > 0) ? 0 : RigidMass(p); }
 
 // Accelerations (m/s2) of sprung masses' supports.
-struct Felt {
+struct SprungMasses {
   Oscillator first, second;
 };
 
 inline bool HasRinging(const Params& p) { return Head(p.moving_mass_hz) > 0 || Head(p.moving_mass_hz2) > 0; }
 
 // Update by the rod's acceleration a (m/s2) over dt.
-inline void Ring(const Params& p, Felt* felt, Real a, double dt) {
-  if (Head(p.moving_mass_hz) > 0) felt->first.Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);
-  if (Head(p.moving_mass_hz2) > 0) felt->second.Step(2 * kPi * p.moving_mass_hz2, p.moving_mass_ratio, a, a, dt);
+inline void Ring(const Params& p, SprungMasses* sprung, Real a, double dt) {
+  if (Head(p.moving_mass_hz) > 0) sprung->first.Step(2 * kPi * p.moving_mass_hz, p.moving_mass_ratio, a, a, dt);
+  if (Head(p.moving_mass_hz2) > 0) sprung->second.Step(2 * kPi * p.moving_mass_hz2, p.moving_mass_ratio, a, a, dt);
 }
 
 // Force (N) of masses on springs and dashpots, from these accelerations.
-inline Real RingingForce(const Params& p, const Felt& felt) {
+inline Real RingingForce(const Params& p, const SprungMasses& sprung) {
   if (!(Head(p.moving_mass_hz) > 0)) return 0;
-  const Real lag = p.moving_mass_ratio / kPi, first = felt.first.y + lag / p.moving_mass_hz * felt.first.rate;
+  const Real lag = p.moving_mass_ratio / kPi, first = sprung.first.y + lag / p.moving_mass_hz * sprung.first.rate;
   if (!(Head(p.moving_mass_hz2) > 0)) return p.moving_mass_m * p.moving_mass_share * first;
-  const Real second = felt.second.y + lag / p.moving_mass_hz2 * felt.second.rate;
+  const Real second = sprung.second.y + lag / p.moving_mass_hz2 * sprung.second.rate;
   return p.moving_mass_m * p.moving_mass_share * (first + p.moving_mass_share2 * (second - first));
 }
 

@@ -13,7 +13,7 @@ inline bool HasMountLoss(const Params& p) { return Head(p.mount_compliance_loss)
 inline bool HasMount(const Params& p) { return Head(p.mount_compliance_k) > 0 || Head(p.backlash_gap) > 0; }
 
 // True if the mount has a state.
-inline bool HasRubber(const Params& p) { return HasMountFriction(p) || HasMountLoss(p); }
+inline bool HasElastomer(const Params& p) { return HasMountFriction(p) || HasMountLoss(p); }
 
 inline Real MountStiffness(const Params& p) {
   return Head(p.mount_compliance_k) > 0 ? p.mount_compliance_k : p.backlash_k;
@@ -50,7 +50,7 @@ inline Easing Ease(const Params& p, double dt) {
 // to the spring, as in rubber by Berg, Vehicle System Dynamics 30 (1998)): a function of the stretch's path alone. A
 // second parallel spring relaxes, eased' = d' - eased / time (Zener 1948, the standard linear solid): rubber is
 // stiffer for fast motions than for slow ones.
-struct Rubber {
+struct Elastomer {
   Real stretch = 0;  // m, beyond the clearance
   Real held = 0;     // -1 to 1
   Real eased = 0;    // m, of the second spring
@@ -94,9 +94,9 @@ struct Rubber {
 };
 
 // The stretch at which the friction inside the mount last turned or rests.
-inline Real Turn(const Params& p, const Rubber& rubber) {
+inline Real Turn(const Params& p, const Elastomer& elastomer) {
   const Real half = 0.5 * p.backlash_gap;
-  return Select(rubber.stretch > 0, rubber.stretch + half, Select(rubber.stretch < 0, rubber.stretch - half, 0));
+  return Select(elastomer.stretch > 0, elastomer.stretch + half, Select(elastomer.stretch < 0, elastomer.stretch - half, 0));
 }
 
 // A damper before a balance: its force (N), the same minus the mount's, its slope (N s/m) with its velocity.
@@ -107,18 +107,18 @@ struct Pushed {
 // Increase (m/s) of the piston's velocity that balances damper and mount; h (s) of it reduces the stretch whose force
 // is in `view`. The mount is cheap to evaluate and strongly curved at the ends of its clearance, where its friction
 // turns.
-inline Real MountBalance(const Params& p, const Rubber& rubber, const Easing& over, const Rubber::View& view,
+inline Real MountBalance(const Params& p, const Elastomer& elastomer, const Easing& over, const Elastomer::View& view,
                            Real stretch, double h, const Pushed& damper, Real tolerance, Mask here) {
-  Rubber::View seen = view;
+  Elastomer::View seen = view;
   const auto both = [&](Real move, Mask here) {
-    const Rubber::View at = rubber.Look(p, stretch - h * move, over);
+    const Elastomer::View at = elastomer.Look(p, stretch - h * move, over);
     seen = {Select(here, at.beyond, seen.beyond), Select(here, at.held, seen.held), Select(here, at.force, seen.force)};
     return damper.force + damper.slope * move - at.force;
   };
   // A forward move reduces the stretch.
-  const auto rise = [&](Real aside) { return damper.slope + h * rubber.Slope(p, seen, -h * aside, over); };
+  const auto rise = [&](Real aside) { return damper.slope + h * elastomer.Slope(p, seen, -h * aside, over); };
   if (!HasMountFriction(p)) return SolveIncreasing(both, 0, rise(0), tolerance, here);
-  const Real move = FrictionBalance(both, rise, damper.sum, (stretch - Turn(p, rubber)) / h,
+  const Real move = FrictionBalance(both, rise, damper.sum, (stretch - Turn(p, elastomer)) / h,
                                     1e-3 * p.mount_compliance_slide / h, tolerance, here);
   const Mask lost = here && !isfinite(move);
   if (!Any(lost)) return move;

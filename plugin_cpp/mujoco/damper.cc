@@ -206,8 +206,8 @@ void DamperInstance::CatchUp(const mjModel* m, const mjData* d) {
   }
   // The engine's velocities stand half a step before its positions, unless they are imposed; so do masses that ring with
   // their changes.
-  felt_ = now_.c.felt;
-  if (lead != 0) Ring(damper_.p, &now_.c.felt, 2 * rate, 0.5 * dt);
+  sprung_ = now_.c.sprung;
+  if (lead != 0) Ring(damper_.p, &now_.c.sprung, 2 * rate, 0.5 * dt);
   seen_ = Observe(damper_, now_, x_, v_ + lead, 0, u_);
   ended_ = CurrentJumps(damper_) ? Observe(damper_, now_, x_, v_ + lead, 0, before, kBefore).force : seen_.force;
   // So does the start of the step, before a jump of the command.
@@ -225,8 +225,8 @@ double DamperInstance::Trial(double v, double h) {
     x += h * v;
     // At v all the way, as the engine moves the position: the law's end then belongs to v.
     mrdamp::Advance(damper_, &trial_, {x_, v, x, v, h}, u_, u_);
-    trial_.c.felt = now_.c.felt;
-    Ring(damper_.p, &trial_.c.felt, (v - v_) / h, h);
+    trial_.c.sprung = now_.c.sprung;
+    Ring(damper_.p, &trial_.c.sprung, (v - v_) / h, h);
   } else if (jump_ != 0) {
     s = &trial_;
     trial_.c = now_.c;
@@ -337,7 +337,7 @@ void DamperInstance::Advance(const mjModel* m, mjData* d) {
   s[3] = v_;
   s[4] = u_;
   s[5] = Along(d, output_, d->qvel);
-  now_.c.felt = felt_;
+  now_.c.sprung = sprung_;
   std::memcpy(s + kSnapshot, &now_.c, sizeof(ChainState));
   int at = kSnapshot + kChainSize;
   if (now_.line) {

@@ -73,7 +73,7 @@ class DamperInstance {
   NarxHistory past_, trial_past_;
   DelayLine line_;
   Observation seen_{}, start_{};  // of the present state; of the step's start
-  Felt felt_;                     // as stored, before it is moved on to the present
+  SprungMasses sprung_;                     // as stored, before it is moved on to the present
   double jump_ = 0;               // of an inner rate with the command
   double ended_ = 0;              // N, before a jump of the command
   double force_ = 0;

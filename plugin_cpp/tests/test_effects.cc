@@ -316,7 +316,7 @@ TEST(MovingMassIsSeenByTheLoadCellAlone) {
 TEST(AMountIsStifferForSmallMotionsByItsFriction) {
   Params p;
   p.mount_compliance_k = 1e5, p.mount_compliance_friction = 50, p.mount_compliance_slide = 1e-4;
-  mrdamp::Rubber r;
+  mrdamp::Elastomer r;
   NEAR(r.Force(p, 1e-4), 10 + 50 * (1 - std::exp(-1.0)), 1e-9);
   NEAR(r.Slope(p, 0), 1e5 + 50 / 1e-4, 1e-3);
   const double step = 1e-9;
@@ -331,7 +331,7 @@ TEST(AMountIsStifferForSmallMotionsByItsFriction) {
 TEST(AMountLetsGo) {
   Params p;
   p.mount_compliance_k = 1e5, p.mount_compliance_loss = 2, p.mount_compliance_time = 0.05;
-  mrdamp::Rubber r;
+  mrdamp::Elastomer r;
   const mrdamp::Easing over = mrdamp::Ease(p, 0.05);
   NEAR(r.Look(p, 1e-4, over).force, 10 + 20 * (1 - std::exp(-1.0)), 1e-9);  // pulled evenly
   NEAR(r.Slope(p, r.Look(p, 1e-4, over), 0, over), 1e5 + 2e5 * (1 - std::exp(-1.0)), 1e-6);
