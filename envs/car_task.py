@@ -125,7 +125,8 @@ class Car(Structure):
         return validation_roads()
 
     def controller(self, spec: str, command_max: float, period: float, force_max: float) -> Controller:
-        return registry.make(spec, CarSite(self.car, self.models[0], command_max, force_max, period))
+        damper = model_of(self.model, car_damper)  # alone: inverse models are of a damper, not of a frame
+        return registry.make(spec, CarSite(self.car, damper, command_max, force_max, period))
 
     def load(self, rng: np.random.Generator, source: RoadSource, options: Mapping[str, Any]) -> Road:
         road, speed = options.get("road"), options.get("speed")

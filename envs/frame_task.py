@@ -69,7 +69,7 @@ class Frame(Structure):
     #: that a policy gains in both over it.
     scored = {"weight": 0.3}  # noqa: RUF012
     #: searched: the engine at .1 ms gives the same peaks within .5 %
-    exponent, searched = 8.0, 5e-4
+    exponent, searched, trained = 8.0, 5e-4, 5e-4
 
     def __post_init__(self) -> None:
         require_kind("a Model, its file, or one a damper", (Model, str, Path, list, tuple), model=self.model)

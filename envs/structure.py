@@ -48,7 +48,8 @@ class Structure(ABC):
     drawn_size: rendered size (m) of the motion without a damper. cameras: of the drawing, the default first.
 
     Of training: scored: options of `criteria` with their defaults, from 0 to 1; exponent: of the criteria's norm over
-    time, unless the hyperparameters say otherwise; searched: s, the rows' step at least where a search runs them.
+    time, unless the hyperparameters say otherwise; searched, trained: s, the step at least of rows on the chain where a
+    search runs them, and of others.
     """
 
     name: ClassVar[str]
@@ -64,6 +65,7 @@ class Structure(ABC):
     scored: ClassVar[Mapping[str, float]] = {}
     exponent: ClassVar[float] = 2.0
     searched: ClassVar[float] = 0.0
+    trained: ClassVar[float] = 0.0
 
     @property
     @abstractmethod

@@ -46,7 +46,7 @@ SMALL = (
 @pytest.fixture(autouse=True)
 def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     few = loads.validation_motions(1, (0.5, 1.5))
-    monkeypatch.setattr("mrdamp.train.worlds.validation_motions", lambda: few)
+    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
 
 
 def small(seed: int = 0, *overrides: str) -> Options:
@@ -83,7 +83,7 @@ def test_loads_are_shared_by_frames_that_fill_the_ranges() -> None:
     frame, observer = dyke1996(), given.task(1).observer
     found: list[Any] = [w.task(1) for w in given.drawn(np.random.default_rng(1), 84)]
     for name, (low, high) in ranges.items():
-        factors = sorted(float(getattr(t.structure, name)[0] / getattr(frame, name)[0]) for t in found)
+        factors = sorted(float(getattr(t.structure.frame, name)[0] / getattr(frame, name)[0]) for t in found)
         assert np.floor(6 * (np.array(factors) - low) / (high - low)).tolist() == [0, 1, 2, 3, 4, 5]
     assert all(t.observer.to_dict() == observer.to_dict() for t in found)
     assert len(given.drawn(np.random.default_rng(1), 2)) == 2

@@ -42,7 +42,7 @@ PERIOD = 4e-3
 @pytest.fixture(autouse=True)
 def few_validation_motions(monkeypatch: pytest.MonkeyPatch) -> None:
     few = loads.validation_motions(1, (0.5, 1.5))
-    monkeypatch.setattr("mrdamp.train.worlds.validation_motions", lambda: few)
+    monkeypatch.setattr("mrdamp.envs.frame_task.validation_motions", lambda: few)
 
 
 def frames(n: int = 2) -> tuple[FrameTask, PlantVecEnv]:

@@ -104,19 +104,18 @@ class World:
         draws = Randomise(ranges, parts).spread(rng, min(_SHARING, loads))
         return tuple(replace(self, arguments=own | task.structure.varied(d).parts()) for d in draws)
 
-    def _task(self, n: int, engine: str, **others: Any) -> Task:
-        own = {"engine": engine, **others}
-        if engine == "chain" and self.kind.searched:
-            own["timestep"] = max(self.arguments.get("timestep", 0.0), self.kind.searched)
-        return self._made(n, own)
-
-    def _made(self, n: int, others: Mapping[str, Any]) -> Task:
-        structure, rest = divided(self.kind, {**self.arguments, **others})
+    def _made(self, n: int, others: Mapping[str, Any], step: float = 0.0) -> Task:
+        """With other arguments; step: s, of the rows at least."""
+        given = {**self.arguments, **others}
+        if step:
+            given["timestep"] = max(given.get("timestep", 0.0), step)
+        structure, rest = divided(self.kind, given)
         return Task(structure, n, **rest)
 
     def task(self, n: int, engine: str = "chain", loads: Any = None) -> Task:
         """n rows under training loads, or those of a source."""
-        return self._task(n, engine, **{self.kind.source: loads or self.structure.training()})
+        others = {"engine": engine, self.kind.source: loads or self.structure.training()}
+        return self._made(n, others, self.kind.trained if engine == "chain" else 0.0)
 
     def judging(self, n: int) -> Task:
         """n rows in MuJoCo, without noise, whose `info` has the measures as reported, whatever the reward is."""
@@ -124,7 +123,7 @@ class World:
 
     def searching(self, n: int) -> Task:
         """n rows on the C++ chain, whose `info` has the measures as reported."""
-        return self._task(n, "chain", reward=None)
+        return self._made(n, {"reward": None, "engine": "chain"}, self.kind.searched)
 
     @property
     def structure(self) -> Structure:

@@ -163,7 +163,7 @@ class Rollouts:
     def _place(self, rows: Any) -> None:
         assert self._moment is not None
         for row in range(rows.plants.n):
-            rows.restore(row, self._moment)
+            rows.restore(row, (self._moment, None))
 
 
 def matter(slopes: Slopes) -> Whole:
