@@ -48,6 +48,7 @@ RIGS = {
         ("linear", "quadratic"),
         (("shear_thinning",), ("saturation",)),
         ("seal_friction", "trapped_gas", "backlash", *PRELOAD),
+        preload=True,  # 41 N
     ),
     "utfpr": Rig(
         ("train/*", "validation/[0-3].[0-9]*", "validation/0V_ensaio[2468].1*"),
