@@ -35,7 +35,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "simulation": ("simulation", "models_xml", "motions"),
     "model": ("model", "sets", "structures"),
     "records": ("records", "datasets"),
-    "shared": ("errors", "files", "interrupts", "parallel", "library", "registration", "shown"),
+    "shared": ("errors", "files", "interrupts", "outside", "parallel", "library", "registration", "shown"),
 }
 #: Centre and size of each box, in units of the drawing.
 BOXES: Mapping[str, tuple[float, float, float, float]] = {

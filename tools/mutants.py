@@ -155,7 +155,7 @@ MUTANTS = (
            ("p.gas_spring_f0", "-p.gas_spring_f0")),
     *_some("moving_mass", _E + "mechanics.h", _FORMS + " plugin_moving_mass",
            ("p.moving_mass_m * (1 - p.moving_mass_share)", "p.moving_mass_m"),
-           ("2 * kPi * p.moving_mass_hz", "p.moving_mass_hz", "felt->first.Step("),
+           ("2 * kPi * p.moving_mass_hz", "p.moving_mass_hz", "sprung->first.Step("),
            ("second - first", "second + first")),
     *_some("moving_mass", "plugin_cpp/core/chain.cc", _FORMS,
            ("RodMass(p, HasMount(p)) * a", "-RodMass(p, HasMount(p)) * a")),
