@@ -147,8 +147,7 @@ class Frame(Structure):
     def reference(
         self, given: Array, load: GroundMotion, timestep: float, weights: FrameReward, command_max: float
     ) -> Sequence[float]:
-        every = max(1, round(1e-3 / timestep))
-        return reference_run(self.models[0], given[::every].copy(), every * timestep, weights.reference, command_max)
+        return reference_run(self.models[0], given, timestep, weights.reference, command_max)
 
     def told(self, load: GroundMotion, reference: Sequence[float] | Array) -> dict[str, Any]:
         found = {"reference_drift": reference[0], "reference_acceleration": reference[1]}

@@ -151,6 +151,9 @@ class LinearStructure(Structure, metaclass=_Kind):
     def models(self) -> tuple[Model, ...]:
         return (model_of(self.model, self.damper),)
 
+    def parts(self) -> dict[str, Any]:
+        return {**super().parts(), "model": self.models[0]}
+
     @property
     def names(self) -> tuple[str, ...]:
         whats = ("acceleration", "displacement", "velocity")

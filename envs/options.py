@@ -127,6 +127,10 @@ def command_range(models: Sequence[Model], command_max: float | Sequence[float] 
         values = np.array([math.nan])
     if not ((values > 0) & np.isfinite(values)).all():
         raise InputError(f"command_max is {command_max}; allowed: numbers > 0, one or one for each damper")
+    for model, value in zip(models, values, strict=True):
+        if value > (1 + 1e-9) * model.attributes.get("command_max", math.inf):
+            own = model.attributes["command_max"]
+            raise InputError(f"command_max is {value:g}; allowed: up to {own:g}, at which {model.name} clamps it")
     return values
 
 

@@ -22,6 +22,7 @@ class EnvState:
 
     episode: Episode
     generator: dict[str, Any]
+    of: str
 
 
 class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -133,11 +134,18 @@ class PlantEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """For copies and other processes: all but the drawing."""
         return {**self.__dict__, "_view": None}
 
+    def _identity(self) -> str:
+        task = self.task
+        parts = (task.structure, type(task.rows), task.rows.period, task.rows.plants.timestep, task.observation_space)
+        return repr(parts)
+
     def get_state(self) -> EnvState:
         """The state, for this or another environment with the same arguments."""
-        return EnvState(self.task.save(0), dict(self.np_random.bit_generator.state))
+        return EnvState(self.task.save(0), dict(self.np_random.bit_generator.state), self._identity())
 
     def set_state(self, state: EnvState) -> None:
-        """Restores a saved state exactly."""
+        """Restores a saved state exactly. Raises InputError for a state of an environment with other arguments."""
+        if not isinstance(state, EnvState) or state.of != self._identity():
+            raise InputError("set_state: the state is of another environment; allowed: one with the same arguments")
         self.np_random.bit_generator.state = state.generator
         self.task.restore(0, state.episode, self.np_random)

@@ -22,7 +22,7 @@ from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.sensors import Noise
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.weights import Score
-from mrdamp.errors import InputError, require_kind, require_positive
+from mrdamp.errors import InputError, nearest, require_kind, require_positive
 from mrdamp.simulation.rows import finite
 
 Array = NDArray[np.float64]
@@ -141,13 +141,16 @@ class Task:
         return (self._measured[row, self._currents] / self.command_max).tolist()  # type: ignore[no-any-return]
 
     def begin(
-        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], drawn: Mapping[str, float]
+        self, row: int, rng: np.random.Generator, options: Mapping[str, Any], fixed: Mapping[str, float] | None = None
     ) -> dict[str, Any]:
-        """Draws the row's load and sets its structure, with what was drawn of it, and score to their start; returns its
-        entries of `info`."""
+        """Draws the row's load, and then what is drawn of its structure besides `fixed`, and sets both and the score to
+        their start; returns its entries of `info`. A seed has the same load with noise and draws and without."""
         whole, rows = self.structure, self.rows
         amplitude = check_options(options, whole.option, *whole.more)
         load = whole.load(rng, self.loads, options).scaled(amplitude)
+        drawn = rows.draw(row, rng, fixed)
+        if self._own_noise:
+            rows.seed(row, rng)
         given, own, step = rows.start(row, load), rows.of(row).structure, rows.plants.timestep
         largest = float(self.command_max[0])
         reference = self._references.of(
@@ -155,7 +158,8 @@ class Task:
         )
         self.score.start(row, reference, int(rows.steps[row]))
         told = whole.told(load, reference)
-        return {whole.option: load.name, "duration": load.duration, **told}
+        told = {whole.option: load.name, "duration": load.duration, **told}
+        return told | ({"drawn": dict(drawn)} if drawn else {})
 
     def commands(self, actions: Any) -> Array:
         """(n, m) commands from actions (n, m) in [-1, 1]; clipped to the range. Raises InputError."""
@@ -172,10 +176,7 @@ class Task:
         given = dict(options or {})
         fixed, infos = given.pop("drawn", None), []
         for row in rows:
-            drawn = self.rows.draw(row, rngs[row], fixed)
-            if self._own_noise:
-                self.rows.seed(row, rngs[row])
-            infos.append(self.begin(row, rngs[row], given, drawn) | ({"drawn": dict(drawn)} if drawn else {}))
+            infos.append(self.begin(row, rngs[row], given, fixed))
         values = self.rows.measure(rows)
         for k, row in enumerate(rows):
             self.noise.add(values, k, rngs[row])
@@ -273,5 +274,9 @@ def task_of(structure: Structure, n: int, **arguments: Any) -> Task:
 def divided(kind: type[Structure], arguments: Mapping[str, Any]) -> tuple[Structure, dict[str, Any]]:
     """A structure from arguments of its environment, and those of its task."""
     own = {f.name for f in fields(kind)}  # type: ignore[arg-type]
+    known = (own - {"loads"}) | {kind.source} | ({f.name for f in fields(TaskOptions)} - {"loads"})
+    for name in arguments:
+        if name not in known:
+            raise InputError(f"{name!r} is no argument{nearest(name, known)}; allowed: {', '.join(sorted(known))}")
     others = {"loads" if k == kind.source else k: v for k, v in arguments.items() if k not in own}
     return kind(**{k: v for k, v in arguments.items() if k in own}), others

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: A frame with five times the building's frequencies takes a record at five times its speed (Dyke et al. 1996).
 TIME_SCALE = 5.0
+#: s, sample time of a file at most: records have .02 s or less.
+_LONGEST = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +126,10 @@ def read_motion(path: Path | str, sample_time: float | None = None) -> GroundMot
         InputError: one line with the file and the fault.
     """
     path = Path(path)
-    return _parse(str(path), path.name, decode(str(path), read_bytes(path)), sample_time)
+    found = _parse(str(path), path.name, decode(str(path), read_bytes(path)), sample_time)
+    if found.sample_time > _LONGEST:
+        raise InputError(f"{path}: a sample every {found.sample_time:g} s; allowed: up to {_LONGEST} s (ms?)")
+    return found
 
 
 def embedded_motion() -> GroundMotion:
