@@ -274,7 +274,7 @@ def task_of(structure: Structure, n: int, **arguments: Any) -> Task:
 def divided(kind: type[Structure], arguments: Mapping[str, Any]) -> tuple[Structure, dict[str, Any]]:
     """A structure from arguments of its environment, and those of its task."""
     own = {f.name for f in fields(kind)}  # type: ignore[arg-type]
-    known = (own - {"loads"}) | {kind.source} | ({f.name for f in fields(TaskOptions)} - {"loads"})
+    known = own | {kind.source, "reward", *(f.name for f in fields(TaskOptions))}
     for name in arguments:
         if name not in known:
             raise InputError(f"{name!r} is no argument{nearest(name, known)}; allowed: {', '.join(sorted(known))}")

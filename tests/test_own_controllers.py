@@ -64,7 +64,9 @@ def write(folder: Path, body: str = "None") -> Path:
     return file
 
 
-def test_a_class_of_ones_own_is_the_controller_that_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_class_of_ones_own_is_the_controller_that_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """By file and by module: a constant of its own against the package's."""
     monkeypatch.chdir(tmp_path)
     file = write(tmp_path)
@@ -116,7 +118,11 @@ def test_a_kept_run_belongs_to_what_a_file_imports(
     file = write(tmp_path, "0")
     file.write_text("import kept_one, math\n" + file.read_text())
     (tmp_path / "kept_three").mkdir()
-    others = {"kept_one.py": "from kept_two import X", "kept_two.py": "import kept_three.deep\nX = 1", "other.py": ""}
+    others = {
+        "kept_one.py": "from kept_two import X",
+        "kept_two.py": "import kept_three.deep\nX = 1",
+        "other.py": "",
+    }
     for name, text in {**others, "kept_three/__init__.py": "", "kept_three/deep.py": "Y = 1"}.items():
         (tmp_path / name).write_text(text + "\n")
     spec = f"own:{file}:Broken"
@@ -161,6 +167,18 @@ def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: s
     np.testing.assert_allclose(np.abs(found.drift).max(0), np.abs(wanted.drift).max(0), rtol=1e-6)
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize("body", ["[y.update({k: 0.0}) for k in y] and 2.25", "2.25 * (len(y) == 9)"])
+def test_a_controller_has_a_copy_of_what_is_measured_and_no_more(
+    tmp_path: Path, engine: str, body: str
+) -> None:
+    """Three accelerations, three displacements, stroke, its velocity and the force; what it writes there is nowhere."""
+    bench = replace(BENCH, engine=engine)
+    ((spec,),) = (row.specs for row in contenders(bench, [f"mine={write(tmp_path, body)}:Broken"], {}))
+    found, wanted = (bench.history(s, LOAD, 1.0) for s in (spec, "constant:value=2.25"))
+    np.testing.assert_allclose(np.abs(found.drift).max(0), np.abs(wanted.drift).max(0), rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("given", "body", "message"),
     [
@@ -181,7 +199,9 @@ def test_a_command_is_what_the_damper_takes(tmp_path: Path, engine: str, body: s
         ("policy:{}", "0", "no JSON"),
     ],
 )
-def test_faults_of_ones_own_are_found_before_a_run(tmp_path: Path, given: str, body: str, message: str) -> None:
+def test_faults_of_ones_own_are_found_before_a_run(
+    tmp_path: Path, given: str, body: str, message: str
+) -> None:
     file = write(tmp_path, body)
     refuses(lambda: contenders(BENCH, [given.format(file)], {}), message)
 
@@ -203,7 +223,9 @@ def test_what_fails_in_a_run_is_one_line(tmp_path: Path, old: str, new: str, mes
 
 def test_the_command_line_says_so_before_it_tunes(tmp_path: Path) -> None:
     names = ["best-constant", f"mine={write(tmp_path)}:Broken"]
-    run = partial(caller(add_to), "compare", "frame", "--tune", "--controllers", *names, "-o", tmp_path / "out")
+    run = partial(
+        caller(add_to), "compare", "frame", "--tune", "--controllers", *names, "-o", tmp_path / "out"
+    )
     refuses(run, "its command at 0 s is None")
     assert not (tmp_path / "out" / "tuned.json").exists()
 
@@ -240,7 +262,7 @@ def test_a_saved_model_does_what_it_does_in_its_environment(tmp_path: Path, name
         seen, _, _, over, info = env.step(action)
     assert np.ptp(commands) > 1e-3  # not a constant
     assert np.abs(found.drift).max() == pytest.approx(info["peak_drift"], rel=0.02)
-    assert np.abs(found.command[:: 5] - np.array(commands[: len(found.command[:: 5])])).max() < 0.05
+    assert np.abs(found.command[::5] - np.array(commands[: len(found.command[::5])])).max() < 0.05
 
 
 class Recorder:
@@ -263,7 +285,9 @@ def test_every_controller_gets_the_force_before_the_sensors_lag() -> None:
     """A force that is held over each period, through SciPy's first-order lag, comes out as it was."""
     lag, period = 3e-3, 1e-3
     model = frame_model()
-    site = registry.Site.of(replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": lag}))), period)
+    site = registry.Site.of(
+        replace(model, effects=(*model.effects, Effect("sensor_lag", {"tau": lag}))), period
+    )
     recorder, given = Recorder(), []
 
     def build(made: registry.Site) -> Recorder:

@@ -128,7 +128,9 @@ class FrameBench(Bench):
         finer: Controller = ZeroOrderHold(controller, every) if every > 1 else controller
         require_periods(played, finer.period)
         if not ideal and (self.engine == "chain" or self.places[1:]):
-            return run_rows(self.model, played, finer, timestep=self.timestep, engine=self.engine)
+            return run_rows(
+                self.model, played, finer, timestep=self.timestep, engine=self.engine, measured=self.measured
+            )
         return run_frame(self.model, played, finer, timestep=self.timestep, ideal_force=ideal)
 
     def criteria(self, spec: str, run: FrameRun) -> Criteria:

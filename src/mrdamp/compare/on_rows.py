@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +16,16 @@ from mrdamp.simulation.stepping import FrameRun
 
 
 def run_rows(
-    model: Model, motion: GroundMotion, controller: Controller, *, timestep: float, engine: str = "chain"
+    model: Model,
+    motion: GroundMotion,
+    controller: Controller,
+    *,
+    timestep: float,
+    engine: str = "chain",
+    measured: Sequence[str] | None = None,
 ) -> FrameRun:
     """At the controller's period (s); timestep: the engine's largest, s. Accelerometers of the floors are ideal.
+    measured: what the controller is given, in a copy of its own; None: all measurements of the rows.
 
     Of m dampers, at the places of the model's structure, force, stroke, command and current are (n, m).
     """
@@ -25,8 +33,9 @@ def run_rows(
     ideal = tuple(e for e in model.effects if e.place is None or e.name not in FLOOR_SENSOR_EFFECTS)
     own = replace(model, effects=ideal, structure=replace(model.structure, others=()))
     # The largest command is for shares that no one asks for here; commands are not cut off at it.
+    largest = model.attributes.get("command_max", 1.0)
     plant = FramePlant(
-        own, damper_between=model.structure.places, period=controller.period, timestep=timestep, command_max=1.0,
+        own, damper_between=model.structure.places, period=controller.period, timestep=timestep, command_max=largest,
         engine=engine,
     )  # fmt: skip
     controller.reset()
@@ -35,7 +44,7 @@ def run_rows(
     names = [f"{what}_{j}" for what in ("drift", "acceleration") for j in floors]
     names += [sensor_name(what, k) for what in ("force", "stroke", "current") for k in dampers]
     while not plant.finished:
-        command = controller.command(plant.time, y)
+        command = controller.command(plant.time, {name: y[name] for name in measured or y})
         rows.append([*(y[name] for name in names), *np.broadcast_to(command, len(dampers)).tolist()])
         y = plant.step(command)
     found = np.array(rows)

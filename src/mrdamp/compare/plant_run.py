@@ -62,7 +62,7 @@ def run_plant(
     sampled.reset()
     y, rows, said = plant.reset(load), [], []
     while not plant.finished:
-        command = sampled.command(plant.time, y)
+        command = sampled.command(plant.time, dict(y))
         y = plant.step(command)
         rows.append((command, y["current"], y["true_force"], y["stroke"]))
         said.append(tuple(plant.of_period))
