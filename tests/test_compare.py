@@ -64,8 +64,8 @@ class Squares:
 def test_a_stopped_comparison_goes_on(tmp_path: Path) -> None:
     keep, first = tmp_path / "kept.jsonl", Squares()
     assert [r["value"] for r in run_all(first, [1, 2, 2], keep=keep)] == [1, 4, 4]
-    with keep.open("a") as stream:
-        stream.write('{"key": "k3", "resu')  # cut off while it was written
+    with keep.open("ab") as stream:  # damaged, empty, and cut off while it was written
+        stream.write(b'\xff\xfe\x80\n{"key": "k3", "result": {}}\n{"key": "k3", "resu')
     second, shares = Squares(), list[float]()
     found = run_all(second, [3, 2, 1], keep=keep, progress=lambda what, share: shares.append(share))
     assert [r["value"] for r in found] == [9, 4, 1]

@@ -29,21 +29,22 @@ class Work(Protocol[Task]):  # type: ignore[misc]
 
 
 class Kept(Generic[Task]):
-    """Results by key in a file of JSON lines; None keeps them in memory alone. A line that was cut off is dropped."""
+    """Results by key in a file of JSON lines; None keeps them in memory alone. A damaged line is dropped."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
         self._found: dict[str, dict[str, Any]] = {}
         if path is None or not path.exists():
             return
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8", errors="replace")
         if text and not text.endswith("\n"):  # cut off in the middle of a line
             with path.open("a", encoding="utf-8") as stream:
                 stream.write("\n")
         for line in text.splitlines():
             try:
                 entry = json.loads(line)
-                self._found[entry["key"]] = entry["result"]
+                if entry["result"]:
+                    self._found[entry["key"]] = entry["result"]
             except (ValueError, KeyError, TypeError):
                 continue
 
