@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -33,15 +32,7 @@ class LinearSite(registry.AnySite):
     force_max: float
     period: float = 5e-3
 
-    options: ClassVar[Mapping[str, Mapping[str, float]]] = {
-        **registry.PASSIVE,
-        "clipped-optimal": {**_LQG, **_LEVEL},
-        "modulated-optimal": {**_LQG, "force_max": math.nan},
-        "force-tracking": _LQG,
-        "lyapunov": {"noise_ratio": 100.0, **_LEVEL},
-        "max-dissipation": {"noise_ratio": 100.0, **_LEVEL},
-        "skyhook": {"damping": math.nan, "leak": math.nan, **_LEVEL},
-    }
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = registry.regulators(_LQG, _LEVEL)
 
     @cached_property
     def _scale(self) -> Mapping[str, float]:

@@ -7,6 +7,7 @@ that a single environment and a row of a vector environment do the same arithmet
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -182,7 +183,7 @@ class Plants:
 Entry = TypeVar("Entry")
 
 
-class EngineRows:
+class EngineRows(ABC):
     """n rows of a structure in the engine, each under its own load.
 
     Attributes: structure; stepping; names of the measurements, in the order of the columns of `measure`; period, s;
@@ -211,21 +212,21 @@ class EngineRows:
         self._pull, self._velocity, self._current = of["pull"], of["stroke_velocity"], of["current"]
         self._direct = slice(of["force"].start, of["current"].stop)
 
+    @abstractmethod
     def start(self, row: int, load: Any) -> Array:
         """Row at rest under a load; returns what `Structure.reference` is made from."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _criteria(self, record: Mapping[str, Array]) -> Sequence[Array]:
         """Results (n,) of a period before those of the dampers, from the fields at its steps, (n, inner, size)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _moved_on(self, record: Mapping[str, Array], now: Mapping[str, Array]) -> Mapping[str, Array]:
         """The fields now, (n, size), with all velocities, which stand half a step before the positions, moved on."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _read(self, now: Mapping[str, Array], fresh: Sequence[int] | None) -> Array:
         """Measurements (rows, names) from the fields; fresh: rows that have just started, None: all, a period on."""
-        raise NotImplementedError
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) sensor readings of rows that have just started."""
@@ -250,7 +251,7 @@ class EngineRows:
         """The row's state beside that of the plants."""
         return None
 
-    def _put_back(self, row: int, beside: Any) -> None:
+    def _put_back(self, row: int, beside: Any) -> None:  # noqa: B027 - most have nothing to restore
         """Restores it."""
 
     def save(self, row: int) -> tuple[Any, Any]:
@@ -281,7 +282,7 @@ class EngineRows:
         """True if the rows add noise themselves; the engine's do not."""
         return False
 
-    def seed(self, row: int, rng: np.random.Generator) -> None:
+    def seed(self, row: int, rng: np.random.Generator) -> None:  # noqa: B027 - the chain's have
         """Ignored: the engine's rows have no noise of their own."""
 
     def _begin(self, row: int, load: Array, sample_time: float, duration: float) -> None:

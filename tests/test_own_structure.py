@@ -89,7 +89,7 @@ def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
             return DAMPER
 
         def loads(self) -> Any:
-            raise NotImplementedError
+            return None
 
     many = round(10 * 2 * np.pi / 10 / 1e-3)
     drift, shaking = Single().uncontrolled(GroundMotion("step", 1e-3, np.full(many + 1, 1.5)))

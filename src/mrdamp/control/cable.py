@@ -52,15 +52,7 @@ class CableSite(registry.AnySite):
     period: float = 5e-3
     damper: Model = None  # type: ignore[assignment]
 
-    options: ClassVar[Mapping[str, Mapping[str, float]]] = {
-        **registry.PASSIVE,
-        "clipped-optimal": {**_OPTIMAL, **_LEVEL},
-        "modulated-optimal": {**_OPTIMAL, "force_max": math.nan},
-        "force-tracking": _OPTIMAL,
-        "lyapunov": {"noise_ratio": 10.0, **_LEVEL},
-        "max-dissipation": {"noise_ratio": 10.0, **_LEVEL},
-        "skyhook": {"damping": math.nan, "leak": math.nan, **_LEVEL},
-    }
+    options: ClassVar[Mapping[str, Mapping[str, float]]] = registry.regulators(_OPTIMAL, _LEVEL)
 
     @cached_property
     def linear(self) -> Linear:

@@ -55,6 +55,23 @@ OPTIONS: Mapping[str, Mapping[str, float]] = {
 }
 
 
+def regulators(lqg: Mapping[str, float], level: Mapping[str, float]) -> dict[str, Mapping[str, float]]:
+    """Kinds of controller over the matrices and measurements of any structure, and a skyhook, with their options.
+
+    lqg: options of an LQG force; level: of on/off switching.
+    """
+    noise = {"noise_ratio": lqg["noise_ratio"], **level}
+    return {
+        **PASSIVE,
+        "clipped-optimal": {**lqg, **level},
+        "modulated-optimal": {**lqg, "force_max": math.nan},
+        "force-tracking": lqg,
+        "lyapunov": noise,
+        "max-dissipation": noise,
+        "skyhook": {"damping": math.nan, "leak": math.nan, **level},
+    }
+
+
 class AnySite(ABC):
     """What a controller is made for.
 
