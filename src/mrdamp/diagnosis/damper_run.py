@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.channels.comparison import compared, sensor_unexplained
-from mrdamp.diagnosis.constants import INEXACT, UNSTEADY
+from mrdamp.diagnosis.channels.comparison import Compared, compared, sensor_unexplained
+from mrdamp.diagnosis.channels.motion import motion
+from mrdamp.diagnosis.constants import CAUSE, INEXACT, STALL_GAIN, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.fits.store import Store
+from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import (
@@ -30,6 +34,7 @@ from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.report.result import Diagnosis, Where
 from mrdamp.diagnosis.searched import Judged, Searched
 from mrdamp.model.core import Array
+from mrdamp.records import Record
 
 Progress = Callable[[str, float], None]
 
@@ -51,10 +56,11 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         rig = DamperRig(again.model, case.records, threads=jobs).with_motion()
         notes.append(again.note())
     progress("comparing channels that see the same thing", 0.01)
-    channels = compared(rig.records, rig.terms, rig.nominal_model.attributes)
+    shared, moved = _compared(rig, case.records)
+    channels = (*shared, *moved)
     rig = replace(
         rig,
-        known={c.term.name: c.settings for c in channels if c.term is not None and c.settings is not None},
+        known={c.term.name: c.settings for c in shared if c.term is not None and c.settings is not None},
     )
     progress("recalibrating the nominal parameters", 0.02)
     untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
@@ -65,9 +71,11 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         rig = replace(rig, wider=ends)
         search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
     search.steady = noise.steady
-    search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
+    # What channels of the baseline show as well is no change.
+    own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
+    search.direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}
     known = [t for t in rig.terms if t.name in rig.known]
-    for term in known:
+    for term in (*known, *_clearance(search)):
         search.begin_with([term])
     if 1 < len(known) <= search.limits.depth:
         search.begin_with(known)
@@ -89,6 +97,21 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
         return fits, unexplained(decision, fits)
 
     return Searched(case, rig, search, noise, floor, base, notes, judged, complete, again)
+
+
+def _compared(rig: DamperRig, records: tuple[Record, ...]) -> tuple[tuple[Compared, ...], list[Compared]]:
+    """Comparisons of channels of some records of a rig: those of one quantity, and the motion with its acceleration."""
+    base = rig.nominal_model.attributes
+    return compared(records, rig.terms, base), motion(records, rig.terms, base)
+
+
+def _clearance(search: Search) -> list[Term]:
+    """A clearance of the travel after a turn that the law alone lacks, if that travel is a cause by itself."""
+    travel, left = search.stalls.missed(search.base.residual)
+    if not (travel > 0 and -STALL_GAIN * np.log(left) > CAUSE):
+        return []
+    terms = [t for t in search.problem.rig.terms if t.effect == "backlash"]
+    return [replace(t, starts=((travel, t.starts[0][1]),)) for t in terms]
 
 
 def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:

@@ -99,8 +99,8 @@ def never_worse(
     """The final fit and the decision; the nominal simulator unchanged and no cause if the fit is worse than
     it on left-out whole records, or if no model file takes it.
 
-    A named cause has to take MATERIAL of the nominal squares off. Without one the fit is a correction without a reason,
-    and has to reduce the gap on left-out folds to UNNAMED_GAP of the nominal one.
+    A named cause has to take MATERIAL of the nominal squares off in the cells of left-out folds. Without one the fit is
+    a correction without a reason, and has to reduce the gap there to UNNAMED_GAP of the nominal one.
     """
     if decision.verdict == "none":
         return final, decision
@@ -109,11 +109,11 @@ def never_worse(
     gaps = problem.gaps(nominal.residual)
     reason = True
     if decision.verdict in ("effect", "unknown"):
-        most = 1 - MATERIAL if decision.verdict == "effect" else UNNAMED_GAP**2
+        seen = any(search.direct.get(cause) for cause in decision.chosen.causes)
+        named = 1.0 if seen else 1 - MATERIAL
+        most = named if decision.verdict == "effect" else UNNAMED_GAP**2
         chosen = least_left_out(search, fits[decision.chosen.index])
-        left, before = (search.problem.gaps(r) for r in (search.predicted(chosen), search.residual))
-        pooled = float(np.sum(left**2) / np.sum(before**2))  # as in the report; the other one as fitted
-        reason = max(pooled, search.problem.cost(left) / search.nominal_cost) <= most
+        reason = search.ratio(search.predicted(chosen), search.residual) <= most
     if reason and problem.cost(final.heldout) <= problem.cost(gaps) and in_file(problem.rig, final.fit):
         return final, decision
     unknown = decision.unknown if decision.verdict == "unknown" else max(decision.unknown, UNSTEADY)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from mrdamp.diagnosis.constants import INEXACT
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, STALL_GAIN
 from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
 from mrdamp.diagnosis.fits.cache import Cache
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
@@ -29,6 +29,7 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.signatures.stall import Stalls
 from mrdamp.model.core import Array
 
 #: A gap counts as explained below this unexplained share.
@@ -102,6 +103,11 @@ class FitTable:
         return cells(self.problem)
 
     @cached_property
+    def stalls(self) -> Stalls:
+        """Measured travels at small force after a turn."""
+        return Stalls.of(self.problem)
+
+    @cached_property
     def folds(self) -> list[Mask]:
         """What is left out in turn."""
         return folds(self.problem)
@@ -148,11 +154,12 @@ class FitTable:
 
     def ratio(self, residual: Array, reference: Array) -> float:
         """Share of the squares of a reference (samples,) that a residual (samples,) leaves in the cells
-        (`left_out.ratio`)."""
+        (`left_out.ratio`), and of those of its travels after a turn (`signatures.stall`)."""
         best = min(self.fits.values(), key=lambda f: f.cost)
         if best is not self._best[0]:
             self._best = best, self.versions(best, fitted=True)[-1][0]
-        return ratio(residual, reference, self.cells, self._best[1])
+        left = ratio(residual, reference, self.cells, self._best[1])
+        return float(left * self.stalls.left(residual, reference) ** (STALL_GAIN / EVIDENCE_GAIN))
 
     def left_out_cost(self, found: Fit) -> float:
         """Sum of squares of a fit on folds that it was not fitted to."""
