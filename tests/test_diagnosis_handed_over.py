@@ -28,25 +28,29 @@ def answered() -> tuple[Search, list[Fit], Decision]:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "share", "kept"),
+    ("verdict", "share", "seen", "kept"),
     [
-        ("effect", 0.99 * np.sqrt(1 - MATERIAL), True),
-        ("effect", 1.01 * np.sqrt(1 - MATERIAL), False),
-        ("unknown", 0.99 * UNNAMED_GAP, True),
-        ("unknown", 1.01 * UNNAMED_GAP, False),
-        ("parameters", 0.99, True),
-        ("parameters", 1.01, False),
-        ("none", 2.0, True),
+        ("effect", 0.99 * np.sqrt(1 - MATERIAL), False, True),
+        ("effect", 1.01 * np.sqrt(1 - MATERIAL), False, False),
+        ("effect", 0.99, True, True),
+        ("effect", 1.01, True, False),
+        ("unknown", 0.99 * UNNAMED_GAP, False, True),
+        ("unknown", 1.01 * UNNAMED_GAP, False, False),
+        ("parameters", 0.99, False, True),
+        ("parameters", 1.01, False, False),
+        ("none", 2.0, False, True),
     ],
 )
 def test_a_correction_has_to_hold_on_left_out_records(
     answered: tuple[Search, list[Fit], Decision],
     verdict: str,
     share: float,
+    seen: bool,
     kept: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """share: gap of the corrected simulator over the nominal one, on left-out records and folds."""
+    """share: gap of the corrected simulator over the nominal one, on left-out records and folds. seen: channels
+    show the cause without a law."""
     search, fits, decision = answered
     assert search.inexact
     problem = search.problem
@@ -54,6 +58,7 @@ def test_a_correction_has_to_hold_on_left_out_records(
     nominal = problem.gaps(problem.of_settings([{}])[0])
     final = FinalFit(best, (), share * nominal, problem)
     monkeypatch.setattr(Search, "predicted", lambda self, found: share * self.residual)
+    monkeypatch.setattr(search, "direct", {"cubic": 5.0} if seen else {})
     before = replace(decision, verdict=verdict, unknown=0.6)
     handed, after = never_worse(search, fits, final, before)
     assert (handed is final) is kept

@@ -8,10 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.constants import EVIDENCE_GAIN, STALL_GAIN
+from mrdamp.diagnosis.fits.left_out import ratio
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.signatures.loops import Strokes, compared
 from mrdamp.diagnosis.signatures.stall import Stalls
 from mrdamp.model.core import Array
-from mrdamp.records import read_record
+from mrdamp.records import Record, read_record
+from toy_rig import ToyRig
 
 DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 
@@ -64,6 +69,27 @@ def test_what_a_law_without_the_clearance_lacks_by_hand() -> None:
     travel, share = stalls.missed(without)
     assert travel == pytest.approx(0.003, abs=5e-5)
     assert share == pytest.approx(left, rel=0.05)
+
+
+def test_a_travel_has_its_own_share_in_the_evidence() -> None:
+    """As above, beside what the cells say."""
+    x = sine()
+
+    class Moved(ToyRig):
+        def conditions(self, record: int) -> dict[str, Array]:
+            return {"displacement (m)": x, "velocity (m/s)": np.gradient(x)}
+
+    record = Record(
+        "r", None, 0.01, {"displacement_m": x, "command": 0 * x, "force_N": loop(x, 100, gap=0.003)}
+    )
+    search = Search(Problem(Moved((record,))), 1e-6)
+    within = np.zeros(search.problem.samples)
+    without = (loop(x, 100) - record.channel("force_N"))[search.problem.taken(0)] * search.problem.weights
+    alone = ratio(within, without, search.cells, search.versions(search.base, fitted=True)[-1][0])
+    travel = (0.04 / 9.04) ** (1 / 3)
+    assert search.ratio(within, without) == pytest.approx(
+        alone * travel ** (STALL_GAIN / EVIDENCE_GAIN), rel=0.02
+    )
 
 
 def test_signatures_stand_side_by_side() -> None:
