@@ -11,7 +11,7 @@ import pytest
 
 from mrdamp.diagnosis.evidence import further
 from mrdamp.diagnosis.evidence.further import with_further
-from mrdamp.diagnosis.evidence.judgement import decided
+from mrdamp.diagnosis.evidence.judgement import decided, scored
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
@@ -107,3 +107,25 @@ def test_unknown_causes_and_exact_laws_are_left_as_they_are(monkeypatch: pytest.
     search.floor = np.inf
     assert not search.inexact
     assert with_further(search, fits, decision) == (fits, decision)
+
+
+@pytest.mark.parametrize("own", [0.0, 1e-3])
+def test_a_cause_is_handed_over_with_the_parameters_that_it_had_bent(own: float) -> None:
+    """The nominal gain is 2, the rig's 2.6: the search fitted the cubic term with the nominal gain alone. A baseline
+    (own) determines the gain."""
+    search = Search(
+        Problem(toy({"gain": 2.6, "cubic": 0.8, "outside": 0.1}, records=6, noise=0.02)), 1e-6, own=own
+    )
+    search.extend(False, 1)
+    fits = search.ranked(False)
+    index = next(k for k, f in enumerate(fits) if f.hypothesis.causes == ("cubic",))
+    held = replace(scored([fits[index]])[0], index=index)
+    decision = Decision("effect", held, tuple(1 / len(fits) for _ in fits), 0.1, 1e-6, search.excess)
+    more, after = with_further(search, fits, decision)
+    found = more[after.chosen.index]
+    assert found.hypothesis.causes == ("cubic",)
+    assert bool(found.hypothesis.nominal) is (own == 0.0)
+    if not own:
+        assert found.settings["gain"] == pytest.approx(2.6, rel=0.02)
+        assert after.unexplained < decision.unexplained
+        assert len(after.probabilities) == len(more)

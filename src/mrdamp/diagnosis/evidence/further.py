@@ -14,6 +14,7 @@ from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.penalties import of_itself, unreferenced
 from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.final import least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 
@@ -26,7 +27,7 @@ _MARGIN = 1.1
 
 def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[list[Fit], Decision]:
     """The fits and the decision with further causes that are established beside the named ones."""
-    fits = list(fits)
+    fits, decision = _freed(search, fits, decision)
     while decision.verdict == "effect" and len(decision.chosen.causes) < _MOST:
         parent = fits[decision.chosen.index]
         found = None if search.solved(parent) else _further(search, parent)
@@ -47,6 +48,22 @@ def with_further(search: Search, fits: Sequence[Fit], decision: Decision) -> tup
             decision, chosen=chosen, probabilities=(*shares, mass * probability), unexplained=left
         )
     return fits, decision
+
+
+def _freed(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[list[Fit], Decision]:
+    """The fits with the named causes beside free nominal parameters, which no baseline determines, and the decision for
+    these where they predict better. A search frees only the sets with the least costs."""
+    found = fits[decision.chosen.index]
+    causes = found.hypothesis.causes
+    if decision.verdict != "effect" or search.own or search.solved(found) or search.smallest(True, causes):
+        return list(fits), decision
+    free = search.freed(found)
+    search.keep(free)
+    decision = replace(decision, probabilities=(*decision.probabilities, 0.0))
+    if least_left_out(search, found) is free:
+        left = max(free.cost - decision.floor, 0.0) / decision.excess
+        decision = replace(decision, chosen=replace(scored([free])[0], index=len(fits)), unexplained=left)
+    return [*fits, free], decision
 
 
 def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:

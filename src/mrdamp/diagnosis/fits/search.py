@@ -165,12 +165,15 @@ class Search(FitTable):
             for fixed_law in self.ranked(False):
                 if len(fixed_law.hypothesis.causes) == depth:
                     sets.setdefault(frozenset(fixed_law.hypothesis.causes), fixed_law)
-            for fixed_law in list(sets.values())[: self.limits.freed]:
-                hypothesis = Hypothesis(self.base.hypothesis.nominal, fixed_law.hypothesis.terms)
-                start = np.concatenate([np.zeros(len(hypothesis.nominal)), fixed_law.point])
-                tasks.append((hypothesis, start))
-        for found in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
+            tasks += [(fixed_law,) for fixed_law in list(sets.values())[: self.limits.freed]]
+        for found in self.map(self.freed, tasks):
             self.keep(found)
+
+    def freed(self, fixed_law: Fit) -> Fit:
+        """A fit with free nominal parameters, from one with fixed ones."""
+        hypothesis = Hypothesis(self.base.hypothesis.nominal, fixed_law.hypothesis.terms)
+        start = np.concatenate([np.zeros(len(hypothesis.nominal)), fixed_law.point])
+        return self.fitted(hypothesis, start, most=8, stage=" freed")
 
     def explained_outside(self) -> bool:
         """True if a cause outside the catalogue explains the gap and no single one in it comes near: pairs
