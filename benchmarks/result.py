@@ -53,9 +53,10 @@ class Section:
     figures: tuple[Figure, ...]
 
 
-def of_ratio(what: str, r: Ratio, top: str, bottom: str, target: str = "", note: str = "") -> Figure:
-    """A ratio with its quartiles and both costs named."""
-    detail = f"quartiles {r.low:.2f} to {r.high:.2f}; {top} {r.top:.2f} us, {bottom} {r.bottom:.2f} us"
+def of_ratio(what: str, r: Ratio, target: str = "", note: str = "") -> Figure:
+    """A ratio with its quartiles and both costs."""
+    top, bottom = (f"{cost:.0f}" if cost >= 1000 else f"{cost:.2f}" for cost in (r.top, r.bottom))
+    detail = f"{r.low:.2f} to {r.high:.2f}; {top} over {bottom} us"
     return Figure(what, r.value, "x", target, f"{detail}; {note}" if note else detail)
 
 
@@ -90,9 +91,8 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
     out = [
         "# Speed",
         "",
-        "Written by `make bench`. Every ratio is measured in one run: both sides in turn, "
-        f"{rounds} rounds, the median of the rounds' ratios, CPU time of the measuring thread. "
-        "A target applies to its row; rows without one are for comparison.",
+        f"Written by `make bench`. A ratio is the median of {rounds} rounds, both sides in turn, in CPU time of the "
+        "measuring thread; beside it are the quartiles and both costs. Rows without a target are for comparison.",
         "",
         f"Machine: {machine()}.",
         "",

@@ -135,7 +135,7 @@ def test_targets() -> None:
 
 def test_page_has_every_row_and_no_machine_name() -> None:
     measured = interleave({"a": lambda: 3.0, "b": lambda: 2.0}, 2)
-    row = of_ratio("this over that", ratio(measured["a"], measured["b"]), "this", "that", "<= 2")
+    row = of_ratio("this over that", ratio(measured["a"], measured["b"]), "<= 2")
     page = markdown(
         [Section("Title", "Words.", (row, Figure("other", target=">= 4", skipped="not installed")))], 2
     )
