@@ -42,6 +42,8 @@ PERCENT = (-10, 10)
 LAG = 0.003  # s, of the force sensor
 PEAKS = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
 MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
+#: Near passive-on everywhere: shown once.
+CONSTANT = ("best-constant", "lyapunov-tuned", "max-dissipation-tuned")
 
 
 def main() -> None:
@@ -92,7 +94,8 @@ class Tables:
         if not RECORDS.is_dir():
             return None
         result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
-        return f"{markdown(PEAKS[:-1], [row[:-1] for row in _peaks(result)])}\n{_differences(result)}"
+        rows = [row[:-1] for row in _peaks(result) if row[0] not in CONSTANT]
+        return f"{markdown(PEAKS[:-1], rows)}\n{_differences(result)}"
 
     def spread(self) -> str:
         model = self.bench.model
