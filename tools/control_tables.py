@@ -84,7 +84,7 @@ class Tables:
         return _compared(self.work / "cable", CableBench(), ("motion",))
 
     def car(self) -> str | None:
-        return _compared(self.work / "car", CarBench(), ("comfort", "load", "stroke"))
+        return _compared(self.work / "car", CarBench(), ("comfort", "load"))
 
     def unseen(self) -> str:
         result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
@@ -142,7 +142,7 @@ def _compared(folder: Path, bench: Bench, ratios: Sequence[str]) -> str | None:
     rows = []
     for name, row in data.items():
         m = row["measures"]
-        cells = [f"{m[key]['mean']:.3f} ({m[key]['worst']:.3f})" for key in ratios]
+        cells = [f"{m[key]['mean']:.3f}" for key in ratios]
         cells.append(_spread(difference(rated[name], rated["best-constant"]), True))
         cells.append(short(m["mean_command"]["mean"]))
         periods = row["periods"]
