@@ -106,7 +106,7 @@ class Tables:
         }
         found = self.run({"as told": self.bench, **benches}, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
-            (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name), True) for r in found.values()))
+            (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name)) for r in found.values()))
             for c in self.rows
             if c.learned or c.name in MODEL_BASED
         ]
@@ -123,8 +123,9 @@ class Tables:
         }
         found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
-            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}".lstrip("0") for r in found.values()))
+            (_name(c.name, len(c.specs)), *(_short(float(r.rated(c.name).mean())) for r in found.values()))
             for c in self.rows
+            if c.learned or c.name in ("passive-on", *MODEL_BASED)
         ]
         return markdown(("mean of J1 and J2", *found), rows)
 
@@ -143,7 +144,7 @@ def _compared(folder: Path, bench: Bench, ratios: Sequence[str]) -> str | None:
     for name, row in data.items():
         m = row["measures"]
         cells = [f"{m[key]['mean']:.3f}" for key in ratios]
-        cells.append(_spread(difference(rated[name], rated["best-constant"]), True))
+        cells.append(_spread(difference(rated[name], rated["best-constant"])))
         cells.append(short(m["mean_command"]["mean"]))
         periods = row["periods"]
         rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
@@ -156,8 +157,8 @@ def _peaks(result: Comparison) -> list[tuple[str, ...]]:
     return [
         (
             _name(c.name, len(c.specs)),
-            *(_spread(result.summary(c.name, key)) for key in ("J1", "J2")),
-            _spread(result.gain(c.name), True),
+            *(_short(result.summary(c.name, key).mean) for key in ("J1", "J2")),
+            _spread(result.gain(c.name)),
             "–" if c.periods is None else f"{c.periods / 1e6:.3g}",
         )
         for c in result.contenders
@@ -169,7 +170,7 @@ def _differences(result: Comparison) -> str:
     rated = {c.name: {**result.values[c.name], "mean": result.rated(c.name)} for c in result.contenders}
     keys = [(name, key) for name in ("adjoint", "learned") for key in ("J1", "J2", "mean")]
     rows = [
-        (other, *(_spread(difference(rated[name][key], rated[other][key]), True) for name, key in keys))
+        (other, *(_spread(difference(rated[name][key], rated[other][key])) for name, key in keys))
         for other in ("passive-on", *MODEL_BASED)
     ]
     return markdown(("less", *(f"{name}: {key}" for name, key in keys)), rows)
@@ -179,11 +180,14 @@ def _name(name: str, seeds: int) -> str:
     return f"{name}, {seeds} seeds" if seeds > 1 else name
 
 
-def _spread(s: Summary, sign: bool = False) -> str:
-    """As the page writes them: .302 (.270 to .341)."""
-    form = "+.3f" if sign else ".3f"
-    values = [re.sub(r"^([+-]?)0\.", r"\1.", f"{v:{form}}") for v in (s.mean, s.low, s.high)]
-    return f"{values[0]} ({values[1]} to {values[2]})"
+def _short(value: float, form: str = ".3f") -> str:
+    return re.sub(r"^([+-]?)0\.", r"\1.", f"{value:{form}}")
+
+
+def _spread(s: Summary) -> str:
+    """As the page writes differences: -.030 (-.045 to -.016)."""
+    mean, low, high = (_short(value, "+.3f") for value in (s.mean, s.low, s.high))
+    return f"{mean} ({low} to {high})"
 
 
 if __name__ == "__main__":
