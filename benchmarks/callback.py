@@ -68,19 +68,15 @@ def measure(effort: Effort, end: float = 3.0) -> list[Section]:
         times = STEP / s.timestep
         r = Ratio(r.value * times, r.low * times, r.high * times, r.top, r.bottom)
         note = "" if s.scale < 1 else _errors(s, end)
-        rows.append(of_ratio(s.what, r, "Python step", "plugin step", s.target, note))
+        rows.append(of_ratio(s.what, r, s.target, note))
     return [
         Section(
             "Plugin against the law in Python",
-            "The law is a `mjcb_control` callback in Python on the same frame: plain floats, the "
-            f"explicit midpoint rule, three inner steps at {STEP * 1e3:g} ms and one at 0.1 ms, "
-            f"applied as a joint force. The plugin steps at {STEP * 1e3:g} ms; its force is within "
-            f"{accuracy.frame_error(STEP, end):.2%} of SciPy's for the whole frame. The engine's "
-            "velocities are half a step older than its positions, which delays a law that uses them "
-            "unchanged. A shorter step of the engine (last row) or linear extrapolation of the "
-            "velocity removes the delay. Both remain explicit: stronger motions need more inner steps"
-            " (see the environments), and light structures are unstable. The target applies to each "
-            "of these rows.",
+            "The law is a `mjcb_control` callback in plain Python floats by the explicit midpoint rule, three inner "
+            f"steps at {STEP * 1e3:g} ms and one at 0.1 ms. The plugin steps at {STEP * 1e3:g} ms; its force is within "
+            f"{accuracy.frame_error(STEP, end):.2%} of SciPy's for the whole frame. The engine's velocities are half a "
+            "step older than its positions, which delays the law; a shorter step or an extrapolated velocity removes "
+            "this. Both remain explicit: stronger motions need more inner steps, and light structures are unstable.",
             tuple(rows),
         )
     ]

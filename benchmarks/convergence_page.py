@@ -27,6 +27,7 @@ from benchmarks.convergence import (
 _PAGE = Path(__file__).resolve().parents[1] / "docs" / "convergence.md"
 _SEED, _COUNT = 1, 1500
 _STEP = 1e-3  # s, of records with one effect
+_SHOWN = 0.05  # %, largest error of an effect from which on it has a row
 
 
 def _random() -> list[str]:
@@ -44,7 +45,7 @@ def _random() -> list[str]:
         e = found[part]
         shares = " | ".join(f"{100 * np.mean(e > limit):.2f} %" for limit in (0.01, 0.05))
         rows.append(f"| {name} | {len(e)} | {shares} | {100 * np.median(e):.4f} % | {100 * e.max():.1f} % |")
-    worst = sorted((k for k in range(len(some)) if found[k] > 0.01), key=lambda k: -found[k])
+    worst = sorted((k for k in range(len(some)) if found[k] > 0.05), key=lambda k: -found[k])
     listed = [
         f"| {100 * found[k]:.1f} % | {some[k].law} | {' + '.join(some[k].forms)} | {'yes' if loose[k] else ''} |"
         for k in worst
@@ -55,7 +56,7 @@ def _random() -> list[str]:
         " at the default inner step (0.5 ms) less that at 12.5 us, over the latter's RMS.\n",
         "| | draws | above 1 % | above 5 % | median | largest |\n|---|---:|---:|---:|---:|---:|",
         *rows,
-        "\nAbove 1 %:\n\n| error | law | effects | rattling mass |\n|---:|---|---|---|",
+        "\nAbove 5 %:\n\n| error | law | effects | rattling mass |\n|---:|---|---|---|",
         *listed,
     ]
 
@@ -65,7 +66,7 @@ def _alone() -> list[str]:
     import test_effects as effects
 
     head = "| effect | " + " | ".join(effects.BASES) + " |\n|---|" + "---:|" * len(effects.BASES)
-    rows = []
+    rows, below = [], [0.0]
     for name in effects.ALONE:
         kind = "steps" if name.startswith("driver_lag") or name.endswith("steps") else "wave"
         cells = []
@@ -74,22 +75,22 @@ def _alone() -> list[str]:
             known = slice(None, -30) if "channel_shift" in name else slice(None)
             force = effects.run(base, (name,), kind, _STEP, ("force",))["force"]
             apart_by = rms((force - expected[:: round(_STEP / effects.COARSE)])[known])
-            cells.append(f"{100 * apart_by / rms(expected):.3f}")
-        rows.append(f"| {name} | " + " | ".join(cells) + " |")
-    return ["Errors of the force in % of its RMS, records of 1 ms:\n", head, *rows]
+            cells.append(100 * apart_by / rms(expected))
+        if max(cells) > _SHOWN:
+            rows.append(f"| {name} | " + " | ".join(f"{cell:.3f}" for cell in cells) + " |")
+        else:
+            below.append(max(cells))
+    rest = f"The other {len(below) - 1} effects and forms have at most {max(below):.3f} % with every law."
+    return [f"Errors of the force in % of its RMS, records of 1 ms. {rest}\n", head, *rows]
 
 
 def _energy() -> list[str]:
-    rows = []
-    for form in PASSIVE:
-        cells = [f"{100 * min(work_made(law, FORMS[form], a) for a in AMPLITUDES):.2f} %" for law in LAWS]
-        rows.append(f"| {form} | " + " | ".join(cells) + " |")
-    head = "| effect | " + " | ".join(LAWS) + " |\n|---|" + "---:|" * len(LAWS)
+    kept = {form: min(work_made(law, FORMS[form], a) for law in LAWS for a in AMPLITUDES) for form in PASSIVE}
+    least = ", ".join(f"{form} {100 * kept[form]:.2f} %" for form in sorted(kept, key=lambda form: kept[form])[:3])
     sizes = ", ".join(f"{1e3 * a:g}" for a in AMPLITUDES)
     return [
-        f"Least share of the work that a steady cycle of 5 Hz keeps, over amplitudes of {sizes} mm:\n",
-        head,
-        *rows,
+        f"No steady cycle of 5 Hz gives out work, with {len(LAWS)} laws, {len(kept)} effects and amplitudes of"
+        f" {sizes} mm. The least shares of the work that a cycle keeps: {least}."
     ]
 
 
@@ -113,25 +114,25 @@ def _engines() -> list[str]:
 
 _TEXT = """# Convergence
 
-How far is the simulator from its equations, at the steps that it takes by itself? **With a random law and one or two
-effects, the force is within 1 % in 98.8 % of 1500 draws; the median error is 0.009 %.** Single effects are within 0.1
-% of SciPy at 1 ms, and every signal of the default environments is within 1.1 % of a step ten times as fine.
+How far is the simulator from its equations at its default steps? **With a random law and one or two effects, the
+force is within 1 % in 98.8 % of 1500 draws; the median error is 0.009 %.** Single effects are within 0.1 % of SciPy
+at 1 ms, and every signal of the default environments is within 1.1 % of a step ten times as fine.
 
 ```
 python -m benchmarks.convergence_page     # writes this page; a short draw is part of `make test`
 ```
 
-What is less accurate:
+Less accurate are
 
-- **A mass that rattles**, almost undamped, in a clearance or on a stiff mount. The force at one sample depends on the
-  phase of hundreds of impacts, and steps of 1 us do not settle it either. Its RMS is right within 3 %.
-- **Friction with a large breakaway behind a mount.** Slip begins up to one step late. Where the force ends just below
-  the breakaway, the step decides whether slip begins at all.
-- **Forces that jump when the motion turns** (`trapped_gas` without `width`): a sample beside the jump is right to one
-  step.
-- **The cable's acceleration at the damper**, while the damper sticks: it grows with the number of modes. Give the
-  sensor a `bandwidth`.
-- **A sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms. Set a shorter
+- **a mass that rattles**, almost undamped, in a clearance or on a stiff mount: the force at one sample depends on the
+  phase of hundreds of impacts, even at steps of 1 us. Its RMS is right within 3 %;
+- **friction with a large breakaway behind a mount**: slip begins up to one step late, or not at all where the force
+  ends just below the breakaway;
+- **forces that jump when the motion turns** (`trapped_gas` without `width`): a sample beside the jump is right to one
+  step;
+- **the cable's acceleration at the damper**, while the damper sticks: it grows with the number of modes. Give the
+  sensor a `bandwidth`;
+- **a sharp yield in the frame** (Bingham, `v_ref` of 1 mm/s): 2.6 % at 0.5 ms, 1.1 % at 0.25 ms. Set a shorter
   `timestep`.
 """
 

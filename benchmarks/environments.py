@@ -63,7 +63,7 @@ def vector_rows(effort: Effort) -> tuple[Figure, ...]:
         costs = interleave({"loop": many(loop, steps), "batch": many(batch, steps)}, effort.rounds)
         r = ratio(costs["loop"], costs["batch"])
         what = f"{name}, {ROWS} environments"
-        found.append(of_ratio(what, r, "SyncVectorEnv", "batch", ">= 1.3", "a step of one environment"))
+        found.append(of_ratio(what, r, ">= 1.3", "a step of one environment"))
     return tuple(found)
 
 
@@ -126,9 +126,9 @@ def python_rows(effort: Effort) -> tuple[Figure, ...]:
     for loop in LOOPS:
         note = f"force errors {errors(loop.env())}; plugin's {own}"
         r = ratio(costs[loop.what], costs["one"])
-        rows.append(of_ratio(loop.what, r, "Python", "plugin", loop.target, note))
+        rows.append(of_ratio(loop.what, r, loop.target, note))
     r = ratio(costs[LOOPS[1].what], costs["row"])
-    rows.append(of_ratio(f"equal accuracy, over a row of {ROWS} in a batch", r, "Python", "plugin"))
+    rows.append(of_ratio(f"equal accuracy, over a row of {ROWS} in a batch", r))
     for what, name in (("with damper and sensors", "engine"), ("without both", "bare")):
         rows.append(Figure(f"the engine's part of a step, frame {what}", float(np.median(costs[name])), "us"))
     return tuple(rows)
@@ -145,17 +145,11 @@ def measure(effort: Effort) -> list[Section]:
         ),
         Section(
             "A step of the frame's environment against the law in Python",
-            "`mrdamp/Frame-v0` with a control period of 5 ms, compared with the same environment "
-            "whose damper is the law in Python. The law uses plain floats, as above; it is called "
-            "before each step, which is cheaper than a callback, and the engine is stepped from "
-            "Python. Ground motion, observation, reward and info are the same. Force errors are RMS "
-            "over RMS against the environment at 0.025 ms, for peak ground accelerations of 3.4, 8 "
-            "(the strongest of the default motions) and 17 m/s2. With a velocity extrapolated by half"
-            " a step, the law in Python comes near the plugin at the same step. It remains "
-            "explicit, and stronger motions need more inner steps. The last two rows are the plugin's"
-            " step without the environment's Python code, and without damper and sensors too. The "
-            "Python loop at 0.5 ms takes less than five times even the last of these, so a ratio of 5"
-            " at equal accuracy is out of reach for any damper on this engine.",
+            "`mrdamp/Frame-v0` with a control period of 5 ms, beside the same environment whose damper is the law in "
+            "Python, called before each step of the engine. Force errors are RMS over RMS against the environment at "
+            "0.025 ms, for peak ground accelerations of 3.4, 8 (the strongest of the default motions) and 17 m/s2. The "
+            "Python loop at 0.5 ms takes less than five times the engine's own part without damper and sensors (last "
+            "row), so a ratio of 5 at equal accuracy is out of reach for any damper on this engine.",
             python_rows(effort),
         ),
     ]

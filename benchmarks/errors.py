@@ -20,9 +20,8 @@ def measure(end: float = 3.0) -> list[Section]:
         Section(
             "Accuracy at these speeds",
             "RMS error of the damper's force over its RMS, against SciPy (LSODA, rtol 1e-9). "
-            f"{DYKE.id} in the frame under 40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, and a "
-            "command over the whole range. `law alone`: the C entry with the reference's piston "
-            "motion. `frame`: the whole frame in MuJoCo; the error includes the engine's Euler step.",
+            f"{DYKE.id} in the frame under 40 sines from 1 to 10 Hz with a peak near 3.4 m/s2, and a command over the "
+            "whole range. `frame` includes the error of the engine's Euler step.",
             tuple(rows),
         )
     ]

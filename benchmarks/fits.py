@@ -124,7 +124,7 @@ def _against(effort: Effort) -> Section:
     gap = float(np.abs(tasks["python"]() - tasks["c"]()).max())
     costs = interleave({name: _timed(task) for name, task in tasks.items()}, rounds)
     law = of_ratio(
-        "least squares around the law in Python over the C entry", ratio(costs["python"], costs["c"]), "Python", "C",
+        "least squares around the law in Python over the C entry", ratio(costs["python"], costs["c"]),
         note=f"{record.n} samples; parameters differ by {gap:.1g} of their scale",
     )  # fmt: skip
     train = excerpts(embedded().train, 24_000 if effort.steps >= 1000 else 2_000)
@@ -137,14 +137,13 @@ def _against(effort: Effort) -> Section:
         rounds,
     )
     plain = of_ratio(
-        "SciPy as it is over ours, CPU time of all threads", ratio(costs["scipy"], costs["ours"]), "SciPy", "ours",
+        "SciPy as it is over ours, CPU time of all threads", ratio(costs["scipy"], costs["ours"]),
         note=f"Bouc-Wen law, {sum(r.n for r in train)} samples, the same steps",
     )  # fmt: skip
     text = (
-        "First row: SciPy's least_squares fits five parameters of a Bouc-Wen law, once with the law "
-        "in plain Python by the explicit midpoint rule, and once with the C entry and its whole "
-        "chain. Second row: one local fit with the C entry, by SciPy with as many BLAS threads as it "
-        "uses, and by `mrdamp.identify.least_squares` with one. At most 7 rounds."
+        "First row: SciPy's least_squares fits five parameters of a Bouc-Wen law, with the law in plain Python and "
+        "with the C entry and its whole chain. Second row: one local fit with the C entry, by SciPy with as many BLAS "
+        "threads as it uses, and by `mrdamp.identify.least_squares` with one. At most 7 rounds."
     )
     return Section("Identification against SciPy", text, (law, plain))
 

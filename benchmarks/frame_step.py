@@ -20,7 +20,7 @@ def compare(effort: Effort, timestep: float, *, bare: bool, clock: bool) -> Figu
         }
         costs = interleave(tasks, effort.rounds)
     what = f"{'bare' if bare else 'shipped'} frame, {timestep * 1e3:g} ms, {'with' if clock else 'no'} engine clock"
-    return of_ratio(what, ratio(costs["with"], costs["without"]), "with damper", "without", TARGET)
+    return of_ratio(what, ratio(costs["with"], costs["without"]), TARGET)
 
 
 def breakdown(effort: Effort) -> tuple[Figure, ...]:

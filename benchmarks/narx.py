@@ -102,7 +102,7 @@ def measure(effort: Effort) -> list[Section]:
             text,
             (
                 Figure(WHAT, r.top, "us", TARGET, f"quartiles {low:.2f} to {high:.2f} us"),
-                of_ratio("a pass over a step of the frame", r, "pass", "step"),
+                of_ratio("a pass over a step of the frame", r),
             ),
         )
     ]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks.timing import Ratio
 
-_HEAD = ("| | figure | target | reached | |", "|---|---|---|---|---|")
+_HEAD = ("| | figure | target | |", "|---|---|---|---|")
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Figure:
         sense, limit = self.target.split()[:2]
         return self.value <= float(limit) if sense == "<=" else self.value >= float(limit)
 
-    def cells(self) -> tuple[str, str, str, str, str]:
-        """What, figure, target, whether it is reached, detail."""
+    def cells(self) -> tuple[str, str, str, str]:
+        """What, figure, target and whether it is missed, detail."""
         number = f"{self.value:.2f}" if abs(self.value) >= 0.1 else f"{self.value:.2g}"
         shown = "skipped" if self.skipped else f"{number} {self.unit}"
-        reached = {None: "", True: "yes", False: "no"}[self.met]
-        return self.what, shown, self.target, reached, self.skipped or self.detail
+        target = f"{self.target}, missed" if self.met is False else self.target
+        return self.what, shown, target, self.skipped or self.detail
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,10 @@ class Section:
     figures: tuple[Figure, ...]
 
 
-def of_ratio(what: str, r: Ratio, top: str, bottom: str, target: str = "", note: str = "") -> Figure:
-    """A ratio with its quartiles and both costs named."""
-    detail = f"quartiles {r.low:.2f} to {r.high:.2f}; {top} {r.top:.2f} us, {bottom} {r.bottom:.2f} us"
+def of_ratio(what: str, r: Ratio, target: str = "", note: str = "") -> Figure:
+    """A ratio with its quartiles and both costs."""
+    top, bottom = (f"{cost:.0f}" if cost >= 1000 else f"{cost:.2f}" for cost in (r.top, r.bottom))
+    detail = f"{r.low:.2f} to {r.high:.2f}; {top} over {bottom} us"
     return Figure(what, r.value, "x", target, f"{detail}; {note}" if note else detail)
 
 
@@ -76,11 +77,11 @@ def text(sections: Sequence[Section]) -> str:
     """For a terminal."""
     out = []
     for section in sections:
-        rows = [("", "figure", "target", "met", ""), *(f.cells() for f in section.figures)]
-        widths = [max(len(row[k]) for row in rows) for k in range(4)]
+        rows = [("", "figure", "target", ""), *(f.cells() for f in section.figures)]
+        widths = [max(len(row[k]) for row in rows) for k in range(3)]
         out += [section.title]
         for row in rows:
-            out.append("  " + "  ".join(row[k].ljust(widths[k]) for k in range(4)) + "  " + row[4])
+            out.append("  " + "  ".join(row[k].ljust(widths[k]) for k in range(3)) + "  " + row[3])
         out.append("")
     return "\n".join(out)
 
@@ -90,9 +91,8 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
     out = [
         "# Speed",
         "",
-        "Written by `make bench`. Every ratio is measured in one run: both sides in turn, "
-        f"{rounds} rounds, the median of the rounds' ratios, CPU time of the measuring thread. "
-        "A target applies to its row; rows without one are for comparison.",
+        f"Written by `make bench`. A ratio is the median of {rounds} rounds, both sides in turn, in CPU time of the "
+        "measuring thread; beside it are the quartiles and both costs. Rows without a target are for comparison.",
         "",
         f"Machine: {machine()}.",
         "",
@@ -108,15 +108,14 @@ def markdown(sections: Sequence[Section], rounds: int) -> str:
 
 
 def _summary(sections: Sequence[Section]) -> list[str]:
-    """How many targets are reached, by section, and the rows that miss theirs."""
+    """How many targets are reached, and by section the rows that miss theirs."""
     judged = [(section.title, [f for f in section.figures if f.met is not None]) for section in sections]
     figures = [f for _, some in judged for f in some]
     if not figures:
         return []
-    out = [f"**{sum(bool(f.met) for f in figures)} of {len(figures)} targets are reached.**", ""]
-    out += ["| section | targets reached | missed |", "|---|---|---|"]
-    for title, some in (pair for pair in judged if pair[1]):
-        missed = "; ".join(f"{f.what}: {f.cells()[1]} ({f.target})" for f in some if not f.met)
+    out = [f"**{sum(bool(f.met) for f in figures)} of {len(figures)} targets are reached.** Missed:", ""]
+    for title, some in judged:
+        missed = "; ".join(f"{f.what}: {f.cells()[1]} ({f.target})" for f in some if f.met is False)
         anchor = "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c == "-")
-        out.append(f"| [{title}](#{anchor}) | {sum(bool(f.met) for f in some)} of {len(some)} | {missed} |")
+        out += [f"- [{title}](#{anchor}): {missed}"] if missed else []
     return [*out, ""]

@@ -8,38 +8,20 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from dampers import rms
 from excitation import Motion, constant, sine
 from mrdamp.blindtest import bench, dampers, rig
 from mrdamp.blindtest.bench import Truth
 from mrdamp.blindtest.excitation import GRID_HZ, Excitation
-from mrdamp.blindtest.rig import INPUT_RATE_HZ, RATE_HZ, Array
+from mrdamp.blindtest.rig import RATE_HZ, Array
+from rig_paths import DASHPOT, YIELD, clock, held, on_the_way, sensed, steady
 from twins import simulate
 
-#: A plain dashpot: what a force is told by where the law is not the question.
-DASHPOT = {"law": 0.0, "c0a": 1000.0, "v_ref": 1.0}
-#: A yield force of 100 N per ampere.
-YIELD = {"law": 0.0, "fyb": 100.0, "v_ref": 1e-3}
 
-
-def half_steps(end: float) -> Array:
-    return np.arange(round(end * INPUT_RATE_HZ) + 1) / INPUT_RATE_HZ
-
-
-def moved(numbers: Mapping[str, float], motion: Motion, u: Array | float, end: float) -> dict[str, Array]:
-    t = half_steps(end)
-    w, a = motion.x, motion.v
-    x, v = np.array([w(s) for s in t]), np.array([a(s) for s in t])
-    return rig.run_damper(numbers, x, v, np.broadcast_to(u, t.shape))
-
-
-def steady(numbers: Mapping[str, float], speed: float, u: float = 1.0, end: float = 0.2) -> dict[str, Array]:
-    """At a constant velocity (m/s)."""
-    t = half_steps(end)
-    return rig.run_damper(numbers, speed * t, np.full(len(t), speed), np.full(len(t), u))
-
-
-def rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def along(numbers: Mapping[str, float], motion: Motion, u: float, end: float) -> dict[str, Array]:
+    t = clock(end)
+    x, v, _ = motion.sample(t)
+    return rig.run_damper(numbers, x, v, np.full(len(t), u))
 
 
 # --- laws ------------------------------------------------------------------------------------
@@ -50,7 +32,7 @@ def test_law_is_that_of_scipy(seed: int) -> None:
     motion, end = sine(0.008, 1.7, phase=0.4), 0.9
     t = np.arange(0.0, end, 0.002)
     twin = simulate(device.law, device.parameters, motion, t, constant(level))["force"]
-    force = moved(device.numbers, motion, level, end)["force"][::50][: len(t)]
+    force = along(device.numbers, motion, level, end)["force"][::50][: len(t)]
     assert rms((force - twin)[5:]) < 2e-3 * rms(twin), device.law
 
 
@@ -61,26 +43,26 @@ def test_every_law_is_among_those_drawn() -> None:
 # --- driver and magnetics ----------------------------------------------------------------------
 def test_two_poles_of_the_coil() -> None:
     """After a step the slower of two poles rules: i = 1 - (tau e^(-t/tau) - tau2 e^(-t/tau2)) / (tau - tau2)."""
-    t = half_steps(0.1)
+    t = clock(0.1)
     u = np.where(t > 0, 1.0, 0.0)
     lag = {"lag_form": 1.0, "lag_tau": 0.02, "lag_tau2": 0.005}
-    current = rig.run_damper({**DASHPOT, **lag}, 0 * t, 0 * t, u)["current"]
+    current = held({**DASHPOT, **lag}, t, u)["current"]
     s = t[::2]
     expected = 1 - (0.02 * np.exp(-s / 0.02) - 0.005 * np.exp(-s / 0.005)) / 0.015
     assert np.abs(current - expected).max() < 2e-3
 
 
 def test_voltage_limit_and_unequal_rise() -> None:
-    t = half_steps(0.2)
+    t = clock(0.2)
     u = np.where((t > 0) & (t < 0.1), 1.0, 0.0)
     limited = {"lag_form": 2.0, "lag_tau": 1e-3, "lag_rate": 50.0}
-    current = rig.run_damper({**DASHPOT, **limited}, 0 * t, 0 * t, u)["current"]
+    current = held({**DASHPOT, **limited}, t, u)["current"]
     assert current[int(0.01 * RATE_HZ)] == pytest.approx(0.5, abs=0.01)  # 50 A/s for 10 ms
     unequal = {"lag_form": 3.0, "lag_tau": 0.01, "lag_tau2": 0.03}
-    current = rig.run_damper({**DASHPOT, **unequal}, 0 * t, 0 * t, u)["current"]
+    current = held({**DASHPOT, **unequal}, t, u)["current"]
     assert current[int(0.01 * RATE_HZ)] == pytest.approx(1 - np.exp(-1), abs=0.01)
     assert current[int(0.13 * RATE_HZ)] == pytest.approx(np.exp(-1), abs=0.01)
-    core = rig.run_damper({**DASHPOT, **unequal, "lag_span": 1.0}, 0 * t, 0 * t, u)["current"]
+    core = held({**DASHPOT, **unequal, "lag_span": 1.0}, t, u)["current"]
     # Falling, i' = -i (1 + i/2) / tau2: 1/i + 1/2 grows as exp(t / tau2) from 3/2.
     assert 1 / core[int(0.13 * RATE_HZ)] == pytest.approx(1.5 * np.e - 0.5, rel=0.02)
 
@@ -90,7 +72,7 @@ def test_saturation_starts_with_slope_one_and_bends(form: int, at_level: float) 
     """At i = level the field is 1/2 (Froehlich), erf(sqrt(pi)/2), or 2/pi atan(pi/2) of the level."""
 
     def field(i: float) -> float:
-        return float(steady({**YIELD, "sat_form": form, "sat_level": 0.8}, 0.1, i)["field"][-1])
+        return float(steady({**YIELD, "sat_form": form, "sat_level": 0.8}, 0.1, u=i)["field"][-1])
 
     assert field(1e-4) == pytest.approx(1e-4, rel=1e-3)
     assert field(0.8) == pytest.approx(0.8 * at_level, rel=1e-3)
@@ -106,9 +88,9 @@ def test_saturation_starts_with_slope_one_and_bends(form: int, at_level: float) 
 )
 def test_field_is_higher_on_the_way_down(numbers: dict[str, float], width: float) -> None:
     """The loop is as wide as the mean of its plays (7/12 of the widest, both ways) or relays."""
-    t = half_steps(3.0)
+    t = clock(3.0)
     u = 0.5 - 0.5 * np.cos(2 * np.pi * t)
-    out = rig.run_damper({**YIELD, **numbers}, 0 * t, 0 * t, u)
+    out = held({**YIELD, **numbers}, t, u)
     last = out["current"][2 * RATE_HZ :], out["field"][2 * RATE_HZ :]
     half = RATE_HZ // 2
     up = np.interp(0.5, last[0][:half], last[1][:half])
@@ -155,16 +137,10 @@ def test_extension_and_compression_differ(form: int) -> None:
 @pytest.mark.parametrize("form", [1, 2])
 def test_trapped_gas_takes_force_at_the_start_of_one_stroke(form: int) -> None:
     numbers = {**YIELD, "gas_form": form, "gas_loss": 0.8, "gas_stroke": 0.002, "gas_sign": 1.0}
-    t = half_steps(2.0)
-    x = 0.01 * (0.5 - 0.5 * np.cos(2 * np.pi * t))
-    out = rig.run_damper(numbers, x, np.gradient(x, t), np.ones(len(t)))
-    force, at = out["force"][RATE_HZ:], x[::2][RATE_HZ:]
-    up, down = slice(0, RATE_HZ // 2), slice(RATE_HZ // 2, RATE_HZ)
-    early = float(np.interp(0.0005, at[up], force[up]))
     share = np.exp(-0.25) if form == 1 else (1 - 0.25) ** 2
-    assert early == pytest.approx(100 * (1 - 0.8 * share), rel=0.03)
-    assert np.interp(0.009, at[up], force[up]) == pytest.approx(100.0, rel=0.02)
-    assert np.interp(0.0095, at[down][::-1], force[down][::-1]) == pytest.approx(-100.0, rel=0.02)
+    assert on_the_way(numbers, 0.0005)[0] == pytest.approx(100 * (1 - 0.8 * share), rel=0.03)
+    assert on_the_way(numbers, 0.009)[0] == pytest.approx(100.0, rel=0.02)
+    assert on_the_way(numbers, 0.0095)[1] == pytest.approx(-100.0, rel=0.02)
 
 
 # --- mechanics and mount -----------------------------------------------------------------------------
@@ -220,7 +196,7 @@ def test_stiff_mounts_stay_stable(seed: int) -> None:
     """The lightest piston a case may have, at the full command: the force is still the rigid damper's."""
     device = dampers.draw(np.random.default_rng(seed), mounted=True)
     level, motion = device.machine.command, sine(0.006, 2.0)
-    plain = moved(device.numbers, motion, level, 0.8)["force"][RATE_HZ // 4 :]
+    plain = along(device.numbers, motion, level, 0.8)["force"][RATE_HZ // 4 :]
     size = rms(plain)
     pin = {
         "mount_form": 3.0,
@@ -228,16 +204,11 @@ def test_stiff_mounts_stay_stable(seed: int) -> None:
         "mount_c": 0.3 * size,
         "mount_mass": device.piston(size),
     }
-    held = moved({**device.numbers, **pin}, motion, level, 0.8)["force"][RATE_HZ // 4 :]
-    assert rms(held - plain) < 0.15 * size
+    pinned = along({**device.numbers, **pin}, motion, level, 0.8)["force"][RATE_HZ // 4 :]
+    assert rms(pinned - plain) < 0.15 * size
 
 
 # --- bench --------------------------------------------------------------------------------------------
-def sensed(force: Array, **numbers: float) -> Array:
-    truth = Truth({}, {f"sensor.{name}": value for name, value in numbers.items()})
-    return bench.sensor(truth, "sensor", force, np.random.default_rng(0))
-
-
 def test_charge_leaks_away() -> None:
     t = np.arange(RATE_HZ) / RATE_HZ
     step = np.where(t > 0, 100.0, 0.0)
@@ -287,7 +258,7 @@ def test_displacement_is_read_late_or_early(numbers: dict[str, float], late: flo
 
 
 def test_command_is_delayed() -> None:
-    t = half_steps(1.0)
+    t = clock(1.0)
     late = bench.driven(Truth({}, {"command.delay": 0.02}), t, np.random.default_rng(0))
     assert late[-1] == pytest.approx(0.98)
 
@@ -304,7 +275,7 @@ def test_frame_without_damper_is_a_linear_system() -> None:
     drift = np.eye(3) - np.eye(3, k=-1)
     stiff, damp = (drift.T @ np.diag(values) @ drift / m[:, None] for values in (k, c))
     a = np.block([[np.zeros((3, 3)), np.eye(3)], [-stiff, -damp]])
-    t = half_steps(1.0)
+    t = clock(1.0)
     ground = np.full(len(t), 2.0)
     out = rig.run_frame({"law": 0.0, "v_ref": 1.0}, storeys, (0, 1), ground, 0 * t)
     force = np.concatenate([np.zeros(3), -np.full(3, 2.0)])
@@ -320,7 +291,7 @@ def test_frame_without_damper_is_a_linear_system() -> None:
 def test_damper_pulls_both_of_its_floors() -> None:
     """Between floors 1 and 2 the damper's force is internal: momentum changes by the ground's share alone."""
     storeys = [{"mass": 90.0, "stiffness": 4e5, "damping": 40.0}] * 3
-    t = half_steps(1.0)
+    t = clock(1.0)
     ground = 2 * np.sin(2 * np.pi * 4 * t)
     out = rig.run_frame({**DASHPOT, "c0a": 3000.0}, storeys, (1, 2), ground, 0 * t)
     force = 90.0 * (out["acceleration1"] + out["acceleration2"] + out["acceleration3"])
@@ -336,7 +307,7 @@ def test_dry_friction_of_a_storey_takes_its_work(form: int) -> None:
     plain = {"mass": 100.0, "stiffness": 4e5, "damping": 0.0}
     joint = {"friction_travel": 2e-5, "friction_static": 1.0, "friction_v": 1e-3}
     rubbing = [{**plain, "friction_form": form, "friction": 60.0, **joint}, plain, plain]
-    t = half_steps(2.0)
+    t = clock(2.0)
     push = np.where(t < 0.02, 20.0, 0.0)
 
     def energy(storeys: list[dict[str, float]]) -> tuple[float, float]:

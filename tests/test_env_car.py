@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from scipy import signal
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 
 from excitation import Array
 from mrdamp import models_xml
-from mrdamp.envs import Bumps, CarEnv, CarPlant, CarTask, IsoRoads, RecordedRoads
+from mrdamp.envs import Bumps, CarPlant, CarTask, RecordedRoads
 from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_xml import car_xml
 from mrdamp.errors import InputError
@@ -245,41 +242,7 @@ def test_the_shipped_model_is_the_environments() -> None:
     np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
 
 
-# --- as an environment --------------------------------------------------------------------
-ARGUMENTS: Mapping[str, Any] = {
-    "roads": IsoRoads(("B", "C"), duration=1.0),
-    "noise": {"acceleration": 0.05, "force": 2.0},
-    "history": 2,
-    "full_state": True,
-}
-
-
-@pytest.mark.parametrize("engine", ["mujoco", "chain"])
-def test_rows_of_make_vec_are_single_environments(engine: str) -> None:
-    own = {**ARGUMENTS, "engine": engine, "roads": IsoRoads(("C",), duration=1.0)}
-    rows: Any = gymnasium.make_vec("mrdamp/QuarterCar-v0", num_envs=3, threads=2, **own)
-    loop = SyncVectorEnv([lambda: CarEnv(**own)] * 3, autoreset_mode=AutoresetMode.NEXT_STEP)
-    np.testing.assert_array_equal(loop.reset(seed=3)[0], rows.reset(seed=3)[0])
-    rng, ends = np.random.default_rng(0), 0
-    for _ in range(230):
-        action = rng.uniform(-1, 1, (3, 1)).astype(np.float32)
-        a, b = loop.step(action), rows.step(action)
-        for x, y in zip(a[:4], b[:4], strict=True):
-            np.testing.assert_array_equal(x, y)
-        for name in rows.task.score.NAMES:
-            if name in a[4]:
-                np.testing.assert_array_equal(a[4][name], b[4][name])
-        ends += int(a[3].sum())
-    assert ends == 3
-
-
 def test_faults_are_told() -> None:
     with pytest.raises(InputError, match="car: wheel is 0"):
         QuarterCar(wheel=0.0)
-    with pytest.raises(InputError, match="option 'motion' is unknown; allowed: road, speed, amplitude"):
-        CarEnv().reset(options={"motion": 1})
-    with pytest.raises(InputError, match="flat throughout"):
-        CarEnv().reset(options={"road": Road("flat", 0.1, np.zeros(50), 5.0)})
-    with pytest.raises(InputError, match="no measurement 'velocity_9'"):
-        CarTask(1, signals=["velocity_9"])
     says_that_it_diverged(CarTask(2, engine="chain"))

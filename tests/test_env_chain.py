@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import mrdamp.envs  # noqa: F401  (registers the ids)
 from dampers import attributes
-from env_arguments import TWO_DAMPERS
 from excitation import Array
 from frame_reference import solve
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
-from mrdamp.envs import AmbientLoads, CableEnv, CableTask, FrameEnv, FrameReward, FrameTask
+from mrdamp.envs import AmbientLoads, CableTask, FrameReward, FrameTask
 from mrdamp.envs.task import Task
-from mrdamp.envs.vector import PlantVectorEnv
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model, effects_from
 from mrdamp.motions import kanai_tajimi
@@ -196,82 +192,6 @@ def test_the_frame_agrees_with_scipy(floor: int) -> None:
     assert last["peak_acceleration"] == pytest.approx(np.abs(wanted["acceleration"][:-1]).max(), rel=REWARDED)
     assert last["dissipated_energy"] == pytest.approx(wanted["energy"][-1], rel=OBSERVED)
     assert last["mean_current"] == pytest.approx(np.abs(wanted["current"][:-1]).mean(), rel=OBSERVED)
-
-
-# --- as environments ----------------------------------------------------------------------
-N = 5
-ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
-    "mrdamp/Frame-v0": TWO_DAMPERS,
-    "mrdamp/Cable-v0": {"loads": AmbientLoads(duration=0.3), "noise": {"force": 0.1}, "memory": [3.0]},
-}
-SINGLE: Mapping[str, Callable[..., Any]] = {"mrdamp/Frame-v0": FrameEnv, "mrdamp/Cable-v0": CableEnv}
-TASK: Mapping[str, Callable[..., Task]] = {"mrdamp/Frame-v0": FrameTask, "mrdamp/Cable-v0": CableTask}
-
-
-@pytest.mark.parametrize("environment", ARGUMENTS)
-def test_rows_of_make_vec_are_single_environments(environment: str) -> None:
-    """Over several ends of episodes, infos included; with the spaces of the environment in MuJoCo."""
-    own = {**ARGUMENTS[environment], "engine": "chain"}
-    rows = gymnasium.make_vec(environment, num_envs=N, threads=2, **own)
-    assert isinstance(rows, PlantVectorEnv)
-    loop = SyncVectorEnv([lambda: SINGLE[environment](**own)] * N, autoreset_mode=AutoresetMode.NEXT_STEP)
-    plain = SINGLE[environment](**ARGUMENTS[environment])
-    assert rows.single_observation_space == plain.observation_space
-    assert rows.single_action_space == plain.action_space
-    first, second = loop.reset(seed=3), rows.reset(seed=3)
-    np.testing.assert_array_equal(first[0], second[0])
-    assert set(plain.reset(seed=0)[1]) <= set(second[1])
-    rng, ends = np.random.default_rng(0), 0
-    for _ in range(150):
-        action = rng.uniform(-1, 1, rows.action_space.shape or ()).astype(np.float32)
-        a, b = loop.step(action), rows.step(action)
-        for x, y in zip(a[:4], b[:4], strict=True):
-            np.testing.assert_array_equal(x, y)
-        assert set(a[4]) == set(b[4])
-        for name in rows.task.score.NAMES:
-            if name in a[4]:
-                np.testing.assert_array_equal(a[4][name], b[4][name])
-        ends += int(a[3].sum())
-    assert ends >= 2 * N
-
-
-@pytest.mark.parametrize("environment", ARGUMENTS)
-def test_stable_baselines_takes_the_rows(environment: str) -> None:
-    vec = pytest.importorskip("stable_baselines3.common.vec_env", reason="needs the extra train")
-    from mrdamp.envs.sb3 import PlantVecEnv
-
-    own = {**ARGUMENTS[environment], "engine": "chain"}
-    loop = vec.DummyVecEnv([lambda: SINGLE[environment](**own)] * N)
-    rows = PlantVecEnv(TASK[environment](N, **own))
-    for env in (loop, rows):
-        env.seed(5)
-    np.testing.assert_array_equal(loop.reset(), rows.reset())
-    rng = np.random.default_rng(1)
-    for _ in range(70):
-        action = rng.uniform(-1, 1, (N, *rows.action_space.shape)).astype(np.float32)
-        a, b = loop.step(action), rows.step(action)
-        for x, y in zip(a[:3], b[:3], strict=True):
-            np.testing.assert_array_equal(x, y)
-
-
-@pytest.mark.parametrize("environment", ARGUMENTS)
-def test_a_moment_can_be_gone_back_to(environment: str) -> None:
-    env = SINGLE[environment](engine="chain", **ARGUMENTS[environment])
-    env.reset(seed=1)
-    given = actions(40, *env.action_space.shape).astype(np.float32)
-    for action in given[:20]:
-        env.step(action)
-    kept = env.get_state()
-    first = [env.step(action)[:2] for action in given[20:]]
-    env.reset(seed=8)
-    other = SINGLE[environment](engine="chain", **ARGUMENTS[environment])
-    other.reset(seed=9)
-    for again in (env, other):
-        again.set_state(kept)
-        for (seen, reward), action in zip(first, given[20:], strict=True):
-            now, same = again.step(action)[:2]
-            np.testing.assert_array_equal(now, seen)
-            assert same == reward
 
 
 def test_noise_hangs_on_the_seed() -> None:

@@ -17,6 +17,7 @@ from env_arguments import OWN
 from mrdamp.envs import (
     AmbientLoads,
     CableEnv,
+    CableLoad,
     CablePlant,
     CableTask,
     CarEnv,
@@ -27,6 +28,7 @@ from mrdamp.envs import (
     FrameReward,
     FrameTask,
     IsoRoads,
+    Observer,
     RecordedMotions,
     StructureEnv,
     SyntheticMotions,
@@ -36,6 +38,7 @@ from mrdamp.envs.own import StructureVectorEnv
 from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv
 from mrdamp.model import Effect, Model
 from mrdamp.motions import GroundMotion, kanai_tajimi
+from mrdamp.simulation.roads import Road
 from mrdamp.structures import dyke1996
 from refusals import refuses
 
@@ -62,6 +65,10 @@ every = pytest.mark.parametrize(
     ("single", "rows", "given"), KINDS, ids=["frame", "sensing frame", "cable", "car", "own"]
 )
 engines = pytest.mark.parametrize("engine", ["mujoco", "chain"])
+NO_RANGE = Model("bouc_wen", {
+    "c0a": 300.0, "c0b": 0, "alpha_a": 60.0, "alpha_b": 250.0, "gamma": 900.0, "beta": 600.0, "A": 1500.0, "n": 2.0,
+    "k0": 800.0, "x0": 0.0,
+})  # fmt: skip
 NARX = (
     "mrdamp-narx 1 sample_time 0.002 inputs 3 x:0 v:0 i:0 offset 0 0 0 scale 100 5 1 force 0 600 "
     "hidden 1 2 weight 0.1 0.9 0.0 0.0 0.5 0.4 bias 0 0 weight 0.8 0.4 bias 0 end"
@@ -162,39 +169,73 @@ def test_copies_of_a_network_do_not_share_its_memory(engine: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "arguments", "message"),
+    ("make", "arguments", "options", "message"),
     [
-        (FrameEnv, {"motions": 3}, "motions is 3; allowed: a source"),
-        (FrameEnv, {"motions": ["a.csv"]}, "motions is .*allowed: a source"),
-        (FrameEnv, {"structure": 3}, "structure is 3"),
-        (FrameEnv, {"duration": math.nan}, "duration is nan"),
-        (FrameEnv, {"duration": -1.0}, "duration is -1"),
-        (CableEnv, {"loads": 3}, "loads is 3"),
-        (CableEnv, {"cable": 3}, "cable is 3"),
-        (CableEnv, {"measured_at": 3}, "measured_at is 3"),
-        (CarEnv, {"roads": 3}, "roads is 3"),
-        (CarEnv, {"car": 3}, "car is 3"),
-        (CarEnv, {"model": 3}, "model is 3"),
-        (CarEnv, {"threads": 0}, "threads is 0"),
-        (CarEnv, {"threads": 1.5}, "threads is 1.5"),
-        (CarEnv, {"period": "fast"}, "period is 'fast'"),
-        (CarEnv, {"command_max": [1.0, 2.0]}, "command_max is"),
-        (CarEnv, {"command_max": "a"}, "command_max is a"),
-        (CarEnv, {"noise": 3}, "noise is 3"),
-        (CarEnv, {"signals": "force"}, "signals is 'force'"),
-        (CarEnv, {"memory": 3}, "memory is 3"),
-        (CarEnv, {"peaks": 3}, "peaks is 3"),
-        (CarEnv, {"reward": 3}, "reward is 3"),
-        (CarEnv, {"full_state": "no"}, "full_state is 'no'"),
-        (CarEnv, {"camera": "top"}, "camera is 'top'"),
-        (CarEnv, {"size": (0, 1)}, "size is"),
-        (CarEnv, {"exaggeration": math.nan}, "exaggeration is nan"),
+        (FrameEnv, {"motions": 3}, {}, "motions is 3; allowed: a source"),
+        (FrameEnv, {"motions": ["a.csv"]}, {}, "motions is .*allowed: a source"),
+        (FrameEnv, {"structure": 3}, {}, "structure is 3"),
+        (FrameEnv, {"duration": math.nan}, {}, "duration is nan"),
+        (FrameEnv, {"duration": -1.0}, {}, "duration is -1"),
+        (CableEnv, {"loads": 3}, {}, "loads is 3"),
+        (CableEnv, {"cable": 3}, {}, "cable is 3"),
+        (CableEnv, {"measured_at": 3}, {}, "measured_at is 3"),
+        (CarEnv, {"roads": 3}, {}, "roads is 3"),
+        (CarEnv, {"car": 3}, {}, "car is 3"),
+        (CarEnv, {"model": 3}, {}, "model is 3"),
+        (CarEnv, {"threads": 0}, {}, "threads is 0"),
+        (CarEnv, {"threads": 1.5}, {}, "threads is 1.5"),
+        (CarEnv, {"period": "fast"}, {}, "period is 'fast'"),
+        (CarEnv, {"command_max": [1.0, 2.0]}, {}, "command_max is"),
+        (CarEnv, {"command_max": "a"}, {}, "command_max is a"),
+        (CarEnv, {"noise": 3}, {}, "noise is 3"),
+        (CarEnv, {"signals": "force"}, {}, "signals is 'force'"),
+        (CarEnv, {"memory": 3}, {}, "memory is 3"),
+        (CarEnv, {"peaks": 3}, {}, "peaks is 3"),
+        (CarEnv, {"reward": 3}, {}, "reward is 3"),
+        (CarEnv, {"full_state": "no"}, {}, "full_state is 'no'"),
+        (CarEnv, {"camera": "top"}, {}, "camera is 'top'"),
+        (CarEnv, {"size": (0, 1)}, {}, "size is"),
+        (CarEnv, {"exaggeration": math.nan}, {}, "exaggeration is nan"),
+        (FrameEnv, {"damper_between": (0, 7)}, {}, "allowed: two different floor numbers"),
+        (FrameEnv, {"damper_between": 3}, {}, "damper_between is 3"),
+        (FrameEnv, {"command_max": -1.0}, {}, "command_max"),
+        (FrameEnv, {"period": 0.0}, {}, "period is 0.0"),
+        (FrameEnv, {"signals": ("acceleration_9",)}, {}, "acceleration_9"),
+        (FrameEnv, {"signals": ("pressure",)}, {}, "pressure"),
+        (FrameEnv, {"history": 0}, {}, "history"),
+        (FrameEnv, {"noise": {"pressure": 1.0}}, {}, "noise on 'pressure'"),
+        (FrameEnv, {"noise": {"force": -1.0}}, {}, "noise on 'force'"),
+        (FrameEnv, {"reward": {"drifts": 1.0}}, {}, "'drifts' is unknown"),
+        (FrameEnv, {"reward": {"drift": -1.0}}, {}, "weight drift"),
+        (FrameEnv, {"reward": {"reference": "best"}}, {}, "reference"),
+        (FrameEnv, {"reward": {"reference": "passive-on"}, "damper_between": [(0, 1), (1, 2)]}, {}, "one damper"),
+        (FrameEnv, {"render_mode": "ascii"}, {}, "allowed: human, rgb_array"),
+        (FrameEnv, {"model": NO_RANGE}, {}, "give command_max"),
+        (FrameEnv, {"observer": Observer(("pressure",), (1.0,))}, {}, "pressure"),
+        (FrameEnv, {}, {"motions": 1}, "option 'motions' is unknown"),
+        (FrameEnv, {}, {"motion": GroundMotion("nothing", 0.01, np.zeros(50))}, "zero throughout"),
+        (FrameEnv, {}, {"motion": Path("nowhere.csv")}, "nowhere.csv"),
+        (CableEnv, {"measured_at": (0.0,)}, {}, "measured at 0.0"),
+        (CableEnv, {"bandwidth": 100.0}, {}, r"bandwidth is 100\.0 Hz; allowed: below 100"),
+        (CableEnv, {"signals": ("drift_1",)}, {}, "drift_1"),
+        (CableEnv, {"reward": {"drift": 1.0}}, {}, "'drift' is unknown"),
+        (CableEnv, {"reward": {"motion": -1.0}}, {}, "weight motion"),
+        (CableEnv, {}, {"motion": 1}, "option 'motion'"),
+        (CableEnv, {}, {"load": 3}, "load is 3"),
+        (CableEnv, {}, {"load": CableLoad("none", 0.1, np.array([0.5]), np.zeros((9, 1)))}, "zero throughout"),
+        (CarEnv, {"signals": ["velocity_9"]}, {}, "no measurement 'velocity_9'"),
+        (CarEnv, {}, {"motion": 1}, "option 'motion' is unknown; allowed: road, speed, amplitude"),
+        (CarEnv, {}, {"road": Road("flat", 0.1, np.zeros(50), 5.0)}, "flat throughout"),
     ],
 )
 def test_arguments_are_checked_when_the_environment_is_made(
-    make: Make, arguments: dict[str, Any], message: str
+    make: Make, arguments: dict[str, Any], options: dict[str, Any], message: str
 ) -> None:
-    refuses(lambda: make(**arguments), message)
+    """Options when it is reset."""
+    if options:
+        refuses(partial(make().reset, options=options), message)
+    else:
+        refuses(lambda: make(**arguments), message)
 
 
 @pytest.mark.parametrize("make", [FrameEnv, CableEnv, CarEnv])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -18,13 +17,12 @@ from env_arguments import needed
 from excitation import Array
 from frame_reference import solve
 from mrdamp.control import clipped_optimal
-from mrdamp.envs import FrameEnv, FramePlant, FrameReward, Observer, RecordedMotions, SyntheticMotions
+from mrdamp.envs import FrameEnv, FramePlant, FrameReward, RecordedMotions, SyntheticMotions
 from mrdamp.envs.reward import reference_run
 from mrdamp.model import Effect, Model
-from mrdamp.motions import GroundMotion, embedded_motion, kanai_tajimi
+from mrdamp.motions import embedded_motion, kanai_tajimi
 from mrdamp.simulation import stepping
 from mrdamp.structures import ShearFrame, dyke1996
-from refusals import refuses
 from test_env_chain import off
 from test_env_view import can_draw
 
@@ -315,37 +313,3 @@ def test_episodes_end_with_the_motion() -> None:
     ends = [env.step(np.zeros(1, np.float32))[2:4] for _ in range(101)]
     assert ends[-1] == (False, True)
     assert not any(terminated or truncated for terminated, truncated in ends[:-1])
-
-
-ZERO = GroundMotion("nothing", 0.01, np.zeros(50))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "options", "message"),
-    [
-        ({"damper_between": (0, 7)}, {}, "allowed: two different floor numbers"),
-        ({"damper_between": 3}, {}, "damper_between is 3"),
-        ({"command_max": -1.0}, {}, "command_max"),
-        ({"period": 0.0}, {}, "period is 0.0"),
-        ({"signals": ("acceleration_9",)}, {}, "acceleration_9"),
-        ({"signals": ("pressure",)}, {}, "pressure"),
-        ({"history": 0}, {}, "history"),
-        ({"noise": {"pressure": 1.0}}, {}, "noise on 'pressure'"),
-        ({"noise": {"force": -1.0}}, {}, "noise on 'force'"),
-        ({"reward": {"drifts": 1.0}}, {}, "'drifts' is unknown"),
-        ({"reward": {"drift": -1.0}}, {}, "weight drift"),
-        ({"reward": {"reference": "best"}}, {}, "reference"),
-        ({"reward": {"reference": "passive-on"}, "damper_between": [(0, 1), (1, 2)]}, {}, "one damper"),
-        ({"render_mode": "ascii"}, {}, "allowed: human, rgb_array"),
-        ({"model": Model("bouc_wen", {"c0a": 300.0, "c0b": 0, "alpha_a": 60.0, "alpha_b": 250.0, "gamma": 900.0,
-          "beta": 600.0, "A": 1500.0, "n": 2.0, "k0": 800.0, "x0": 0.0})}, {}, "give command_max"),
-        ({}, {"motions": 1}, "option 'motions' is unknown"),
-        ({}, {"motion": ZERO}, "zero throughout"),
-        ({}, {"motion": Path("nowhere.csv")}, "nowhere.csv"),
-        ({"observer": Observer(("pressure",), (1.0,))}, {}, "pressure"),
-    ],
-)  # fmt: skip
-def test_bad_arguments_are_one_clear_line(
-    arguments: dict[str, Any], options: dict[str, Any], message: str
-) -> None:
-    refuses(lambda: FrameEnv(**arguments).reset(seed=0, options=options), message)

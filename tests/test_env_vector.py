@@ -22,15 +22,18 @@ from mrdamp.envs import (
     CableEnv,
     CableReward,
     CableTask,
+    CarEnv,
+    CarTask,
     FrameEnv,
     FrameReward,
     FrameTask,
+    IsoRoads,
     Observer,
     SyntheticMotions,
     default_damper,
 )
 from mrdamp.envs.task import Task
-from mrdamp.envs.vector import CableVectorEnv, FrameVectorEnv, PlantVectorEnv
+from mrdamp.envs.vector import CableVectorEnv, CarVectorEnv, FrameVectorEnv, PlantVectorEnv
 from mrdamp.errors import InputError
 from mrdamp.model import Effect, Model
 from mrdamp.structures import dyke1996
@@ -44,16 +47,20 @@ ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
         "history": 2,
         "memory": [3.0],
         "peaks": {"force": 5.0},
-        "threads": 2,
+    },
+    "car": {
+        "roads": IsoRoads(("C",), duration=1.0),
+        "noise": {"acceleration": 0.05, "force": 2.0},
+        "history": 2,
+        "full_state": True,
+        "period": 0.02,
     },
 }
-SINGLE: Mapping[str, Callable[..., Any]] = {"frame": FrameEnv, "cable": CableEnv}
-VECTOR: Mapping[str, Callable[..., PlantVectorEnv]] = {"frame": FrameVectorEnv, "cable": CableVectorEnv}
-TASK: Mapping[str, Callable[..., Task]] = {"frame": FrameTask, "cable": CableTask}
-
-
-def single(kind: str) -> Any:
-    return SINGLE[kind](**{k: v for k, v in ARGUMENTS[kind].items() if k != "threads"})
+SINGLE: Mapping[str, Callable[..., Any]] = {"frame": FrameEnv, "cable": CableEnv, "car": CarEnv}
+VECTOR: Mapping[str, Callable[..., PlantVectorEnv]] = {
+    "frame": FrameVectorEnv, "cable": CableVectorEnv, "car": CarVectorEnv
+}  # fmt: skip
+TASK: Mapping[str, Callable[..., Task]] = {"frame": FrameTask, "cable": CableTask, "car": CarTask}
 
 
 def equal(a: Any, b: Any) -> None:
@@ -69,16 +76,24 @@ def equal(a: Any, b: Any) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def both(kind: str, mode: AutoresetMode) -> tuple[VectorEnv[Any, Any, Any], VectorEnv[Any, Any, Any]]:
-    loop = SyncVectorEnv([lambda: single(kind)] * N, autoreset_mode=mode)
-    return loop, VECTOR[kind](N, autoreset_mode=mode, **ARGUMENTS[kind])
+def both(
+    kind: str, mode: AutoresetMode, engine: str = "mujoco"
+) -> tuple[VectorEnv[Any, Any, Any], VectorEnv[Any, Any, Any]]:
+    given = {**ARGUMENTS[kind], "engine": engine}
+    loop = SyncVectorEnv([lambda: SINGLE[kind](**given)] * N, autoreset_mode=mode)
+    return loop, VECTOR[kind](N, autoreset_mode=mode, threads=2, **given)
 
 
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize(
+    ("engine", "mode"),
+    [("mujoco", AutoresetMode.NEXT_STEP), ("mujoco", AutoresetMode.SAME_STEP), ("chain", AutoresetMode.NEXT_STEP)],
+)
 @pytest.mark.parametrize("kind", ARGUMENTS)
-def test_rows_are_single_environments(kind: str, mode: AutoresetMode) -> None:
-    """Over several ends of episodes, rewards, flags and infos included."""
-    loop, batch = both(kind, mode)
+def test_rows_are_single_environments(kind: str, engine: str, mode: AutoresetMode) -> None:
+    """Over several ends of episodes, rewards, flags and infos included; with the spaces of the engine's environment."""
+    loop, batch = both(kind, mode, engine)
+    plain = SINGLE[kind](**ARGUMENTS[kind])
+    assert plain.observation_space == batch.single_observation_space
     assert loop.observation_space == batch.observation_space
     assert loop.action_space == batch.action_space
     rng = np.random.default_rng(0)
@@ -87,7 +102,7 @@ def test_rows_are_single_environments(kind: str, mode: AutoresetMode) -> None:
     equal(first[1], second[1])
     ends = 0
     for _ in range(150):
-        action = rng.uniform(-1, 1, (N, 2 if kind == "frame" else 1)).astype(np.float32)
+        action = rng.uniform(-1, 1, batch.action_space.shape or ()).astype(np.float32)
         a, b = loop.step(action), batch.step(action)
         for x, y in zip(a[:4], b[:4], strict=True):
             assert x.dtype == y.dtype
@@ -201,13 +216,15 @@ def test_some_rows_are_reset_by_a_mask() -> None:
     np.testing.assert_array_equal(loop.step(action)[0], batch.step(action)[0])
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
 @pytest.mark.parametrize("kind", ARGUMENTS)
-def test_stable_baselines_rows_are_single_environments(kind: str) -> None:
+def test_stable_baselines_rows_are_single_environments(kind: str, engine: str) -> None:
     vec = pytest.importorskip("stable_baselines3.common.vec_env", reason="needs the extra train")
     from mrdamp.envs.sb3 import PlantVecEnv
 
-    loop = vec.DummyVecEnv([lambda: single(kind)] * N)
-    batch = PlantVecEnv(TASK[kind](N, **ARGUMENTS[kind]))
+    given = {**ARGUMENTS[kind], "engine": engine}
+    loop = vec.DummyVecEnv([lambda: SINGLE[kind](**given)] * N)
+    batch = PlantVecEnv(TASK[kind](N, threads=2, **given))
     for env in (loop, batch):
         env.seed(5)
     np.testing.assert_array_equal(loop.reset(), batch.reset())

@@ -22,14 +22,6 @@ def subcommands(parser: argparse.ArgumentParser) -> dict[str, tuple[argparse.Arg
     return {name: (sub, texts.get(name, "")) for name, sub in action.choices.items()}
 
 
-def _default(action: argparse.Action) -> str:
-    if action.default in (None, argparse.SUPPRESS, False, []) or not action.option_strings:
-        return ""
-    if isinstance(action.default, list | tuple):
-        return " ".join(map(str, action.default))
-    return str(action.default)
-
-
 def _name(action: argparse.Action) -> str:
     if not action.option_strings:
         return f"`{action.metavar or action.dest}`"
@@ -43,6 +35,9 @@ def _name(action: argparse.Action) -> str:
 
 def _help(action: argparse.Action) -> str:
     text = (action.help or "") % {"default": action.default, "prog": "mrdamp"}
+    given = action.default not in (None, argparse.SUPPRESS, False, []) and action.option_strings
+    if given and "default" not in text:
+        text += f" (default: {action.default})"
     return " ".join(text.split()).replace("|", "\\|")
 
 
@@ -62,8 +57,8 @@ def lines() -> Iterator[str]:
             if not isinstance(a, argparse._HelpAction) and a.help is not argparse.SUPPRESS
         ]
         if rows:
-            yield from ("| argument | default | |", "|---|---|---|")
-            yield from (f"| {_name(a)} | {_default(a)} | {_help(a)} |" for a in rows)
+            yield from ("| argument | |", "|---|---|")
+            yield from (f"| {_name(a)} | {_help(a)} |" for a in rows)
 
 
 def main() -> int:

@@ -2,14 +2,10 @@
 
     mrdamp compare frame --tune --jobs 2 -o out/tune && cp out/tune/tuned.json src/mrdamp/data/controllers/frame.json
     mrdamp compare cable --engine chain -o out/cable && mrdamp compare car --engine chain -o out/car
-    for k in -10 10; do
-      python tools/off_nominal_case.py --stiffness=$k out/k$k && mrdamp diagnose out/k$k/case -o out/k$k/diagnosis
-    done
     python tools/control_tables.py --work out
 
-Reads result.json in out/cable and out/car, where there is one, and the diagnosed models; runs the rest, and keeps runs
-in out/tables.jsonl. Measured motions are those in ../shared/data/earthquakes; without them that table
-stays as it is.
+Reads result.json in out/cable and out/car, where there is one; runs the rest, and keeps runs in out/tables.jsonl.
+Measured motions are those in ../shared/data/earthquakes; without them that table stays as it is.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ from mrdamp.compare.bench import Bench
 from mrdamp.compare.cable import CableBench
 from mrdamp.compare.car import CarBench
 from mrdamp.compare.comparison import Comparison
-from mrdamp.compare.contenders import Contender, contenders, shipped_policies
+from mrdamp.compare.contenders import contenders, shipped_policies
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.compare.motions import read_motions, unseen_motions
@@ -36,21 +32,23 @@ from mrdamp.compare.spread import PARTS, on_rows, scaled
 from mrdamp.compare.summary import Summary, difference
 from mrdamp.compare.tables import markdown, short
 from mrdamp.files import write_atomic
-from mrdamp.model import Effect, Model
+from mrdamp.model import Effect
 from mrdamp.motions import GroundMotion
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, RECORDS = ROOT / "docs" / "control.md", ROOT.parent / "shared" / "data" / "earthquakes"
 AMPLITUDES = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
-PERCENT = (-10, -5, 5, 10)
+PERCENT = (-10, 10)
 LAG = 0.003  # s, of the force sensor
 PEAKS = ("controller", "J1", "J2", "mean of both less passive-on", "1e6 periods")
 MODEL_BASED = ("clipped-optimal-tuned", "modulated-optimal-tuned", "force-tracking-tuned")
+#: Near passive-on everywhere: shown once.
+CONSTANT = ("best-constant", "lyapunov-tuned", "max-dissipation-tuned")
 
 
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    p.add_argument("--work", type=Path, default=Path("out"), help="folder of the runs and the diagnosed models")
+    p.add_argument("--work", type=Path, default=Path("out"), help="folder of the runs")
     p.add_argument("--jobs", type=int, default=2)
     a = p.parse_args()
     tables = Tables(a.work, a.jobs)
@@ -72,46 +70,32 @@ class Tables:
         self.bench = FrameBench(frame_model(), engine="chain")
         settings = tuning.shipped(self.bench)
         assert settings is not None
-        self.settings, shipped = settings, shipped_policies("frame")
+        shipped = shipped_policies("frame")
         names = ["passive-off", "passive-on", *settings, *shipped]
         self.rows = contenders(self.bench, names, settings, shipped)
 
     def run(
-        self, benches: Mapping[str, FrameBench], loads: Sequence[GroundMotion], amplitudes: Sequence[float],
-        rows: Sequence[Contender] | None = None,
-    ) -> dict[str, Comparison]:  # fmt: skip
+        self, benches: Mapping[str, FrameBench], loads: Sequence[GroundMotion], amplitudes: Sequence[float]
+    ) -> dict[str, Comparison]:
         keep = self.work / "tables.jsonl"
-        return on_rows(benches, rows or self.rows, loads, amplitudes, jobs=self.jobs, keep=keep)
-
-    def budget(self) -> str:
-        return _budget(self.bench)
-
-    def budgetcable(self) -> str:
-        return _budget(CableBench())
-
-    def budgetcar(self) -> str:
-        return _budget(CarBench())
+        return on_rows(benches, self.rows, loads, amplitudes, jobs=self.jobs, keep=keep)
 
     def cable(self) -> str | None:
-        plain = ("peak_force", "mean_command", "coil_energy", "switching_rate")
-        return _compared(self.work / "cable", CableBench(), ("motion",), plain)
+        return _compared(self.work / "cable", CableBench(), ("motion",))
 
     def car(self) -> str | None:
-        plain = ("acceleration", "airborne", "peak_stroke", "mean_command", "switching_rate")
-        return _compared(self.work / "car", CarBench(), ("comfort", "load", "stroke"), plain)
+        return _compared(self.work / "car", CarBench(), ("comfort", "load"))
 
     def unseen(self) -> str:
         result = self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""]
-        return markdown(PEAKS, _peaks(result))
-
-    def unseendifferences(self) -> str:
-        return _differences(self.run({"": self.bench}, unseen_motions(), self.bench.unseen_amplitudes)[""])
+        return f"{markdown(PEAKS, _peaks(result))}\n{_differences(result)}"
 
     def measured(self) -> str | None:
         if not RECORDS.is_dir():
             return None
         result = self.run({"": self.bench}, read_motions([RECORDS]), AMPLITUDES)[""]
-        return f"{markdown(PEAKS, _peaks(result))}\n{_differences(result)}"
+        rows = [row[:-1] for row in _peaks(result) if row[0] not in CONSTANT]
+        return f"{markdown(PEAKS[:-1], rows)}\n{_differences(result)}"
 
     def spread(self) -> str:
         model = self.bench.model
@@ -122,30 +106,11 @@ class Tables:
         }
         found = self.run({"as told": self.bench, **benches}, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
-            (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name), True) for r in found.values()))
+            (_name(c.name, len(c.specs)), *(_spread(r.gain(c.name)) for r in found.values()))
             for c in self.rows
-            if c.name != "passive-on"
+            if c.learned or c.name in MODEL_BASED
         ]
         return markdown(("less passive-on", *found), rows)
-
-    def told(self) -> str | None:
-        """Told wrong, told right, and told by the diagnosis."""
-        rows, chosen = [], [c for c in self.rows if c.name in (*MODEL_BASED, "passive-on")]
-        for percent in (-10, 10):
-            file = self.work / f"k{percent}" / "diagnosis" / "corrected.json"
-            if not file.is_file():
-                continue
-            true = scaled(self.bench.model, "stiffness", 1 + percent / 100)
-            benches = {
-                "the nominal frame": replace(self.bench, model=true, told=self.bench.model),
-                "the true frame": replace(self.bench, model=true),
-                "the diagnosed frame": replace(self.bench, model=true, told=Model.read(file)),
-            }
-            found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes, chosen)
-            for told, result in found.items():
-                gains = (_spread(result.gain(name), True) for name in MODEL_BASED)
-                rows.append((f"{percent:+d} %", told, *gains))
-        return markdown(("stiffness", "told", *MODEL_BASED), rows) if rows else None
 
     def lag(self) -> str:
         """A force sensor that lags, known and unknown."""
@@ -158,23 +123,14 @@ class Tables:
         }
         found = self.run(benches, unseen_motions(), self.bench.unseen_amplitudes)
         rows = [
-            (_name(c.name, len(c.specs)), *(f"{r.rated(c.name).mean():.3f}".lstrip("0") for r in found.values()))
+            (_name(c.name, len(c.specs)), *(_short(float(r.rated(c.name).mean())) for r in found.values()))
             for c in self.rows
+            if c.learned or c.name in ("passive-on", *MODEL_BASED)
         ]
         return markdown(("mean of J1 and J2", *found), rows)
 
 
-def _budget(bench: Bench) -> str:
-    """What more budget brings: the best score of the search after shares of it."""
-    shares, rows = (0.1, 0.25, 0.5, 0.75, 1.0), []
-    for name, s in (tuning.shipped(bench) or {}).items():
-        last = s.curve[-1][0]
-        best = [min(v for k, v in s.curve if k <= max(share * last, s.curve[0][0])) for share in shares]
-        rows.append((name, f"`{s.spec}`", f"{s.periods / 1e6:.1f}", *(f"{v:.4f}" for v in best), f"{s.score:.4f}"))
-    return markdown(("controller", "setting", "1e6 periods", *(f"{x:.0%}" for x in shares), "last choice"), rows)
-
-
-def _compared(folder: Path, bench: Bench, ratios: Sequence[str], plain: Sequence[str]) -> str | None:
+def _compared(folder: Path, bench: Bench, ratios: Sequence[str]) -> str | None:
     """Means of a comparison, and what it is tuned for less that of the best constant command, paired."""
     file = folder / "result.json"
     if not file.is_file():
@@ -187,13 +143,13 @@ def _compared(folder: Path, bench: Bench, ratios: Sequence[str], plain: Sequence
     rows = []
     for name, row in data.items():
         m = row["measures"]
-        cells = [f"{m[key]['mean']:.3f} ({m[key]['worst']:.3f})" for key in ratios]
-        cells.append(_spread(difference(rated[name], rated["best-constant"]), True))
-        cells += ["–" if m[key]["mean"] is None else short(m[key]["mean"]) for key in plain]
+        cells = [f"{m[key]['mean']:.3f}" for key in ratios]
+        cells.append(_spread(difference(rated[name], rated["best-constant"])))
+        cells.append(short(m["mean_command"]["mean"]))
         periods = row["periods"]
         rows.append((_name(name, len(row["specs"])), *cells, "–" if periods is None else f"{periods / 1e6:.3g}"))
     titles = {m.key: m.title.format(unit="V") for m in bench.measures}
-    heads = ("controller", *(titles[key] for key in ratios), "less best-constant", *(titles[key] for key in plain))
+    heads = ("controller", *(titles[key] for key in ratios), "less best-constant", titles["mean_command"])
     return markdown((*heads, "1e6 periods"), rows)
 
 
@@ -201,8 +157,8 @@ def _peaks(result: Comparison) -> list[tuple[str, ...]]:
     return [
         (
             _name(c.name, len(c.specs)),
-            *(_spread(result.summary(c.name, key)) for key in ("J1", "J2")),
-            _spread(result.gain(c.name), True),
+            *(_short(result.summary(c.name, key).mean) for key in ("J1", "J2")),
+            _spread(result.gain(c.name)),
             "–" if c.periods is None else f"{c.periods / 1e6:.3g}",
         )
         for c in result.contenders
@@ -210,32 +166,28 @@ def _peaks(result: Comparison) -> list[tuple[str, ...]]:
 
 
 def _differences(result: Comparison) -> str:
-    """Each learned controller less each tuned one, and what may be said of it."""
-    learned = [c.name for c in result.contenders if c.learned]
+    """The best learned controllers less the controllers they are claimed to be better than, or level with."""
+    rated = {c.name: {**result.values[c.name], "mean": result.rated(c.name)} for c in result.contenders}
+    keys = [(name, key) for name in ("adjoint", "learned") for key in ("J1", "J2", "mean")]
     rows = [
-        (
-            c.name,
-            *(
-                _spread(difference(result.values[name][key], result.values[c.name][key]), True)
-                for name in learned
-                for key in ("J1", "J2")
-            ),
-        )
-        for c in result.contenders
-        if not c.learned
+        (other, *(_spread(difference(rated[name][key], rated[other][key])) for name, key in keys))
+        for other in ("passive-on", *MODEL_BASED)
     ]
-    return markdown(("less", *(f"{name}: {key}" for name in learned for key in ("J1", "J2"))), rows)
+    return markdown(("less", *(f"{name}: {key}" for name, key in keys)), rows)
 
 
 def _name(name: str, seeds: int) -> str:
     return f"{name}, {seeds} seeds" if seeds > 1 else name
 
 
-def _spread(s: Summary, sign: bool = False) -> str:
-    """As the page writes them: .302 (.270 to .341)."""
-    form = "+.3f" if sign else ".3f"
-    values = [re.sub(r"^([+-]?)0\.", r"\1.", f"{v:{form}}") for v in (s.mean, s.low, s.high)]
-    return f"{values[0]} ({values[1]} to {values[2]})"
+def _short(value: float, form: str = ".3f") -> str:
+    return re.sub(r"^([+-]?)0\.", r"\1.", f"{value:{form}}")
+
+
+def _spread(s: Summary) -> str:
+    """As the page writes differences: -.030 (-.045 to -.016)."""
+    mean, low, high = (_short(value, "+.3f") for value in (s.mean, s.low, s.high))
+    return f"{mean} ({low} to {high})"
 
 
 if __name__ == "__main__":

@@ -121,16 +121,13 @@ _UTFSM = Page(
     (
         Table(
             "Laws and network",
-            "All laws miss their marks here because the damper was in another state on the day of the sweep, "
-            "not because of a law's form. On the sweep it is 1.16 to 1.21 times as strong at .5 A as on the "
-            "training day, in each of ten parts and at any speed. Its force is as large in one direction as "
-            "in the other (990 N); the training day's tests differ by 96 to 122 N. The slow sines, at half "
-            "the lowest training speed, need 1.28, .89, .91 and 1.03 times the force of the modified "
-            "Bouc-Wen law at 0, .25, .5 and 1 A. With one gain for each record its error would be .110; with "
-            "a fit for each current it is .136 (hyperbolic tangent .137). Marks: a quick independent fit, "
-            "quadratic in the current, on other tests of the rig, which are not available. The nearest "
-            "protocol here leaves one motion out (next table). Rows with S (`quadratic_saturating`) follow "
-            "the S-shaped dependence on the current, which lowers both errors a little.",
+            "All laws miss their marks, because the damper was in another state on the day of the sweep: at "
+            ".5 A it is 1.16 to 1.21 times as strong as on the training day, at any speed, and its force is "
+            "as large in one direction as in the other (990 N; the training day's tests differ by 96 to 122 "
+            "N). With one gain for each record the error of modified Bouc-Wen would be .110, with a fit for "
+            "each current it is .136. Marks: a quick independent fit, quadratic in the current, on other "
+            "tests of the rig, which are not available; the nearest protocol here leaves one motion out (next "
+            "table). Rows with S (`quadratic_saturating`) follow the S-shaped dependence on the current.",
             (
                 *_laws((0.24, 0.14, 0.13, 0.12), "--dependence", "quadratic"),
                 *_laws(
@@ -167,13 +164,11 @@ _UTFPR = Page(
     (
         Table(
             "As recorded",
-            "Errors are given with and without the tests at 0 V named 50Hz. Their displacement carries 50 to "
-            "100 um of noise, ten times that of the others, as a jittering clock would cause; damping and "
-            "stiffness of a law turn this noise into force. The plain Bouc-Wen law cannot fit better: its "
-            "loop turns over a displacement, this damper's over a velocity. With one fit for each voltage it "
-            "has .157 without 50Hz. At 3.21 V the eight best of 150 starts, within bounds ten times as wide, "
-            "end in the same optimum, .149 on the training records (hyperbolic tangent, held out: .054 to "
-            ".070).",
+            "The tests at 0 V named 50Hz carry 50 to 100 um of noise in the displacement, ten times that of "
+            "the others, which damping and stiffness of a law turn into force; errors are given without them "
+            "too. The plain Bouc-Wen law cannot fit better: its loop turns over a displacement, this damper's "
+            "over a velocity. With one fit for each voltage it has .157 without 50Hz; of 150 starts within "
+            "bounds ten times as wide the eight best end in the same optimum.",
             (
                 *_laws((0.24, 0.12, 0.13, 0.09), "--dependence", "quadratic"),
                 Row(
@@ -215,10 +210,9 @@ _NEES = Page(
     (
         Table(
             "Plain laws",
-            "Laws without effects. The preload k1 x0 of the modified Bouc-Wen law is not searched: an offset "
-            "of the force is the same parameter. The last row has this offset, and is quadratic in the "
-            "command as the marks are. Without it, that dependence and more starts change nothing (.353): k0 "
-            "and k1 end at zero.",
+            "The preload k1 x0 of the modified Bouc-Wen law is not searched: an offset of the force is the "
+            "same parameter. The last row has this offset, and is quadratic in the command as the marks are; "
+            "without it, that dependence and more starts change nothing (.353).",
             (
                 *_laws((0.48, 0.37, 0.37, 0.34), "--starts", "2", "--extras"),
                 Row(
@@ -231,11 +225,10 @@ _NEES = Page(
         ),
         Table(
             "With effects, and the network",
-            "An offset, the stiffness of the accumulator and a lag of the command are fitted with the law; "
-            "in one row also a delay between displacement and force. At 3 kHz the velocities contain all "
-            "noise of the measured displacement, mains lines included. The network therefore runs at 300 Hz "
-            "on velocities that are low-passed for that rate, and all models are evaluated there too, on the "
-            "same channels. Mark of the network: a quick independent one at 300 Hz.",
+            "An offset, the stiffness of the accumulator and a lag of the command are fitted with the law; in "
+            "one row also a delay between displacement and force. At 3 kHz the velocities contain all noise "
+            "of the measured displacement. The network therefore runs at 300 Hz on low-passed velocities, and "
+            "all models are evaluated there too. Its mark is a quick independent one at 300 Hz.",
             (
                 *_laws((0.31, 0.21, 0.18, 0.165), "--starts", "2", "--extras", "offset", "gas_spring", "driver_lag",
                        "--dependence", "quadratic", suffix="_effects", note=", effects"),

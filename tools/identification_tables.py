@@ -67,6 +67,19 @@ def run(name: str, row: Row, cutoff: float | None, data: Path | None) -> Model:
     return Model.read(path)
 
 
+def commands(name: str, t: Table) -> list[str]:
+    """What makes the models of a table; laws whose commands differ in nothing else share a line."""
+    laws: dict[str, list[str]] = {}
+    for row in t.rows:
+        law = row.arguments[1]
+        words = "mrdamp " + shlex.join(command(name, row, t.cutoff, "records"))
+        laws.setdefault(words.replace(law, "${law}"), []).append(law)
+    return [
+        f"for law in {' '.join(some)}; do {words}; done" if some[1:] else words.replace("${law}", some[0])
+        for words, some in laws.items()
+    ]
+
+
 def table(
     name: str, t: Table, data: Path | None, figures: dict[str, list[float | None]]
 ) -> tuple[list[str], dict[str, Model]]:
@@ -75,7 +88,7 @@ def table(
     if t.protocol == "varying":
         records = cut_varying(records, VARYING)
     lines = [f"## {t.title}", "", t.text, "", "```"]
-    lines += ["mrdamp " + shlex.join(command(name, row, t.cutoff, "records")) for row in t.rows] + ["```", ""]
+    lines += [*commands(name, t), "```", ""]
     head = ["model", "fitted records", "held-out records"]
     head += ["held out at the network's rate"] if t.sample_time else []
     head += [f"without {t.without}"] if t.without else []
@@ -213,17 +226,22 @@ def write(name: str, data: Path | None) -> None:
 
 
 def summarise(kept: Mapping[str, Mapping[str, Sequence[float | None]]]) -> None:
-    """Puts the figures of all pages into the table of the summary, between its two marks."""
-    lines = ["| set | model | fitted records | held-out records | mark |", "|---|---|---|---|---|"]
+    """Puts the held-out figures of all pages into the table of the summary, between its two marks."""
+    heads = ["set", *(law.replace("_", " ") for law in LAWS), "network", "others"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, page in SETS.items():
         for t in page.tables:
+            first: dict[str, str] = {}
+            others = []
             for row in t.rows:
-                if row.file in kept.get(name, {}):
-                    fitted, new, *_, mark = kept[name][row.file]
-                    where = f"[{name}]({name}.md), {t.title[0].lower()}{t.title[1:]}"
-                    lines.append(
-                        f"| {where} | {row.name} | {fitted:.3f} | {new:.3f} | {'' if mark is None else mark} |"
-                    )
+                _, new, *_, mark = kept[name][row.file]
+                if row.arguments[1] in first:
+                    others.append(f"{row.name} {new:.3f}")
+                else:
+                    first[row.arguments[1]] = f"{new:.3f}" + (f" ({mark})" if mark else "")
+            cells = (first.get(law, "") for law in (*LAWS, "narx"))
+            where = f"[{name}]({name}.md), {t.title[0].lower()}{t.title[1:]}"
+            lines.append(f"| {where} | {' | '.join(cells)} | {'; '.join(others)} |")
     path = PAGES / "README.md"
     before, _, rest = path.read_text(encoding="utf-8").partition(_BEGIN)
     _, _, after = rest.partition(_END)
