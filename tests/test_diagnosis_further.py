@@ -63,18 +63,25 @@ def test_a_second_cause_that_takes_little_is_not_added() -> None:
 
 
 @pytest.mark.parametrize(
-    ("second", "rival", "freed", "named"),
+    ("second", "rival", "freed", "known", "named"),
     [
-        (0.60, 0.70, 1.0, ("a", "b")),
-        (0.60, 0.63, 1.0, ("a",)),
-        (0.60, 0.70, 0.5, ("a",)),
-        (0.95, 1.0, 1.0, ("a",)),
+        (0.60, 0.70, 1.0, 0.0, ("a", "b")),
+        (0.60, 0.63, 1.0, 0.0, ("a",)),
+        (0.60, 0.70, 0.5, 0.0, ("a",)),
+        (0.95, 1.0, 1.0, 0.0, ("a",)),
+        (0.60, 1.0, 1.0, 0.0, ("a", "b")),
+        (0.60, 1.0, 1.0, 28.0, ("a",)),
     ],
 )
 def test_a_second_cause_beats_its_rivals_by_a_tenth_and_free_parameters_too(
-    second: float, rival: float, freed: float, named: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+    second: float,
+    rival: float,
+    freed: float,
+    known: float,
+    named: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Shares of the left-out squares beside the cause a, by hand."""
+    """Shares of the left-out squares beside the cause a, by hand. known: nats against b because the law lacks it."""
 
     def fit_of(*causes: str, nominal: tuple[str, ...] = ()) -> Any:
         hypothesis = SimpleNamespace(causes=causes, nominal=nominal)
@@ -91,8 +98,10 @@ def test_a_second_cause_beats_its_rivals_by_a_tenth_and_free_parameters_too(
         smallest=lambda is_free, _: free,
         direct={},
         own=0.0,
+        inexact=True,
     )
     monkeypatch.setattr(further, "of_itself", lambda _: 0.0)
+    monkeypatch.setattr(further, "of_law", lambda _, causes: known * (causes == ("b",)))
     found = further._further(search, parent)  # type: ignore[arg-type]
     assert (("a",) if found is None else found[0].hypothesis.causes) == named
 

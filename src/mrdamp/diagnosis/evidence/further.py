@@ -12,7 +12,7 @@ from dataclasses import replace
 from mrdamp.diagnosis.constants import CAUSE, EVIDENCE_GAIN, LAW, SECOND_CAUSE
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
 from mrdamp.diagnosis.evidence.judgement import scored
-from mrdamp.diagnosis.evidence.penalties import of_itself, unreferenced
+from mrdamp.diagnosis.evidence.penalties import of_itself, of_law, unreferenced
 from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.final import least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit
@@ -75,7 +75,9 @@ def _further(search: Search, parent: Fit) -> tuple[Fit, float] | None:
     for f in tried:
         left, more = min(search.ratio(r, before) for r, _ in search.versions(f)), len(f.point) - numbers
         direct = search.direct.get(f.hypothesis.causes[-1], 0.0)
-        worth.append(utility(left, 1, more, penalty=of_itself(f)) - SECOND_CAUSE + direct)
+        unsure = search.inexact and not search.own
+        penalty = of_itself(f) + (of_law(search.problem.rig, f.hypothesis.causes[-1:]) if unsure else 0.0)
+        worth.append(utility(left, 1, more, penalty=penalty) - SECOND_CAUSE + direct)
     freed = None if parent.hypothesis.nominal else search.smallest(True, parent.hypothesis.causes)
     names: list[tuple[str, ...]] = [(f.hypothesis.causes[-1],) for f in tried]
     if freed is not None:

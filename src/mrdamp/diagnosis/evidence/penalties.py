@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from mrdamp.diagnosis.constants import LAW, LOOPS, NOT_ITSELF
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.problem.rig import Rig
@@ -23,10 +25,12 @@ def of_damper(rig: Rig, found: Fit, *, unsure: bool = False) -> float:
     as tied. unsure: neither the noise, which no fit reaches, nor baseline records show that the law is the rig's.
     """
     penalty = NOT_ITSELF * (bool(found.hypothesis.nominal) and unreferenced(rig, found))
-    law = rig.model({}).law if unsure else ""
-    if {c.partition("@")[0] for c in found.hypothesis.causes} & LOOPS.get(law, frozenset()):
-        penalty += LAW
-    return penalty
+    return penalty + (of_law(rig, found.hypothesis.causes) if unsure else 0.0)
+
+
+def of_law(rig: Rig, causes: Collection[str]) -> float:
+    """Penalty of causes with the hysteresis that the law lacks, if it is not known to be the rig's."""
+    return LAW * bool({c.partition("@")[0] for c in causes} & LOOPS.get(rig.model({}).law, frozenset()))
 
 
 def gone(found: Fit) -> bool:
