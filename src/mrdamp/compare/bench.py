@@ -26,7 +26,7 @@ from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 
-_VERSION = 6  # of what a kept run holds
+_VERSION = 7  # of what a kept run holds
 #: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
 Ranges = Mapping[str, tuple[float, float]]
 

@@ -96,6 +96,7 @@ class Policy:
                 f"policy {name}: observer, transform {transform.shape} and network do not fit together"
             )
         self.name, self.period, self.observer = name, period, observer
+        self.whose = f"policy {name}"
         self.transform, self.network = transform, network
         self.command_max, self.levels, self.least = command_max, levels, least
         if teacher is not None and teacher.shape != (inputs,):
@@ -119,6 +120,13 @@ class Policy:
         self._state: State | None = None
         self._held: Array | None = None
         self._unlagged.reset()
+
+    def require(self, environment: str) -> None:
+        """InputError where it was trained in another environment, or structure of one's own, than this, by its name."""
+        options = self.about.get("options")
+        trained = str(options.get("environment", "")) if isinstance(options, Mapping) else ""
+        if trained and trained.rpartition(":")[2] != environment:
+            raise InputError(f"{self.whose}: it was trained in {trained}; allowed here: {environment}")
 
     def matched(self, command_lag: float, sensor_lag: float = 0.0) -> Policy:
         """The same object for a driver and a force sensor with other lags, s (`Model.command_lag`, `Model.sensor_lag`).
@@ -196,9 +204,11 @@ class Policy:
         path = Path(path)
         data = read_json(path)
         try:
-            return cls.from_dict(data)
+            found = cls.from_dict(data)
         except ValueError as error:  # InputError is one
             raise InputError(f"{path}: {error}") from None
+        found.whose = str(path)
+        return found
 
     def write(self, path: Path | str) -> None:
         """As JSON, in one go; a row of numbers in one line."""
