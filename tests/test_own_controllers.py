@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -129,6 +130,27 @@ def test_runs_of_code_from_outside_are_not_kept(tmp_path: Path) -> None:
             (row,) = contenders(bench, [spec], {})
             found = compare(bench, [row], bench.unseen_loads()[:1], (0.1,), keep=tmp_path / "kept.jsonl")
             assert found.values[row.name]["mean_command"].item() == pytest.approx(value)
+
+
+@pytest.mark.slow
+def test_the_pages_examples_are_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Less than the best constant command in the mean of drift and acceleration; with two dampers in acceleration."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    page = (Path(__file__).parents[1] / "docs" / "how-to" / "own_controller.md").read_text()
+    one, two = (next(b for b in re.findall(r"```py\w*\n(.*?)```", page, re.S) if f"class {n}" in b)
+                for n in ("Gentle", "Both"))  # fmt: skip
+    (tmp_path / "gentle.py").write_text(one)
+    (tmp_path / "both.py").write_text(two)
+    found = []
+    for dampers, best, mine in (((), "constant:value=1.71883", "gentle.py:Gentle"),
+                                (((0, 1), (1, 2)), "passive-on", "both.py:Both")):  # fmt: skip
+        bench = bench_of("frame", engine="chain", dampers=dampers)
+        rows = contenders(bench, [f"base={best}", f"mine={tmp_path / mine}"], {})
+        result = compare(bench, rows, bench.unseen_loads(), (0.4, 1.0, 1.6))
+        found.append({k: result.against("mine", "base", k).mean for k in ("J1", "J2", "mean_command")})
+    assert found[0]["J1"] + found[0]["J2"] < -0.02
+    assert found[1]["J2"] < -0.005
+    assert max(each["mean_command"] for each in found) < -0.2
 
 
 STRUCTURES = {"frame": "mrdamp/Frame-v0", "cable": "mrdamp/Cable-v0", "car": "mrdamp/QuarterCar-v0", ISOLATED: ISOLATED}
