@@ -207,6 +207,10 @@ class Task:
         observation = self._stack.push(values[:, self._observed], self._command)
         return Step(observation, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
 
+    def drive(self, commands: Array) -> Step:
+        """`step` with commands in A or V, (n, m), or (n,) of all dampers."""
+        return self.step(2.0 * commands.reshape(self.n, -1) / self.command_max - 1.0)
+
     def step_one(self, action: Any) -> tuple[Observation, float, bool, dict[str, float]]:
         """`step` for a single row in plain numbers, bit-identical: arrays of one row cost more than the engine.
 

@@ -125,7 +125,7 @@ class Loops:
                 own = slice(k * many, (k + 1) * many)
                 commands[:, own] = controller.command(time, dict(zip(names, measured[:, own], strict=True)))
             try:
-                step = task.step(2.0 * commands.T / task.command_max - 1.0)
+                step = task.drive(commands.T)
             except Diverged as error:
                 raise InputError(f"controller {controllers[error.row // many].name} under {error}") from None
             ended = step.over & alive

@@ -47,7 +47,8 @@ def velocities(observer: Observer, observations: NDArray[np.float32], ahead: Map
 
 
 class Policy:
-    """A `Controller` of one damper; read with `Policy.read`.
+    """A `Controller`; read with `Policy.read`. With several dampers in its observer each output is the action of one,
+    which is its command: no levels, least, teacher or added share, and command_max is that of each.
 
     name; period: of control, s; observer; transform: W (k, observer.size); network: k in, or the memory's cells, 1 or 2
     out; command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON;
@@ -76,9 +77,13 @@ class Policy:
         command_lag: float | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
-        if len(observer.command_max) != 1:
-            raise InputError(f"policy {name}: it is for several dampers; a controller gives one command")
-        if len(network.layers[-1][1]) > 2:
+        self.dampers, outputs = len(observer.command_max), len(network.layers[-1][1])
+        if self.dampers > 1 and (outputs != self.dampers or (levels, least) != (None, None) or teacher is not None):
+            raise InputError(
+                f"policy {name}: it is for {self.dampers} dampers; allowed: a command of each, without levels, least "
+                "command and teacher"
+            )
+        if outputs > max(2, self.dampers):
             raise InputError(f"policy {name}: its network has more than two outputs; allowed: one or two")
         if levels is not None and "force" not in observer.signals:
             raise InputError(f"policy {name}: its action is a force, and its observer sees no force")
@@ -146,18 +151,18 @@ class Policy:
         y = self._unlagged(y)
         seen = self.observer(y, self._command)
         found = self.commands(np.atleast_2d(seen), y.get("force", 0.0))
-        self._command = found if seen.ndim > 1 else float(found[0])
-        return self._command
+        self._command = found if seen.ndim > 1 else found[0]
+        return self._command.T  # of rows (dampers, n)
 
     def commands(self, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:
-        """(n,) A or V for observations (n, observer.size) and the forces (n,) N measured with them.
+        """(n,), of several dampers (n, m), A or V for observations (n, observer.size) and forces (n,) N with them.
 
         With a memory or an added lag the rows go on where they were at the last call; `reset` before others begin.
         """
         found = self._at_once(observations, force)
         if not self._added:
             return found
-        held = np.zeros(len(found)) if self._held is None else self._held
+        held = np.zeros_like(found) if self._held is None else self._held
         self._held = found + math.exp(-self.period / self._added) * (held - found)
         return self._held
 
@@ -169,6 +174,8 @@ class Policy:
             self._state = self.memory(inputs, before)
             inputs = self._state[0]
         out = self.network(inputs)
+        if self.dampers > 1:
+            return self.driven(out, observations)
         return self.driven(out[:, 0], observations, force, out[:, 1] if out.shape[1] > 1 else 0.0)
 
     def inputs(self, observations: NDArray[np.float32]) -> Array:
@@ -182,7 +189,8 @@ class Policy:
         force: ArrayLike = 0.0,
         added: ArrayLike = 0.0,
     ) -> Array:
-        """(n,) A or V for actions (n,) in [-1, 1], as the network gives them, with observations and forces.
+        """A or V, of the shape of actions (n,) or (n, m) in [-1, 1], as the network gives them, with observations and
+        forces.
 
         added: (n,) shares of the largest command, the network's second output.
         """
