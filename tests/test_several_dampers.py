@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -240,6 +242,8 @@ def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:
     ("arguments", "says"),
     [
         (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
+        (("car", "--compression", "2"), "--compression is for a frame"),
+        (("cable", "--spread", "5"), "--spread is for a frame"),
         (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
         (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
         (("frame", "--dampers", "0-1", "1-2", "--controllers", "skyhook-tuned"), "not tuned for this model yet"),
@@ -253,6 +257,17 @@ def test_what_a_frame_with_several_dampers_does_not_have(
     more = ("--motions", str(tmp_path / "shake.csv"), "--jobs", "1") if arguments[0] == "frame" else ()
     with pytest.raises(InputError, match=says.replace("(", r"\(")):
         run("compare", *arguments, *more)
+
+
+def test_the_pages_command_is_the_one_that_was_given() -> None:
+    parser = argparse.ArgumentParser()
+    add_to(parser.add_subparsers())
+    given = "compare frame --controllers a b=c:d=1 --motions x y --speed 12.5 --amplitudes 0.25 1 --compression 2"
+    given += " --model m.json --dampers 0-1 1-2 --told t.json --spread 2.5 9 --command-unit V --period 2 --engine chain"
+    for call in (f"{given} --bound 3 -o out", "compare cable -o out"):
+        a = parser.parse_args(call.split())
+        again = parser.parse_args(shlex.split(compare._command(a))[1:])
+        assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(a).items()}
 
 
 @pytest.mark.parametrize("algorithm", ["es", "adjoint", "ppo"])
