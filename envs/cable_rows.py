@@ -43,7 +43,7 @@ class CableRows(LinearRows):
         return self.seen(super()._read(now, fresh), fresh)
 
     def seen(self, values: Array, fresh: Sequence[int] | None) -> Array:
-        """Measurements (rows, names), in place, with the accelerations of the sensors; fresh: rows that have just started."""
+        """Measurements (rows, names), in place, with the accelerations of the sensors; fresh: as of `_read`."""
         if self.accelerometers is not None:
             p = len(self.structure.places)
             values[:, :p] = self.accelerometers.read(values[:, 2 * p : 3 * p], fresh)

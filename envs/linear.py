@@ -21,7 +21,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.lqg import first_order_hold
 from mrdamp.envs.damper_sensors import SIGNALS
-from mrdamp.envs.linear_rows import LinearChain, LinearRows
+from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
 from mrdamp.envs.loads import MotionSource
@@ -240,7 +240,7 @@ class LinearStructure(Structure, metaclass=_Kind):
 
     def uncontrolled(self, load: Any) -> Array:
         """(goals,) mean squares or peaks without the damper. Raises InputError where nothing moves."""
-        s, given, n = self.system, self.forces(load), len(self.system.stroke)
+        s, given, n = self.system, forces_of(self, load), len(self.system.stroke)
         inner = max(1, math.ceil(load.sample_time / _STEP - 1e-9))
         at = np.arange((len(given) - 1) * inner + 1) / inner
         w = np.stack([np.interp(at, np.arange(len(given)), column) for column in given.T], axis=1)

@@ -208,3 +208,14 @@ def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: st
     file = tmp_path / "broken.py"
     file.write_text(text.replace(old, new))
     refuses(lambda: own_kind(f"{file}:Isolated")(), message)
+
+
+@pytest.mark.parametrize("forces", [np.zeros(100), np.zeros((100, 2)), np.full((100, 1), np.nan), np.zeros((0, 1))])
+def test_forces_that_are_none_get_one_line(forces: Any) -> None:
+    class Pushed(Isolated):  # type: ignore[misc]
+        def forces(self, load: Any) -> Any:
+            return forces
+
+    load, message = GroundMotion("odd", 1e-3, np.ones(100)), r"odd: forces have .*; allowed: finite \(samples, 1\)"
+    refuses(lambda: Pushed().uncontrolled(load), message)
+    refuses(lambda: RowPlant(Pushed()).reset(load), message)
