@@ -65,10 +65,6 @@ class CarBench(PlantBench):
 
     car: QuarterCar = field(default_factory=QuarterCar)
     model: Model = field(default_factory=car_damper, kw_only=True)
-    command_unit: str = field(default="V", kw_only=True)
-    period: float = field(default=5e-3, kw_only=True)
-    timestep: float = field(default=5e-4, kw_only=True)
-    engine: str = field(default="mujoco", kw_only=True)
 
     reference: ClassVar[str] = "the linear suspension, a dashpot of .3 of critical"
     measures: ClassVar[tuple[Measure, ...]] = (

@@ -6,7 +6,7 @@ import hashlib
 import math
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -26,10 +26,6 @@ class GoalBench(PlantBench):
     """A structure with goals. Raises InputError."""
 
     of: LinearStructure
-    command_unit: str = field(default="V", kw_only=True)
-    period: float = field(default=5e-3, kw_only=True)
-    timestep: float = field(default=5e-4, kw_only=True)
-    engine: str = field(default="mujoco", kw_only=True)
     unseen_amplitudes: ClassVar[tuple[float, ...]] = (1.0,)
 
     @property

@@ -68,8 +68,14 @@ def run_plant(
     return PlantRun(period, np.array(said), *np.array(rows).T)
 
 
+@dataclass(frozen=True, kw_only=True)
 class PlantBench(Bench):
     """Base of benches whose runs are those of a `RowPlant`."""
+
+    command_unit: str = "V"
+    period: float = 5e-3
+    timestep: float = 5e-4
+    engine: str = "mujoco"
 
     def plant(self, period: float) -> RowPlant:
         """The structure with its damper, from its control period, s."""
