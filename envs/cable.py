@@ -71,7 +71,8 @@ class CableEnv(PlantEnv):
 
     ## Episode End
 
-    Truncated at the end of the load. Never terminated: a simulation that diverges is an error.
+    Truncated at the end of the load, behind the control period of its last sample. Never terminated: a simulation that
+    diverges is an error.
 
     ## Arguments
 

@@ -40,10 +40,10 @@ class CableRows(LinearRows):
         return [whole * np.add.reduce(square, axis=1) for square in squares]
 
     def _read(self, now: Mapping[str, Array], fresh: Sequence[int] | None) -> Array:
-        return self._limited(super()._read(now, fresh), fresh)
+        return self.seen(super()._read(now, fresh), fresh)
 
-    def _limited(self, values: Array, fresh: Sequence[int] | None) -> Array:
-        """Measurements (rows, names) with the accelerations of the sensors; fresh: rows that have just started."""
+    def seen(self, values: Array, fresh: Sequence[int] | None) -> Array:
+        """Measurements (rows, names), in place, with the accelerations of the sensors; fresh: as of `_read`."""
         if self.accelerometers is not None:
             p = len(self.structure.places)
             values[:, :p] = self.accelerometers.read(values[:, 2 * p : 3 * p], fresh)
@@ -66,18 +66,5 @@ class CableChain(Chained, CableRows):
         """As `Chained.add_noise`, but where the accelerometers have a bandwidth, which comes before their noise."""
         return self.accelerometers is None and super().add_noise(deviation)
 
-    def measure(self, rows: Sequence[int]) -> Array:
-        """As `Chained.measure`."""
-        return self._limited(super().measure(rows), rows)
-
-    def advance(self, commands: Array) -> tuple[Array, Array]:
-        """As `Chained.advance`."""
-        period, values = super().advance(commands)
-        return period, self._limited(values, None)
-
-    def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
-        """As `Chained.advance_one`."""
-        period, values = self.advance(commands)
-        return period[0].tolist(), values[0].tolist()
-
+    seen = CableRows.seen
     _beside, _put_back = CableRows._beside, CableRows._put_back

@@ -67,7 +67,8 @@ class CarEnv(PlantEnv):
 
     ## Episode End
 
-    Truncated at the end of the road. Never terminated: a simulation that diverges is an error.
+    Truncated at the end of the road, behind the control period of its last sample. Never terminated: a simulation that
+    diverges is an error.
 
     ## Arguments
 

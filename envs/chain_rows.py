@@ -17,7 +17,7 @@ from mrdamp.envs.car_rows import CarRows
 from mrdamp.envs.frame_rows import FrameRows
 from mrdamp.envs.plants import periods
 from mrdamp.simulation.roads import Road
-from mrdamp.simulation.rows import ChainRows
+from mrdamp.simulation.rows import ChainRows, require_finite
 
 Array = NDArray[np.float64]
 
@@ -54,16 +54,21 @@ class Chained:
 
     def measure(self, rows: Sequence[int]) -> Array:
         """(rows, names) sensor readings of rows that have just started."""
-        return np.asarray(self.plants.measured[list(rows)])
+        return self.seen(np.asarray(self.plants.measured[list(rows)]), rows)
+
+    def seen(self, values: Array, fresh: Sequence[int] | None) -> Array:
+        """Measurements (rows, names) as sensors that the chain does not have read them, in place; fresh: rows that have
+        just started, None: all, a period on."""
+        return values
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
         """One control period with commands (n, m) held: `PERIOD` (n, 6), and the sensor readings after it."""
-        found: tuple[Array, Array] = self.plants.advance(commands)
-        return found
+        period, values = require_finite(self.plants.advance(commands))
+        return period, self.seen(values, None)
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
         """`advance` for a single row in plain numbers."""
-        period, values = self.plants.advance(commands)
+        period, values = self.advance(commands)
         return period[0].tolist(), values[0].tolist()
 
     def _beside(self, row: int) -> Any:

@@ -71,8 +71,8 @@ class FrameEnv(PlantEnv):
 
     ## Episode End
 
-    Truncated at the end of the motion, or after `duration`. Never terminated: a simulation that diverges is an
-    error.
+    Truncated at the end of the motion, behind the control period of its last sample, or after `duration`. Never
+    terminated: a simulation that diverges is an error.
 
     ## Arguments
 

@@ -21,7 +21,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.lqg import first_order_hold
 from mrdamp.envs.damper_sensors import SIGNALS
-from mrdamp.envs.linear_rows import LinearChain, LinearRows
+from mrdamp.envs.linear_rows import LinearChain, LinearRows, forces_of
 from mrdamp.envs.linear_site import LinearSite
 from mrdamp.envs.linear_xml import LinearView, linear_xml
 from mrdamp.envs.loads import MotionSource
@@ -30,9 +30,10 @@ from mrdamp.envs.structure import Criterion, Structure, largest_force
 from mrdamp.envs.task import Task
 from mrdamp.envs.training_loads import VALIDATION_SEED
 from mrdamp.envs.weights import Part, Total, Weights, of_dampers
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_kind, require_positive
 from mrdamp.model import Model
 from mrdamp.outside import named
+from mrdamp.simulation.rows import finite
 from mrdamp.structures.mechanics import Mechanics
 
 Array = NDArray[np.float64]
@@ -49,11 +50,22 @@ class Goal:
     how: Literal["rms", "peak"] = "rms"
     weight: float = 1.0
 
+    def __post_init__(self) -> None:
+        for name, allowed in (("of", ("acceleration", "displacement")), ("how", ("rms", "peak"))):
+            if getattr(self, name) not in allowed:
+                raise InputError(f"goal: {name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
+        require_positive(f"goal of {self.place}", weight=self.weight)
+
 
 class _Kind(ABCMeta):
     """Of structures of one's own: those of a file are pickled by their `spec`, `file.py:NAME`."""
 
     spec = ""
+
+    def __call__(cls, *given: Any, **named: Any) -> Any:
+        made = super().__call__(*given, **named)
+        made.require()  # also behind a __post_init__ of its own
+        return made
 
 
 copyreg.pickle(_Kind, lambda kind: (own_kind, (kind.spec,)) if "spec" in kind.__dict__ else kind.__qualname__)
@@ -99,7 +111,10 @@ class LinearStructure(Structure, metaclass=_Kind):
         cls.engines = {"mujoco": (LinearRows, 5e-4), "chain": (LinearChain, 1e-3)}
         if "goals" not in cls.__dict__:
             return
-        unknown = [goal.place for goal in cls.goals.values() if goal.place not in cls.places]
+        require_kind("goals by name", Mapping, **{f"{cls.__name__}: goals": cls.goals or ()})
+        require_kind("a Goal", Goal, **{f"{cls.__name__}: goal {name}": goal for name, goal in cls.goals.items()})
+        rods = [cls.rod] if cls.rod else []
+        unknown = [name for name in (*(goal.place for goal in cls.goals.values()), *rods) if name not in cls.places]
         if unknown:
             raise InputError(f"{cls.__name__}: no place {unknown[0]!r}; there are {', '.join(cls.places)}")
         parts, totals = of_dampers(4 * len(cls.places))
@@ -118,6 +133,19 @@ class LinearStructure(Structure, metaclass=_Kind):
                 "__reduce__": lambda self: (_rewarded, (cls, vars(self))),
             },
         )  # fmt: skip
+
+    def require(self) -> None:
+        """Raises InputError for mechanics, places or a damper that are none."""
+        own, needed = type(self).__name__, ("name", "places", "goals")
+        missing = [name for name in needed if not hasattr(self, name)]
+        if missing:
+            raise InputError(f"{own}: no {missing[0]}; it needs {', '.join(needed)}")
+        for what, found, kind in (("mechanics", self.system, Mechanics), ("damper", self.models[0], Model)):
+            if not isinstance(found, kind):
+                raise InputError(f"{own}: {what}() gives a {type(found).__name__}; allowed: a {kind.__name__}")
+        require_positive(own, strong=self.strong)
+        for place, row in self.places.items():
+            finite(f"{own}: place {place}", [row], (1, len(self.system.stroke)))
 
     @classmethod
     def column(cls, goal: Goal) -> int:
@@ -212,7 +240,7 @@ class LinearStructure(Structure, metaclass=_Kind):
 
     def uncontrolled(self, load: Any) -> Array:
         """(goals,) mean squares or peaks without the damper. Raises InputError where nothing moves."""
-        s, given, n = self.system, self.forces(load), len(self.system.stroke)
+        s, given, n = self.system, forces_of(self, load), len(self.system.stroke)
         inner = max(1, math.ceil(load.sample_time / _STEP - 1e-9))
         at = np.arange((len(given) - 1) * inner + 1) / inner
         w = np.stack([np.interp(at, np.arange(len(given)), column) for column in given.T], axis=1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrdamp.envs.chain_rows import Chained
 from mrdamp.envs.plants import EngineRows
+from mrdamp.errors import InputError
 from mrdamp.simulation.rows import ChainRows
 from mrdamp.structures.mechanics import Mechanics
 
@@ -27,6 +28,14 @@ class ByMatrices(Protocol):
         """(samples, k) of a load every `load.sample_time`, straight between."""
 
 
+def forces_of(whole: Any, load: Any) -> Array:
+    """`ByMatrices.forces` of a load. Raises InputError for others than (samples, k) finite numbers."""
+    found, many = np.asarray(whole.forces(load), dtype=np.float64), whole.system.load.shape[1]
+    if found.ndim != 2 or found.shape[1] != many or not len(found) or not np.isfinite(found).all():
+        raise InputError(f"{load.name}: forces have the shape {found.shape}; allowed: finite (samples, {many})")
+    return found
+
+
 class LinearRows(EngineRows):
     """n structures, each under its own load."""
 
@@ -35,7 +44,7 @@ class LinearRows(EngineRows):
 
     def start(self, row: int, load: Any) -> Array:
         """Row at rest under a load; returns `ByMatrices.forces` of it."""
-        forces: Array = self.structure.forces(load)
+        forces = forces_of(self.structure, load)
         self._begin(row, forces, load.sample_time, load.duration)
         return forces
 

@@ -34,6 +34,12 @@ class LinearSite(registry.AnySite):
 
     options: ClassVar[Mapping[str, Mapping[str, float]]] = registry.regulators(_LQG, _LEVEL)
 
+    @property
+    def environment(self) -> str:  # type: ignore[override]
+        """The name in `file.py:NAME`, or of the class."""
+        kind = type(self.structure)
+        return str(kind.__dict__.get("spec", kind.__name__)).rpartition(":")[2]
+
     @cached_property
     def _scale(self) -> Mapping[str, float]:
         return self.structure.sensors(np.array([self.command_max]), False)[1]

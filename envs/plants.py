@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrdamp.control.base import sensor_name
 from mrdamp.envs.damper_sensors import SIGNALS, actuator_name
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, diverged
 from mrdamp.simulation.rows import Stepping, finite
 
 if TYPE_CHECKING:
@@ -84,11 +84,12 @@ class Plants:
     def _bind(self) -> None:
         self.batch = mujoco.batch.Batch(self.model, nsim=self.n, nthread=self._threads)
         self._now = {name: self.batch.bind(name) for name in self._fields}
+        self._time = self.batch.bind("time")
         self._control = self.batch.bind("ctrl")
 
     def __getstate__(self) -> dict[str, Any]:
         """For copies: the engine's batch cannot be copied, its state can."""
-        bound = ("batch", "_now", "_control")
+        bound = ("batch", "_now", "_time", "_control")
         held = {name: value for name, value in self.__dict__.items() if name not in bound}
         return {**held, "state": np.array(self.batch.state)}
 
@@ -136,6 +137,10 @@ class Plants:
         pushes[:, :, self.loads] = load[:, :-1]
         self.batch.rollout(inner, pushes, _CONTROL, record=self._fields, out=self._record)
         self.step += inner
+        # Where the engine warns of numbers that are none, or huge ones, it begins anew, and stops.
+        behind = np.abs(self._time.ravel() - self.step * self.timestep) > 0.5 * self.timestep
+        if behind.any():
+            raise diverged(row=int(behind.argmax()))
         self._control[:, self.loads] = load[:, -1]
         self.batch.forward()
         return self._record, self._now
@@ -296,7 +301,11 @@ class EngineRows(ABC):
 
 
 def periods(duration: float, period: float) -> int:
-    """Whole control periods (s) of a load, the one that it ends in included."""
+    """How many control periods (s) a load lasts: one for each of the instants 0, period, .. up to its last sample.
+
+    N samples every period are N commands. A load's duration is that from its first to its last sample, (N - 1) periods;
+    without a period for the last one it would not act, nor its peak be seen. It stays until that period's end.
+    """
     return math.floor(duration / period + 1e-9) + 1
 
 

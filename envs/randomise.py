@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamp.envs.loads import Range
-from mrdamp.errors import InputError, nearest, require_kind
+from mrdamp.errors import Diverged, InputError, nearest, require_kind
 from mrdamp.model import Effect, Model, core
 from mrdamp.model.damper import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, damper_effects
+from mrdamp.simulation.rows import ChainRows, Each, require_finite
 from mrdamp.structures import ShearFrame
 from mrdamp.structures.cables import StayCable
 from mrdamp.structures.cars import QuarterCar
@@ -133,7 +134,7 @@ class _Clock:
 class DrawnRows:
     """n rows, each with a structure and dampers of its own, made anew at every start; else as the rows they are of.
 
-    like: a row as it is without draws. The price: rows are stepped one after the other.
+    like: a row as it is without draws. On the chain all are stepped in one call, in MuJoCo one after the other.
     """
 
     def __init__(self, like: Any, ranges: Mapping[str, Range], n: int) -> None:
@@ -144,12 +145,35 @@ class DrawnRows:
         self.steps: NDArray[np.int64] = np.ones(n, dtype=np.int64)
         self.drawn: list[dict[str, float]] = [{} for _ in range(n)]
         self._rows = [self._made({}) for _ in range(n)]
+        self._join()
 
     def _made(self, drawn: Mapping[str, float]) -> Any:
         row = type(self._like)(self._like.structure.varied(drawn), self._like.stepping)
         if self._noise.any():
             row.add_noise(self._noise)
         return row
+
+    def _join(self, *some: int) -> None:
+        """The counters of some rows, or all, and on the chain their results, are places in those of all."""
+        if not some:
+            on_chain = isinstance(self._like.plants, ChainRows)
+            self._each = Each(self._like.plants, len(self._rows)) if on_chain else None
+        for k in some or range(len(self._rows)):
+            own = self._rows[k]
+            for holder, name, whole in ((own, "steps", self.steps), (own.plants, "step", self.plants.step)):
+                place = whole[k : k + 1]
+                place[:] = getattr(holder, name)
+                setattr(holder, name, place)
+            if self._each is not None:
+                self._each.join(k, own.plants)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies, whose arrays are no longer places in others."""
+        return {name: value for name, value in vars(self).items() if name != "_each"}
+
+    def __setstate__(self, held: dict[str, Any]) -> None:
+        self.__dict__.update(held)
+        self._join()
 
     def of(self, row: int) -> Any:
         """The row alone, number 0 of one."""
@@ -160,6 +184,7 @@ class DrawnRows:
         require_kind("numbers by name", Mapping, drawn=given)
         self.drawn[row] = self.randomise.draw(rng, given or {})
         self._rows[row] = self._made(self.drawn[row])
+        self._join(row)
         return self.drawn[row]
 
     def add_noise(self, deviation: Array) -> bool:
@@ -173,9 +198,7 @@ class DrawnRows:
 
     def start(self, row: int, load: Any) -> Array:
         """As the rows."""
-        found = self._rows[row].start(0, load)
-        self._timed(row)
-        return np.asarray(found)
+        return np.asarray(self._rows[row].start(0, load))
 
     def measure(self, rows: Sequence[int]) -> Array:
         """As the rows."""
@@ -183,13 +206,23 @@ class DrawnRows:
 
     def advance(self, commands: Array) -> tuple[Array, Array]:
         """As the rows."""
-        found = [row.advance_one(commands[k : k + 1]) for k, row in enumerate(self._rows)]
-        self.plants.step += self.plants.inner
+        if self._each is not None:
+            self.plants.step += self.plants.inner
+            period, values = require_finite(self._each.advance(commands))
+            for k, row in enumerate(self._rows):
+                row.seen(values[k : k + 1], None)
+            return period, values
+        found = []
+        for k, row in enumerate(self._rows):
+            try:
+                found.append(row.advance_one(commands[k : k + 1]))
+            except Diverged as error:
+                error.row = k
+                raise
         return np.array([period for period, _ in found]), np.array([values for _, values in found])
 
     def advance_one(self, commands: Array) -> tuple[list[float], list[float]]:
         """As the rows."""
-        self.plants.step += self.plants.inner
         found: tuple[list[float], list[float]] = self._rows[0].advance_one(commands)
         return found
 
@@ -205,9 +238,5 @@ class DrawnRows:
         """Restores it exactly."""
         self.drawn[row], moment = state
         self._rows[row] = self._made(self.drawn[row])
+        self._join(row)
         self._rows[row].restore(0, moment)
-        self._timed(row)
-
-    def _timed(self, row: int) -> None:
-        own = self._rows[row]
-        self.steps[row], self.plants.step[row] = own.steps[0], own.plants.step[0]

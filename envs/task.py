@@ -22,7 +22,7 @@ from mrdamp.envs.options import TaskOptions
 from mrdamp.envs.sensors import Noise
 from mrdamp.envs.structure import Structure
 from mrdamp.envs.weights import Score
-from mrdamp.errors import InputError, nearest, require_kind, require_positive
+from mrdamp.errors import Diverged, InputError, diverged, nearest, require_kind, require_positive
 from mrdamp.simulation.rows import finite
 
 Array = NDArray[np.float64]
@@ -123,6 +123,7 @@ class Task:
         self._stack = Stack(observer, self.n)
         self._command: Array = np.zeros((self.n, len(command_max)))
         self._rngs: list[np.random.Generator | None] = [None] * self.n
+        self._under = [""] * self.n  # load and amplitude, for messages
         self._references = References[Any]()
         self.observation_space = Box(-observer.limit, observer.limit, (observer.size,), np.float32)
         self.action_space = Box(-1.0, 1.0, (len(command_max),), np.float32)
@@ -148,6 +149,7 @@ class Task:
         whole, rows = self.structure, self.rows
         amplitude = check_options(options, whole.option, *whole.more)
         load = whole.load(rng, self.loads, options).scaled(amplitude)
+        self._under[row] = f"{load.name} at amplitude {amplitude:g}"
         drawn = rows.draw(row, rng, fixed)
         if self._own_noise:
             rows.seed(row, rng)
@@ -189,10 +191,14 @@ class Task:
     def step(self, actions: Any, quiet: Sequence[int] = ()) -> Step:
         """One control period of all rows. quiet: rows that draw no noise, as they are about to be reset."""
         self._command = self.commands(actions)
-        period, values = self.rows.advance(self._command)
-        self.happened = period
-        reward, info = self.score.of(period)
-        self.check(np.add.reduce(reward))
+        try:
+            period, values = self.rows.advance(self._command)
+            self.happened = period
+            reward, info = self.score.of(period)
+            if not math.isfinite(np.add.reduce(reward)):
+                raise diverged(row=int(np.argmin(np.isfinite(reward))))
+        except Diverged as error:
+            raise diverged(self._under[error.row], error.row) from None
         if self.noise.where:
             for row, rng in enumerate(self._rngs):
                 if rng is not None and row not in quiet:
@@ -201,10 +207,9 @@ class Task:
         observation = self._stack.push(values[:, self._observed], self._command)
         return Step(observation, reward, self.rows.plants.step >= self.rows.steps * self.rows.plants.inner, info)
 
-    def check(self, reward: float) -> None:
-        """Raises InputError if a reward is NaN: the simulation has diverged."""
-        if not math.isfinite(reward):
-            raise InputError("the simulation diverged; check the structure, the damper and the load's unit")
+    def drive(self, commands: Array) -> Step:
+        """`step` with commands in A or V, (n, m), or (n,) of all dampers."""
+        return self.step(2.0 * commands.reshape(self.n, -1) / self.command_max - 1.0)
 
     def step_one(self, action: Any) -> tuple[Observation, float, bool, dict[str, float]]:
         """`step` for a single row in plain numbers, bit-identical: arrays of one row cost more than the engine.
@@ -222,9 +227,13 @@ class Task:
         ]
         self._command = np.array([commands])
         rows = self.rows
-        period, values = rows.advance_one(self._command)
-        reward, info = self.score.of_one(period)
-        self.check(reward)
+        try:
+            period, values = rows.advance_one(self._command)
+            reward, info = self.score.of_one(period)
+            if not math.isfinite(reward):
+                raise diverged()
+        except Diverged:
+            raise diverged(self._under[0]) from None
         self._measured = measured = np.array([values])
         if self.noise.where and self._rngs[0] is not None:
             self.noise.add(measured, 0, self._rngs[0])

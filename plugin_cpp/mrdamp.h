@@ -232,6 +232,10 @@ MRDAMP_API void mrdamp_rows_start(const mrdamp_rows* rows, double seed, const mr
  * take. Results do not depend on the numbers of threads and lanes. One call at a time. */
 MRDAMP_API void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load* loads, const double* commands,
                                  double* criteria, double* measurements, int threads, int lanes);
+/* The same of n rows that are each the only one of a structure of its own, all with as many dampers, criteria and measurements;
+ * no structure twice. */
+MRDAMP_API void mrdamp_rows_step_each(mrdamp_rows* const* rows, int n, double* const* states, const mrdamp_load* const* loads,
+                                      const double* commands, double* criteria, double* measurements, int threads);
 
 /* ---- one damper, sample by sample: for real-time code -------------------------------- */
 typedef struct mrdamp_damper mrdamp_damper;

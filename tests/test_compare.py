@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from command_call import caller
+from env_arguments import OWN
 from mrdamp.commands.compare import add_to
 from mrdamp.compare import Contender, FrameBench, compare, contenders, tuning
 from mrdamp.compare import dyke1996 as preset
@@ -175,15 +176,15 @@ def test_policies_are_seeds_and_what_they_command_is_held(tmp_path: Path) -> Non
     for seed, action in ((1, 0.0), (2, 1.0)):
         (tmp_path / f"seed_{seed}").mkdir()
         steady_policy(action, tmp_path / f"seed_{seed}" / "policy.json")
-    names = [f"learned=policy:{tmp_path}", "constant:value=1.125", "passive-on"]
+    names = [f"mine=policy:{tmp_path}", "constant:value=1.125", "passive-on"]
     rows = contenders(BENCH, names, {})
     assert [row.learned for row in rows] == [True, False, False]
     assert [Path(spec).parent.name for spec in rows[0].specs] == ["seed_1", "seed_2"]
     result = compare(BENCH, rows, MOTIONS[:1], (1.0,))
     for key in ("J1", "J2", "mean_command", "coil_energy", "dissipated_energy"):
         one, two = (result.values[row.name][key][0, 0, 0] for row in rows[1:])
-        np.testing.assert_allclose(result.values["learned"][key].ravel(), [one, two], rtol=1e-12)
-    s = result.against("learned", "passive-on", "mean_command")
+        np.testing.assert_allclose(result.values["mine"][key].ravel(), [one, two], rtol=1e-12)
+    s = result.against("mine", "passive-on", "mean_command")
     assert [s.mean, s.low, s.high] == pytest.approx([-0.5625, -1.125, 0.0])
     told = {(r["less"], r["measure"]): r for r in csv.DictReader(differences_csv(result).splitlines())}
     assert {less for less, _ in told} == {"constant:value=1.125", "passive-on"}
@@ -211,6 +212,9 @@ def test_names_of_contenders() -> None:
         contenders(BENCH, ["nothing"], settings)
     with pytest.raises(InputError, match="no such policy file"):
         contenders(BENCH, ["policy:missing.json"], settings)
+    for name in ("passive-on", "best-constant", "clairvoyant", "learned"):
+        with pytest.raises(InputError, match=f"{name} is the name of another controller"):
+            contenders(BENCH, [f"{name}=constant:value=0.2"], settings, {"learned": [Path("a.json")]})
 
 
 @pytest.mark.parametrize(("name", "seeds"), [("learned", 5), ("ppo", 5), ("adjoint", 5)])
@@ -310,7 +314,7 @@ def test_the_command_writes_tables_that_agree(
     ("arguments", "says"),
     [
         (("bridge",), "environment 'bridge' is unknown"),
-        (("frame", "--amplitudes", "-1", "--controllers", "passive-on"), "amplitude -1.0; allowed: > 0"),
+        (("frame", "--amplitudes", "-1", "--controllers", "passive-on"), "amplitude is -1.0; allowed: a finite"),
         (("frame", "--period", "-1", "--controllers", "passive-on"), "period is -0.001"),
         (("frame", "--period", "0", "--controllers", "passive-on"), "period is 0.0; allowed: 1e-05 to 10 s"),
         (("frame", "--period", "1e-9", "--controllers", "passive-on"), "allowed: 1e-05 to 10 s"),
@@ -328,6 +332,15 @@ def test_bad_calls_get_one_line(arguments: tuple[str, ...], says: str) -> None:
     with pytest.raises(InputError) as error:
         run("compare", *arguments)
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("structure", ["frame", "cable", "car", OWN])
+def test_what_the_engine_warns_of_is_not_scored(
+    structure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # the engine writes its log here
+    with pytest.raises(InputError, match=r"controller .* under .* at amplitude 1e\+13: .*the simulation diverged"):
+        run("compare", structure, "--amplitudes", "1e13", "--controllers", "passive-on", "--jobs", "1")
 
 
 @pytest.mark.parametrize(("speed", "lasts"), [("1e9", "4e-09"), ("1e-9", "4e+09")])

@@ -244,6 +244,27 @@ def test_an_amplitude_is_blamed_by_its_name(make: Make, value: Any) -> None:
     refuses(lambda: make().reset(options={"amplitude": value}), "reset: amplitude is")
 
 
+@every
+def test_what_the_engine_warns_of_is_not_scored(
+    single: Make, rows: Make, given: Mapping[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MuJoCo begins anew, at rest, where numbers are huge: the episode would end as if nothing had been."""
+    monkeypatch.chdir(tmp_path)  # the engine writes its log here
+    for env in (single(**given), rows(2, **given)):
+        many = getattr(env, "num_envs", 1)
+        action = np.zeros((many, *env.unwrapped.task.action_space.shape), np.float32)
+
+        def run(env: Any = env, action: Any = action, many: int = many) -> None:
+            over = False
+            while not over:
+                over = bool(np.any(env.step(action if many > 1 else action[0])[3]))
+
+        env.reset(seed=1, options={"amplitude": 1e13})
+        refuses(run, r"at amplitude 1e\+13: the simulation diverged")
+        env.reset(seed=1)
+        run()
+
+
 def test_one_rule_for_the_time_scale_of_a_record(tmp_path: Path) -> None:
     """A file of 20 s lasts 4 s on the frame, whoever plays it, unless another compression is asked for."""
     from mrdamp.compare.dyke1996 import frame_model

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,11 +18,17 @@ import pytest
 from scipy.signal import lfilter
 
 from command_call import caller
+from env_arguments import OWN as ISOLATED
 from mrdamp.commands.compare import add_to
+from mrdamp.compare.benches import bench_of
+from mrdamp.compare.comparison import compare
 from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
 from mrdamp.control import registry
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
+from mrdamp.control.policy import Policy
 from mrdamp.control.told import told
 from mrdamp.envs import FrameEnv
 from mrdamp.model import Effect
@@ -107,29 +114,67 @@ def test_modules_of_two_folders_are_not_mixed_up(tmp_path: Path, monkeypatch: py
     contenders(BENCH, names[:1], {})
 
 
-@pytest.mark.parametrize("changed", ["kept_one.py", "kept_two.py", "kept_three/deep.py", "other.py"])
-def test_a_kept_run_belongs_to_what_a_file_imports(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
-) -> None:
-    """From its folder, also what that imports; nothing else."""
+def test_runs_of_code_from_outside_are_not_kept(tmp_path: Path) -> None:
+    """A controller and a structure that read a number from a file beside them: a later comparison has the new one."""
+    number = tmp_path / "number.txt"
+    reads = f"float(__import__('pathlib').Path({str(number)!r}).read_text())"
+    file = write(tmp_path, reads)
+    largest = f"parameters=default_damper().parameters | {{'command_max': {reads}}}"
+    damper = f"__import__('dataclasses').replace(default_damper(), {largest})"
+    text = Path(ISOLATED.rpartition(":")[0]).read_text().replace("return default_damper()", f"return {damper}")
+    (tmp_path / "isolated.py").write_text(text)
+    for what, spec in (("frame", f"mine={file}:Broken"), (f"{tmp_path / 'isolated.py'}:Isolated", "passive-on")):
+        for value in (0.5, 1.5):
+            number.write_text(str(value))
+            bench = bench_of(what, engine="chain")
+            (row,) = contenders(bench, [spec], {})
+            found = compare(bench, [row], bench.unseen_loads()[:1], (0.1,), keep=tmp_path / "kept.jsonl")
+            assert found.values[row.name]["mean_command"].item() == pytest.approx(value)
+
+
+@pytest.mark.slow
+def test_the_pages_examples_are_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Less than the best constant command in the mean of drift and acceleration; with two dampers in acceleration."""
     monkeypatch.setattr(sys, "path", sys.path.copy())
-    for name in [name for name in sys.modules if name.startswith("kept_")]:  # of another folder
-        del sys.modules[name]
-    file = write(tmp_path, "0")
-    file.write_text("import kept_one, math\n" + file.read_text())
-    (tmp_path / "kept_three").mkdir()
-    others = {
-        "kept_one.py": "from kept_two import X",
-        "kept_two.py": "import kept_three.deep\nX = 1",
-        "other.py": "",
-    }
-    for name, text in {**others, "kept_three/__init__.py": "", "kept_three/deep.py": "Y = 1"}.items():
-        (tmp_path / name).write_text(text + "\n")
-    spec = f"own:{file}:Broken"
-    before = BENCH.key(spec, LOAD, 1.0)
-    assert BENCH.key(spec, LOAD, 1.0) == before
-    (tmp_path / changed).write_text((tmp_path / changed).read_text() + "Z = 2\n")
-    assert (BENCH.key(spec, LOAD, 1.0) == before) == (changed == "other.py")
+    page = (Path(__file__).parents[1] / "docs" / "how-to" / "own_controller.md").read_text()
+    one, two = (next(b for b in re.findall(r"```py\w*\n(.*?)```", page, re.S) if f"class {n}" in b)
+                for n in ("Gentle", "Both"))  # fmt: skip
+    (tmp_path / "gentle.py").write_text(one)
+    (tmp_path / "both.py").write_text(two)
+    found = []
+    for dampers, best, mine in (((), "constant:value=1.71883", "gentle.py:Gentle"),
+                                (((0, 1), (1, 2)), "passive-on", "both.py:Both")):  # fmt: skip
+        bench = bench_of("frame", engine="chain", dampers=dampers)
+        rows = contenders(bench, [f"base={best}", f"mine={tmp_path / mine}"], {})
+        result = compare(bench, rows, bench.unseen_loads(), (0.4, 1.0, 1.6))
+        found.append({k: result.against("mine", "base", k).mean for k in ("J1", "J2", "mean_command")})
+    assert found[0]["J1"] + found[0]["J2"] < -0.02
+    assert found[1]["J2"] < -0.005
+    assert max(each["mean_command"] for each in found) < -0.2
+
+
+STRUCTURES = {"frame": "mrdamp/Frame-v0", "cable": "mrdamp/Cable-v0", "car": "mrdamp/QuarterCar-v0", ISOLATED: ISOLATED}
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_a_policy_of_another_structure_is_refused(tmp_path: Path, structure: str) -> None:
+    """By what its file says that it was trained in, though its signals are everywhere: in a comparison and one's own
+    loop."""
+    bench, file = bench_of(structure), tmp_path / "policy.json"
+    for trained in ("", *STRUCTURES.values(), "elsewhere/another_file.py:Isolated", "file.py:Other"):
+        network = Network(((np.zeros((1, 3)), np.zeros(1)),))
+        about = {"options": {"environment": trained}} if trained else {}
+        seen = Observer(("stroke", "force"), (1.0, 1.0))
+        Policy("steady", 5e-3, seen, np.eye(3), network, 1.0, about=about).write(file)
+        fits = not trained or trained.rpartition(":")[2] == STRUCTURES[structure].rpartition(":")[2]
+        for load in (
+            partial(contenders, bench, [f"mine=policy:{file}"], {}),
+            partial(told, lambda site: Policy.read(file), bench.site),
+        ):
+            if fits:
+                load()
+            else:
+                refuses(load, f"policy.json: it was trained in {trained}; allowed here: ")
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "chain"])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import mujoco
@@ -74,6 +75,31 @@ def test_a_sine_passes_as_the_transfer_function_says(engine: str) -> None:
             assert abs(sine + 1j * cosine - complex_size) < 0.01 * abs(complex_size)
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "chain"])
+@pytest.mark.parametrize(("period", "instants"), [(5e-3, 5), (8e-3, 3), (20e-3, 2), (30e-3, 1)])
+def test_an_episode_has_a_period_for_every_instant_up_to_the_last_sample(
+    engine: str, period: float, instants: int
+) -> None:
+    """Five samples every 5 ms, commands at 0, period, .. 20 ms at most. Of a mass that nearly nothing holds the last
+    sample, 1 m/s2, makes 2.5 mm/s on its way up until 20 ms, and 1 mm/s in every ms after it until the end."""
+
+    @dataclass(frozen=True)
+    class Loose(Isolated):  # type: ignore[misc]
+        places: ClassVar[Any] = {"base": (1.0,), "top": (1.0,)}
+
+        def mechanics(self) -> Mechanics:
+            return Mechanics([[1.0]], [[0.0]], [[1e-3]], [1.0], [[-1.0]], absolute=True)  # type: ignore[arg-type]
+
+    nothing = Model("bingham", {**DAMPER.parameters, "c0a": 1e-6})
+    plant, seen = RowPlant(Loose(nothing), engine=engine, period=period, timestep=1e-4), []
+    plant.reset(GroundMotion("late", 5e-3, np.array([0.0, 0.0, 0.0, 0.0, 1.0])))
+    while not plant.finished:
+        seen.append(plant.step(0.0)["velocity_base"])
+    assert len(seen) == instants
+    assert plant.time == pytest.approx(period * instants)
+    assert seen[-1] == pytest.approx(-(2.5e-3 + (period * instants - 20e-3)), rel=0.03)
+
+
 def test_a_single_mass_swings_to_twice_its_static_drift() -> None:
     """Without a damper under a ground acceleration a that sets in: displacement 2 m a / k, acceleration 2 a, RMS by
     a^2 (1 - cos w t)^2, 3/2 a^2 over whole periods."""
@@ -132,5 +158,64 @@ def test_what_is_no_structure_gets_one_line(tmp_path: Path) -> None:
     file.write_text("class Other:\n    pass\n")
     refuses(lambda: own_kind(f"{file}:Other"), "no subclass of mrdamp.envs.LinearStructure")
     refuses(lambda: own_kind(f"{file}:None_"), "there is no None_")
-    refuses(lambda: Mechanics(np.eye(2), np.eye(2), np.eye(3), np.ones(2), np.ones(2)), "stiffness has another shape")
-    refuses(lambda: Mechanics(-np.eye(2), np.eye(2), np.eye(2), np.ones(2), np.ones(2)), "positive definite")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("mass", -np.eye(2), "mass is not positive definite: its eigenvalues are from -1 to -1"),
+        ("mass", np.ones((2, 2)), "mass is not positive definite: its eigenvalues are from .* to 2"),
+        ("stiffness", np.array([[1.0, -1.0], [-1.0, 1.0]]), "stiffness is not positive definite"),
+        ("stiffness", np.eye(3), r"stiffness has the shape \(3, 3\); allowed with 2 coordinates .* \(2, 2\)"),
+        ("stiffness", np.ones(4), r"stiffness has the shape \(4,\)"),
+        ("damping", np.array([[1.0, 2.0], [0.0, 1.0]]), "damping is not symmetric"),
+        ("damping", np.full((2, 2), np.nan), "damping holds NaN"),
+        ("damping", [[1.0], [1.0, 2.0]], "damping is no array of numbers"),
+        ("stroke", np.ones((2, 2)), "mass has the shape"),
+        ("stroke", [], "mass has the shape"),
+        ("load", np.ones((3, 1)), r"load has the shape \(3, 1\); allowed .* \(2, loads\)"),
+    ],
+)
+def test_matrices_that_are_none_get_one_line(name: str, value: Any, message: str) -> None:
+    sound: dict[str, Any] = dict.fromkeys(("mass", "damping", "stiffness"), np.eye(2))
+    sound |= {"stroke": np.ones(2), "load": np.ones(2)}
+    assert Mechanics(**sound).load.shape == (2, 1)
+    refuses(lambda: Mechanics(**{**sound, name: value}), f"mechanics: {message}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"rms", 0.5', '"mean", 0.5', "goal: how is 'mean'; allowed: rms, peak"),
+        ('"displacement", "peak"', '"drift", "peak"', "goal: of is 'drift'; allowed: acceleration, displacement"),
+        ('"peak", 0.5', '"peak", 0.0', "goal of base: weight is 0.0; allowed"),
+        ('Goal("top"', 'Goal("roof"', "Isolated: no place 'roof'; there are base, top"),
+        ('2.0, "base"', '2.0, "cellar"', "Isolated: no place 'cellar'"),
+        ("2.0, ", "0.0, ", "Isolated: strong is 0.0"),
+        ("(0, 0, 0, 1)", "(0, 0, 1)", r"Isolated: place top has shape \(1, 3\); allowed: \(4,\)"),
+        ("(0, 0, 0, 1)", '(0, 0, 0, float("nan"))', "Isolated: place top holds NaN"),
+        ("(0, 0, 0, 1)", '"last"', "Isolated: place top is"),
+        ("def mechanics", "mechanics = list\n    def other", r"mechanics\(\) gives a list; allowed: a Mechanics"),
+        ("return default_damper()", "return 3", r"Isolated: damper\(\) gives a int"),
+        ('name = "isolated"', "pass", "Isolated: no name; it needs name, places, goals"),
+        ("9e4, 9e5", "0.0, 9e5", "mechanics: stiffness is not positive definite"),
+    ],
+)
+def test_structures_that_are_none_get_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """When it is made, in every command: nothing is tuned or run before."""
+    text = Path(OWN.rpartition(":")[0]).read_text()
+    assert old in text
+    file = tmp_path / "broken.py"
+    file.write_text(text.replace(old, new))
+    refuses(lambda: own_kind(f"{file}:Isolated")(), message)
+
+
+@pytest.mark.parametrize("forces", [np.zeros(100), np.zeros((100, 2)), np.full((100, 1), np.nan), np.zeros((0, 1))])
+def test_forces_that_are_none_get_one_line(forces: Any) -> None:
+    class Pushed(Isolated):  # type: ignore[misc]
+        def forces(self, load: Any) -> Any:
+            return forces
+
+    load, message = GroundMotion("odd", 1e-3, np.ones(100)), r"odd: forces have .*; allowed: finite \(samples, 1\)"
+    refuses(lambda: Pushed().uncontrolled(load), message)
+    refuses(lambda: RowPlant(Pushed()).reset(load), message)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +19,12 @@ from mrdamp.compare.bench import UNCONTROLLED
 from mrdamp.compare.contenders import contenders
 from mrdamp.compare.dyke1996 import frame_model
 from mrdamp.compare.frame import FrameBench
+from mrdamp.control.least_command import LeastCommand
 from mrdamp.control.lqg import regulator_gain
+from mrdamp.control.networks import Network
+from mrdamp.control.observe import Observer
 from mrdamp.control.plant import outputs, plant
+from mrdamp.control.policy import Policy
 from mrdamp.envs import FrameEnv
 from mrdamp.envs import training_loads as loads
 from mrdamp.envs.frame_task import FrameTask
@@ -27,9 +33,11 @@ from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.motions import kanai_tajimi
 from mrdamp.structures import ShearFrame
+from refusals import refuses
 
 MASS, STIFFNESS, DAMPING = [120.0, 110.0, 100.0, 80.0], [7e5, 6e5, 5e5, 4e5], [150.0, 90.0, 60.0, 40.0]
 PLACES = ((0, 1), (1, 2))
+PLAIN = Path(__file__).parents[1] / "examples" / "plain_ppo.yml"
 LOAD = kanai_tajimi(7, duration=5.0)
 OWN = '''
 class Two:
@@ -155,8 +163,23 @@ def test_a_model_of_stable_baselines3_commands_both(file: Path, tmp_path: Path) 
     np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-6)
 
 
+def test_a_policys_outputs_are_the_dampers_commands(file: Path, tmp_path: Path) -> None:
+    """Actions 0 and -1/2 are a half and a quarter of 2.25 V, in a run and in rows of many."""
+    seen = Observer(("stroke", "force_2"), (1.0, 1.0), command_max=(2.25, 2.25))
+    network = Network(((np.zeros((2, 4)), np.array([0.0, -0.5])),))
+    Policy("both", 5e-3, seen, np.eye(4), network, 2.25).write(tmp_path / "policy.json")
+    made = bench(file)
+    ((spec,),) = (row.specs for row in contenders(made, [f"mine=policy:{tmp_path / 'policy.json'}"], {}))
+    found = made.history(spec, LOAD, 1.0).command
+    np.testing.assert_allclose(found, np.tile([1.125, 0.5625], (len(found), 1)), rtol=1e-12)
+    rows = made.controller(spec).command(0.0, dict.fromkeys(made.measured, np.zeros(3)))  # type: ignore[arg-type]
+    np.testing.assert_allclose(rows, [[1.125] * 3, [0.5625] * 3], rtol=1e-12)
+    least = LeastCommand(1.0, 2.0, 1.0, 1.0)
+    refuses(lambda: Policy("b", 5e-3, seen, np.eye(4), network, 2.25, least=least), "for 2 dampers; allowed")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ["es", "ppo", "two dampers"])
+@pytest.mark.parametrize("algorithm", ["es", "ppo", "both", "two dampers"])
 def test_what_is_trained_on_a_users_frame_is_compared_on_it(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, algorithm: str
 ) -> None:
@@ -176,14 +199,22 @@ def test_what_is_trained_on_a_users_frame_is_compared_on_it(
         call += ["--dampers", "0-1", "1-2"]
         found = f"mine={tmp_path / 'model.zip'}"
     else:
-        own = {"es": "loads=2 population=4", "ppo": "n_envs=4 pool=4 n_steps=32 batch_size=64 freeze=0"}[algorithm]
-        options = f"mrdamp/Frame-v0 --algo {algorithm} --timesteps 600 --evaluations 1 --set {own}".split()
+        few_rows = "n_envs=4 n_steps=32 batch_size=64"
+        own = {
+            "es": "loads=2 population=4", "ppo": f"{few_rows} pool=4 freeze=0",
+            "both": f"{few_rows} env_kwargs.reward=null env_kwargs.damper_between=[[0,1],[1,2]]",
+        }[algorithm]  # fmt: skip
+        options = f"mrdamp/Frame-v0 --timesteps 600 --evaluations 1 --set {own} --algo".split()
+        options += ["ppo", "--hyperparameters", str(PLAIN)] if algorithm == "both" else [algorithm]
+        if algorithm == "both":
+            arguments["damper_between"] = PLACES
+            call += ["--dampers", "0-1", "1-2"]
         assert run("train", *options, "--model", file, "-o", tmp_path / "out") == 0
         capsys.readouterr()
         found = f"mine=policy:{tmp_path / 'out'}"
     assert run(*call, "--json", "--controllers", "passive-on", found) == 0
     measures = json.loads(capsys.readouterr().out)["controllers"]["mine"]["measures"]
-    made = bench(file, "mujoco") if algorithm == "two dampers" else FrameBench(Model.read(file))
+    made = bench(file, "mujoco") if "damper_between" in arguments else FrameBench(Model.read(file))
     ((spec,),) = (row.specs for row in contenders(made, [found], {}))
     controller = made.controller(spec)
     env = FrameEnv(period=controller.period, signals=["force"], **arguments)
@@ -211,6 +242,8 @@ def test_the_frame_alone_is_that_of_its_modes(file: Path) -> None:
     ("arguments", "says"),
     [
         (("cable", "--dampers", "0-1"), "--dampers is for a frame"),
+        (("car", "--compression", "2"), "--compression is for a frame"),
+        (("cable", "--spread", "5"), "--spread is for a frame"),
         (("frame", "--dampers", "0-9", "--controllers", "passive-on"), "damper_between is"),
         (("frame", "--dampers", "0-1", "1-2", "--bound", "--controllers", "passive-on"), "--bound is for one damper"),
         (("frame", "--dampers", "0-1", "1-2", "--controllers", "skyhook-tuned"), "not tuned for this model yet"),
@@ -224,3 +257,20 @@ def test_what_a_frame_with_several_dampers_does_not_have(
     more = ("--motions", str(tmp_path / "shake.csv"), "--jobs", "1") if arguments[0] == "frame" else ()
     with pytest.raises(InputError, match=says.replace("(", r"\(")):
         run("compare", *arguments, *more)
+
+
+def test_the_pages_command_is_the_one_that_was_given() -> None:
+    parser = argparse.ArgumentParser()
+    add_to(parser.add_subparsers())
+    given = "compare frame --controllers a b=c:d=1 --motions x y --speed 12.5 --amplitudes 0.25 1 --compression 2"
+    given += " --model m.json --dampers 0-1 1-2 --told t.json --spread 2.5 9 --command-unit V --period 2 --engine chain"
+    for call in (f"{given} --bound 3 -o out", "compare cable -o out"):
+        a = parser.parse_args(call.split())
+        again = parser.parse_args(shlex.split(compare._command(a))[1:])
+        assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(a).items()}
+
+
+@pytest.mark.parametrize("algorithm", ["es", "adjoint", "ppo"])
+def test_trainings_that_are_for_one_damper_say_so(algorithm: str, tmp_path: Path) -> None:
+    call = ["train", "mrdamp/Frame-v0", "--algo", algorithm, "--set", "env_kwargs.damper_between=[[0,1],[1,2]]"]
+    refuses(lambda: run(*call, "-o", tmp_path / "out"), "training 2 dampers: allowed: algorithms of stable-baselines3")

@@ -20,7 +20,7 @@ Act = Callable[[NDArray[np.float32]], Array]
 def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[dict[str, Array], int]:
     """The world's measures (n,) of the n rows of a task, row k under loads[k], and the control periods of all rows.
 
-    act: commands (n,), A or V, from observations (n, size).
+    act: commands (n,), or (n, dampers), A or V, from observations (n, size).
     """
     rngs = [np.random.default_rng(k) for k in range(task.n)]
     observation = np.concatenate([task.reset([k], rngs, {world.option: load})[0] for k, load in enumerate(loads)])
@@ -28,7 +28,7 @@ def episodes(task: Task, world: World, loads: Sequence[Any], act: Act) -> tuple[
     columns = [task.score.NAMES.index(name) for name in world.measures]
     found = np.zeros((task.n, len(columns)))
     while alive.any():
-        step = task.step(2.0 * act(observation)[:, None] / float(task.command_max[0]) - 1.0)
+        step = task.drive(act(observation))
         ended = step.over & alive
         found[ended] = step.info[ended][:, columns]
         periods += int(alive.sum())

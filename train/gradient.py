@@ -85,7 +85,8 @@ class GradientRun(Run):
 
     def network(self) -> Network:
         if self.model is None:  # the base that a learner begins at
-            return Network(((np.zeros((1, len(self.matrix))), np.zeros(1)),), "identity")
+            dampers = len(self.task.command_max)
+            return Network(((np.zeros((dampers, len(self.matrix))), np.zeros(dampers)),), "identity")
         return network(self.model.policy)
 
     def memory(self) -> Memory | None:
@@ -194,8 +195,9 @@ class GradientRun(Run):
     def _noise(self) -> OrnsteinUhlenbeckActionNoise:
         """Of standard deviation `explore`; white noise of 2 ms hardly passes the driver's lag."""
         theta = 1.0 / self.chosen.correlated
-        sigma = self.chosen.explore * np.sqrt(2.0 * theta) * np.ones(1)
-        return OrnsteinUhlenbeckActionNoise(np.zeros(1), sigma, theta=theta, dt=1.0)
+        each = np.ones(len(self.task.command_max))
+        sigma = self.chosen.explore * np.sqrt(2.0 * theta) * each
+        return OrnsteinUhlenbeckActionNoise(0.0 * each, sigma, theta=theta, dt=1.0)
 
 
 def _layers(venv: Any) -> list[Any]:

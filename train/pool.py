@@ -69,8 +69,7 @@ def _runs(world: World, task: Task, loads: Sequence[Any], policy: Policy) -> lis
     ratios = np.zeros((many, len(columns)))
     measured[0] = task.measured[:many]
     for t in range(longest):
-        command = policy.commands(observation, forces(task, observation))
-        step = task.step(2.0 * command[:, None] / float(task.command_max[0]) - 1.0)
+        step = task.drive(policy.commands(observation, forces(task, observation)))
         criteria[t] = world.sizes_of(task.happened)[:many]
         measured[t + 1] = task.measured[:many]
         last = steps == t + 1

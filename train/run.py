@@ -59,14 +59,13 @@ class Run(ABC):
     def __init__(self, options: Options, chosen: Settings, out: Path, n: int) -> None:
         self.options, self.chosen, self.out = options, chosen, out
         self.world: World = world(options.environment, chosen.env_kwargs, options.model, chosen.score)
+        _require_trainable(options.algorithm, chosen, self.world.task(1).command_max)
         if chosen.estimator:
             self.world = self.world.observing(estimated(self.world, chosen.estimator))
         if chosen.ground is not None:
             self.world = with_ground(self.world, chosen.ground)
         self.worlds = (self.world, *(self._like(file) for file in options.others))
         self.task: Task = self.world.task(n, chosen.engine)
-        if len(self.task.command_max) != 1:
-            raise InputError("training is for one damper; the environment has several")
         self.command_max = float(self.task.command_max[0])
         levels = self.world.levels(self.task, chosen.viscous) if chosen.action == "force" else None
         self.levels = levels.switching() if levels is not None and chosen.switch else levels
@@ -236,6 +235,19 @@ class Run(ABC):
         return matrix
 
 
+def _require_trainable(algorithm: str, chosen: Settings, command_max: Array) -> None:
+    """InputError where several dampers, of these largest commands (m,), would be trained otherwise than can be."""
+    several = f"training {len(command_max)} dampers"
+    own = chosen.teacher or chosen.estimator or chosen.ground or chosen.least or chosen.pool
+    if len(command_max) > 1 and (algorithm in ("es", "adjoint") or chosen.action != "command" or own):
+        raise InputError(
+            f"{several}: allowed: algorithms of stable-baselines3 with action: command, without teacher, estimator, "
+            "ground, least and pool, as in examples/plain_ppo.yml"
+        )
+    if np.ptp(command_max):
+        raise InputError(f"{several}: their largest commands are {command_max.tolist()}; allowed: one of all")
+
+
 def explored(
     task: Task, levels: ForceLevels | None, command_max: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
@@ -253,7 +265,7 @@ def explored(
             velocity = velocities(task.observer, observation, {})
             sign = np.sign(velocity if levels.damping else force)
             command = levels.command(sign * share * levels.force_max, force, velocity)
-        step = task.step(2.0 * command[:, None] / command_max - 1.0)
+        step = task.drive(command)
         observation = step.observation
         found.append(observation.copy())
         for row in np.flatnonzero(step.over).tolist():

@@ -27,9 +27,10 @@ class PolicyAction(VecEnvWrapper):
         return self._observation
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        given = np.clip(np.asarray(actions, dtype=np.float64).reshape(-1), -1.0, 1.0)
-        command = self.policy.driven(given, self._observation, forces(self.task, self._observation))
-        self.venv.step_async((2.0 * command / self.policy.command_max - 1.0)[:, None].astype(np.float32))
+        given = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0)
+        each = given if self.policy.dampers > 1 else given.reshape(-1)
+        command = self.policy.driven(each, self._observation, forces(self.task, self._observation))
+        self.venv.step_async((2.0 * command / self.policy.command_max - 1.0).reshape(given.shape).astype(np.float32))
 
     def step_wait(self) -> Any:
         observation, reward, done, infos = self.venv.step_wait()

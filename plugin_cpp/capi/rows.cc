@@ -181,4 +181,15 @@ void mrdamp_rows_step(mrdamp_rows* rows, int n, double* state, const mrdamp_load
   rows->rows.Step(n, state, loads, commands, criteria, measurements, threads, lanes);
 }
 
+void mrdamp_rows_step_each(mrdamp_rows* const* rows, int n, double* const* states, const mrdamp_load* const* loads,
+                           const double* commands, double* criteria, double* measurements, int threads) {
+  const Rows& one = rows[0]->rows;
+  rows[0]->rows.pool().For(n, threads, 1, [&](int first, int last, int) {
+    for (int k = first; k < last; k++) {
+      rows[k]->rows.Step(1, states[k], loads[k], commands + k * one.dampers(), criteria + k * one.criteria(),
+                         measurements + k * one.measurements(), 1, 1);
+    }
+  });
+}
+
 }  // extern "C"

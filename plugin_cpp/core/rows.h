@@ -21,6 +21,7 @@ class Rows {
     if (plan_.each) return 4 * plan_.place.n + 4;
     return plan_.sections.empty() ? int{MRDAMP_CRITERIA} : int{MRDAMP_CAR_CRITERIA};
   }
+  Pool& pool() { return pool_; }
   int dampers() const { return static_cast<int>(dampers_.size()); }
   // Standard deviation of each measurement.
   void SetNoise(const double* deviation) { noise_.assign(deviation, deviation + measurements_); }

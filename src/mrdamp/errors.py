@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Iterable
 from numbers import Real
 from typing import Any
@@ -23,6 +22,20 @@ class InputError(MrdampError, ValueError):
     """
 
 
+class Diverged(InputError):
+    """A run whose numbers are none, or that the engine stopped: nothing of it may be scored. row: which."""
+
+    row = 0
+
+
+def diverged(of: str = "", row: int = 0) -> Diverged:
+    """of: what ran, for the message."""
+    said = "the simulation diverged; check the structure, the damper, and the load's unit and amplitude"
+    found = Diverged(f"{of}: {said}" if of else said)
+    found.row = row
+    return found
+
+
 class EngineError(MrdampError, ImportError):
     """The installed MuJoCo is not the release of the plugin; the line states how to install that one."""
 
@@ -34,10 +47,10 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
 
 def require_positive(what: str, **values: float) -> None:
-    """InputError unless every value is a finite number above 0. what: whose values they are, for the message."""
+    """InputError unless every value is above 0, up to `LARGEST`. what: whose values they are, for the message."""
     for name, value in values.items():
-        if not (isinstance(value, Real) and 0 < value < math.inf):
-            raise InputError(f"{what}: {name} is {value!r}; allowed: a finite number > 0")
+        if not (isinstance(value, Real) and 0 < value <= LARGEST):
+            raise InputError(f"{what}: {name} is {value!r}; allowed: a finite number > 0, up to {LARGEST:g}")
 
 
 def require_kind(words: str, kind: type | tuple[type, ...], **values: Any) -> None:

@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from mrdamp.compare.tuning import Setting
 
 _PRESETS = "dyke1996", "cable"
+#: Options in the page's command, and those among them that have a default.
+_SHOWN = (
+    "controllers", "motions", "speed", "amplitudes", "compression", "model", "dampers", "told", "spread",
+    "command_unit", "period", "engine", "bound",
+)  # fmt: skip
+_USUAL = {"speed": 20.0, "engine": "mujoco"}
 
 
 def add_to(commands: Any) -> None:
@@ -47,12 +53,12 @@ def add_to(commands: Any) -> None:
         "--motions", nargs="+", type=Path, metavar="FILE", help="CSV or AT2 files, folders; roads as CSV"
     )
     p.add_argument(
-        "--speed", type=float, default=20.0, metavar="M/S", help="on road files (default: %(default)g)"
+        "--speed", type=float, default=_USUAL["speed"], metavar="M/S", help="on road files (default: %(default)g)"
     )
     p.add_argument("--amplitudes", nargs="+", type=float, metavar="A", help="factors on every motion")
     p.add_argument(
-        "--compression", type=float, default=5.0, metavar="K",
-        help="motions are played K times as fast (default: %(default)g, as on the published frame; full size: 1)",
+        "--compression", type=float, metavar="K",
+        help="of a frame: motions are played K times as fast (default: 5, as on the published one; full size: 1)",
     )  # fmt: skip
     p.add_argument(
         "--model", type=Path, help="model file of a damper, or of a frame with one (default: published)"
@@ -76,7 +82,7 @@ def add_to(commands: Any) -> None:
         "--period", type=float, metavar="MS", help="of control (default: 1 ms on the frame, else 5 ms)"
     )
     p.add_argument(
-        "--engine", choices=("mujoco", "chain"), default="mujoco",
+        "--engine", choices=("mujoco", "chain"), default=_USUAL["engine"],
         help="what the structures run on: MuJoCo, or the plugin's chain without it (default: %(default)s)",
     )  # fmt: skip
     p.add_argument(
@@ -107,7 +113,7 @@ def _compare(a: argparse.Namespace) -> int:
     from mrdamp.compare.bound import with_bounds
     from mrdamp.compare.comparison import compare
     from mrdamp.compare.contenders import contenders, shipped_policies
-    from mrdamp.compare.motions import read_motions
+    from mrdamp.compare.frame import FrameBench
     from mrdamp.compare.output import write_comparison
     from mrdamp.compare.page import paths_picture, shares_picture
     from mrdamp.compare.tables import (
@@ -121,7 +127,6 @@ def _compare(a: argparse.Namespace) -> int:
         to_json,
     )
     from mrdamp.compare.tuning import settings_for
-    from mrdamp.simulation.roads import read_road
 
     period = None if a.period is None else 1e-3 * a.period
     bench = bench_of(
@@ -134,25 +139,16 @@ def _compare(a: argparse.Namespace) -> int:
         dampers=a.dampers or (),
         told=a.told,
     )
-    environment = bench.environment
-    if a.motions and environment == "cable":
-        raise InputError("a cable has no ground motion; leave --motions out")
-    if environment != "frame":
-        for option, given in (("--dampers", a.dampers), ("--told", a.told), ("--spread", a.spread)):
-            if given:
-                raise InputError(f"{option} is for a frame; leave it out")
+    if a.spread and not isinstance(bench, FrameBench):
+        raise InputError("--spread is for a frame; leave it out")
     for percent in a.spread or ():
         if not 0 < percent < 100:
             raise InputError(f"--spread {percent:g}; allowed: percentages above 0 and below 100")
     if a.bound is not None and (a.dampers or ())[1:]:
         raise InputError("--bound is for one damper; leave it out")
-    loads: Sequence[Any] = bench.unseen_loads()
-    if a.motions:
-        loads = (
-            [read_road(f, a.speed) for f in a.motions] if environment == "car" else read_motions(a.motions)
-        )
+    loads: Sequence[Any] = bench.read(a.motions, a.speed) if a.motions else bench.unseen_loads()
     amplitudes = tuple(a.amplitudes) if a.amplitudes else (1.0,) if a.motions else bench.unseen_amplitudes
-    shipped = shipped_policies(environment)
+    shipped = shipped_policies(bench.environment)
     names = a.controllers or [*bench.default, *shipped]
     keep = _keep(a.out)
     # Tuning takes minutes: what is wrong with a file or a name is said before.
@@ -167,7 +163,6 @@ def _compare(a: argparse.Namespace) -> int:
         rows = contenders(bench, names, settings, shipped)
         result = compare(bench, rows, loads, amplitudes, jobs=a.jobs, keep=keep, progress=progress)
         if a.spread:
-            from mrdamp.compare.frame import FrameBench
             from mrdamp.compare.spread import with_spread
 
             assert isinstance(bench, FrameBench)
@@ -233,22 +228,13 @@ def _about(bench: Bench, result: Comparison, settings: dict[str, Setting], names
 
 def _command(a: argparse.Namespace) -> str:
     parts = ["mrdamp", "compare", a.environment]
-    for flag, values in (
-        ("--controllers", a.controllers),
-        ("--motions", a.motions),
-        ("--amplitudes", a.amplitudes),
-    ):
-        if values:
-            parts += [flag, *map(str, values)]
-    if a.bound is not None:
-        parts += ["--bound", str(a.bound)]
-    for flag, file in (("--model", a.model), ("--told", a.told)):
-        if file:
-            parts += [flag, str(file)]
-    if a.dampers:
-        parts += ["--dampers", *(f"{lower}-{upper}" for lower, upper in a.dampers)]
-    if a.spread:
-        parts += ["--spread", *(f"{p:g}" for p in a.spread)]
+    for name in _SHOWN:
+        given = getattr(a, name)
+        if given is None or given == _USUAL.get(name):
+            continue
+        each = [v if isinstance(v, tuple) else (v,) for v in (given if isinstance(given, list) else [given])]
+        words = ("-".join(str(x) for x in v) for v in each)
+        parts += [f"--{name.replace('_', '-')}", *words]
     return shlex.join([*parts, "-o", str(a.out)])
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.compare import own
-from mrdamp.compare.motions import UNSEEN_AMPLITUDES
+from mrdamp.compare.motions import UNSEEN_AMPLITUDES, read_motions
 from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.envs.plants import of_engine
@@ -26,7 +26,7 @@ from mrdamp.errors import InputError, require_positive
 from mrdamp.library import library_path
 from mrdamp.model import Model
 
-_VERSION = 6  # of what a kept run holds
+_VERSION = 7  # of what a kept run holds
 #: Option of a kind of controller -> what tuning chooses it from, the lower and the upper end.
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -207,6 +207,12 @@ class Bench(ABC):
     @abstractmethod
     def unseen_loads(self) -> Sequence[Any]:
         """Loads of the evaluation, that no controller is tuned or trained on."""
+
+    def read(self, files: Sequence[Path], speed: float) -> Sequence[Any]:
+        """Loads of files. speed: m/s, on roads. Raises InputError."""
+        if self.option != "motion":
+            raise InputError(f"a {self.environment} has no ground motion; leave --motions out")
+        return read_motions(files)
 
     @abstractmethod
     def own_identity(self) -> list[Any]:

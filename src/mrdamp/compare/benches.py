@@ -34,14 +34,14 @@ def bench_of(
     command_unit: str | None = None,
     period: float | None = None,
     engine: str = "mujoco",
-    compression: float = 5.0,
+    compression: float | None = None,
     dampers: Sequence[tuple[int, int]] = (),
     told: Model | Path | str | None = None,
 ) -> Bench:
     """The bench of a structure. Raises InputError.
 
     model: of the damper, or its file; None: the published one. command_unit: A or V; None: V for the published model,
-    else A. period: s; None: 1 ms of the frame, else 5 ms. compression: of the frame's time.
+    else A. period: s; None: 1 ms of the frame, else 5 ms. Of a frame alone: compression of time, None: five times;
     dampers: pairs of floors between which a frame has dampers; none: its model's. told: what controllers of a frame are
     told in place of the model.
     """
@@ -53,7 +53,11 @@ def bench_of(
     if kind == "frame":
         lied = None if told is None else _framed(told if isinstance(told, Model) else Model.read(told), dampers)
         shown = _framed(frame_model() if read is None else read, dampers)
-        return FrameBench(shown, unit, compression, 1e-3 if period is None else period, engine=engine, told=lied)
+        fast = 5.0 if compression is None else compression
+        return FrameBench(shown, unit, fast, 1e-3 if period is None else period, engine=engine, told=lied)
+    for option, own in (("dampers", dampers), ("told", told), ("compression", compression)):
+        if own:
+            raise InputError(f"--{option} is for a frame; leave it out")
     given: dict[str, Any] = {} if read is None else {"model": read}
     others: dict[str, Any] = {"command_unit": unit, "period": 5e-3 if period is None else period, "engine": engine}
     if kind is None:

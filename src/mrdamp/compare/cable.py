@@ -31,10 +31,7 @@ class CableBench(PlantBench):
 
     cable: StayCable = field(default_factory=StayCable)
     model: Model = field(default_factory=cable_damper, kw_only=True)
-    command_unit: str = field(default="V", kw_only=True)
-    period: float = field(default=5e-3, kw_only=True)
     timestep: float = field(default=Cable.engines["mujoco"][1], kw_only=True)
-    engine: str = field(default="mujoco", kw_only=True)
 
     measures: ClassVar[tuple[Measure, ...]] = (
         Measure("motion", "RMS motion", ratio=True),

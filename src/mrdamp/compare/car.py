@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +21,7 @@ from mrdamp.envs.car_reward import linear_run
 from mrdamp.envs.car_rows import PERIOD
 from mrdamp.envs.car_task import Car, car_damper
 from mrdamp.model import Model
-from mrdamp.simulation.roads import Road, bump, iso8608
+from mrdamp.simulation.roads import Road, bump, iso8608, read_road
 from mrdamp.structures.cars import QuarterCar
 
 #: Class, speed (m/s) and seed of the roads; seeds from nine million on are for judging alone, at other speeds.
@@ -64,10 +65,6 @@ class CarBench(PlantBench):
 
     car: QuarterCar = field(default_factory=QuarterCar)
     model: Model = field(default_factory=car_damper, kw_only=True)
-    command_unit: str = field(default="V", kw_only=True)
-    period: float = field(default=5e-3, kw_only=True)
-    timestep: float = field(default=5e-4, kw_only=True)
-    engine: str = field(default="mujoco", kw_only=True)
 
     reference: ClassVar[str] = "the linear suspension, a dashpot of .3 of critical"
     measures: ClassVar[tuple[Measure, ...]] = (
@@ -148,6 +145,9 @@ class CarBench(PlantBench):
 
     def unseen_loads(self) -> tuple[Road, ...]:
         return (*_roads(_UNSEEN), bump(0.08, 1.0, 6.0), bump(0.05, 4.0, 20.0))
+
+    def read(self, files: Sequence[Path], speed: float) -> list[Road]:
+        return [read_road(file, speed) for file in files]
 
     def own_identity(self) -> list[Any]:
         return [asdict(self.car), self.model.to_dict()["model"], self.period, self.timestep]

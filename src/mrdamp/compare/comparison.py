@@ -15,7 +15,7 @@ from mrdamp.compare.contenders import Contender
 from mrdamp.compare.runner import Progress
 from mrdamp.compare.summary import Summary, difference, summarise
 from mrdamp.compare.tuning import run_grid
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, require_positive
 from mrdamp.model.core import Array
 from mrdamp.shown import Shown
 
@@ -84,8 +84,7 @@ def compare(
     if not contenders or not loads or not amplitudes:
         raise InputError("compare: give at least one controller, one motion and one amplitude")
     for amplitude in amplitudes:
-        if not 0 < amplitude < np.inf:
-            raise InputError(f"compare: amplitude {amplitude}; allowed: > 0")
+        require_positive("compare", amplitude=amplitude)
     cases = list(itertools.product(loads, amplitudes))
     specs = [spec for c in contenders for spec in c.specs]
     rows = run_grid(bench, specs, cases, jobs=jobs, keep=keep, progress=progress)

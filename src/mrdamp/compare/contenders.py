@@ -47,6 +47,10 @@ def contenders(
     Raises InputError.
     """
     rows = [_contender(bench, name, settings, shipped or {}) for name in names]
+    known = {*bench.kinds, *bench.tuned, *bench.bounds, *(shipped or {})}
+    for given, row in zip(names, rows, strict=True):
+        if row.name in known and row.name != given:
+            raise InputError(f"compare: {given}: {row.name} is the name of another controller; give it one of its own")
     taken = [row.name for row in rows]
     for name in taken:
         if taken.count(name) > 1:

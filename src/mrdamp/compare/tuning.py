@@ -20,7 +20,7 @@ from mrdamp.control import registry
 from mrdamp.control.base import Controller
 from mrdamp.control.zero_order_hold import ZeroOrderHold
 from mrdamp.envs.task import Task
-from mrdamp.errors import InputError
+from mrdamp.errors import Diverged, InputError
 from mrdamp.files import write_atomic
 from mrdamp.model.core import Array
 
@@ -50,7 +50,11 @@ class Runs:
         return self.bench.key(task.spec, task.load, task.amplitude)
 
     def run(self, task: Run) -> dict[str, Any]:
-        return self.bench.run(task.spec, task.load, task.amplitude)
+        try:
+            return self.bench.run(task.spec, task.load, task.amplitude)
+        except Diverged as error:
+            what = f"controller {task.spec} under {task.load.name} at amplitude {task.amplitude:g}"
+            raise InputError(f"{what}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,10 @@ class Loops:
             for k, controller in enumerate(acting):
                 own = slice(k * many, (k + 1) * many)
                 commands[:, own] = controller.command(time, dict(zip(names, measured[:, own], strict=True)))
-            step = task.step(2.0 * commands.T / task.command_max - 1.0)
+            try:
+                step = task.drive(commands.T)
+            except Diverged as error:
+                raise InputError(f"controller {controllers[error.row // many].name} under {error}") from None
             ended = step.over & alive
             found[ended] = step.info[ended][:, columns]
             self.periods += int(alive.sum())

@@ -52,6 +52,7 @@ class CableSite(registry.AnySite):
     period: float = 5e-3
     damper: Model = None  # type: ignore[assignment]
 
+    environment: ClassVar[str] = "mrdamp/Cable-v0"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = registry.regulators(_OPTIMAL, _LEVEL)
 
     @cached_property

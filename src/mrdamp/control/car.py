@@ -128,6 +128,7 @@ class CarSite(registry.AnySite):
     force_max: float
     period: float = 5e-3
 
+    environment: ClassVar[str] = "mrdamp/QuarterCar-v0"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = {
         **registry.PASSIVE,
         "skyhook": {"damping": math.nan, **_LEAK},

@@ -47,7 +47,8 @@ def velocities(observer: Observer, observations: NDArray[np.float32], ahead: Map
 
 
 class Policy:
-    """A `Controller` of one damper; read with `Policy.read`.
+    """A `Controller`; read with `Policy.read`. With several dampers in its observer each output is the action of one,
+    which is its command: no levels, least, teacher or added share, and command_max is that of each.
 
     name; period: of control, s; observer; transform: W (k, observer.size); network: k in, or the memory's cells, 1 or 2
     out; command_max: A or V; levels: None where the action is the command itself; about: how it was made, any JSON;
@@ -76,9 +77,13 @@ class Policy:
         command_lag: float | None = None,
     ) -> None:
         require_positive(f"policy {name}", period=period, command_max=command_max, reach=reach)
-        if len(observer.command_max) != 1:
-            raise InputError(f"policy {name}: it is for several dampers; a controller gives one command")
-        if len(network.layers[-1][1]) > 2:
+        self.dampers, outputs = len(observer.command_max), len(network.layers[-1][1])
+        if self.dampers > 1 and (outputs != self.dampers or (levels, least) != (None, None) or teacher is not None):
+            raise InputError(
+                f"policy {name}: it is for {self.dampers} dampers; allowed: a command of each, without levels, least "
+                "command and teacher"
+            )
+        if outputs > max(2, self.dampers):
             raise InputError(f"policy {name}: its network has more than two outputs; allowed: one or two")
         if levels is not None and "force" not in observer.signals:
             raise InputError(f"policy {name}: its action is a force, and its observer sees no force")
@@ -96,6 +101,7 @@ class Policy:
                 f"policy {name}: observer, transform {transform.shape} and network do not fit together"
             )
         self.name, self.period, self.observer = name, period, observer
+        self.whose = f"policy {name}"
         self.transform, self.network = transform, network
         self.command_max, self.levels, self.least = command_max, levels, least
         if teacher is not None and teacher.shape != (inputs,):
@@ -120,6 +126,13 @@ class Policy:
         self._held: Array | None = None
         self._unlagged.reset()
 
+    def require(self, environment: str) -> None:
+        """InputError where it was trained in another environment, or structure of one's own, than this, by its name."""
+        options = self.about.get("options")
+        trained = str(options.get("environment", "")) if isinstance(options, Mapping) else ""
+        if trained and trained.rpartition(":")[2] != environment:
+            raise InputError(f"{self.whose}: it was trained in {trained}; allowed here: {environment}")
+
     def matched(self, command_lag: float, sensor_lag: float = 0.0) -> Policy:
         """The same object for a driver and a force sensor with other lags, s (`Model.command_lag`, `Model.sensor_lag`).
 
@@ -138,18 +151,18 @@ class Policy:
         y = self._unlagged(y)
         seen = self.observer(y, self._command)
         found = self.commands(np.atleast_2d(seen), y.get("force", 0.0))
-        self._command = found if seen.ndim > 1 else float(found[0])
-        return self._command
+        self._command = found if seen.ndim > 1 else found[0]
+        return self._command.T  # of rows (dampers, n)
 
     def commands(self, observations: NDArray[np.float32], force: ArrayLike = 0.0) -> Array:
-        """(n,) A or V for observations (n, observer.size) and the forces (n,) N measured with them.
+        """(n,), of several dampers (n, m), A or V for observations (n, observer.size) and forces (n,) N with them.
 
         With a memory or an added lag the rows go on where they were at the last call; `reset` before others begin.
         """
         found = self._at_once(observations, force)
         if not self._added:
             return found
-        held = np.zeros(len(found)) if self._held is None else self._held
+        held = np.zeros_like(found) if self._held is None else self._held
         self._held = found + math.exp(-self.period / self._added) * (held - found)
         return self._held
 
@@ -161,6 +174,8 @@ class Policy:
             self._state = self.memory(inputs, before)
             inputs = self._state[0]
         out = self.network(inputs)
+        if self.dampers > 1:
+            return self.driven(out, observations)
         return self.driven(out[:, 0], observations, force, out[:, 1] if out.shape[1] > 1 else 0.0)
 
     def inputs(self, observations: NDArray[np.float32]) -> Array:
@@ -174,7 +189,8 @@ class Policy:
         force: ArrayLike = 0.0,
         added: ArrayLike = 0.0,
     ) -> Array:
-        """(n,) A or V for actions (n,) in [-1, 1], as the network gives them, with observations and forces.
+        """A or V, of the shape of actions (n,) or (n, m) in [-1, 1], as the network gives them, with observations and
+        forces.
 
         added: (n,) shares of the largest command, the network's second output.
         """
@@ -196,9 +212,11 @@ class Policy:
         path = Path(path)
         data = read_json(path)
         try:
-            return cls.from_dict(data)
+            found = cls.from_dict(data)
         except ValueError as error:  # InputError is one
             raise InputError(f"{path}: {error}") from None
+        found.whose = str(path)
+        return found
 
     def write(self, path: Path | str) -> None:
         """As JSON, in one go; a row of numbers in one line."""

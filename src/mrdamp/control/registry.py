@@ -76,13 +76,15 @@ class AnySite(ABC):
     """What a controller is made for.
 
     damper: its model (rig `damper`); command_max: the largest command, A or V; period: of control, s; force_max: N at
-    the largest command. options: kind of controller -> its options with their defaults, NaN: worked out from the site.
+    the largest command. environment: id of that which policies for it are trained in, or the name of a structure of
+    one's own. options: kind of controller -> its options with their defaults, NaN: worked out from the site.
     """
 
     damper: Model
     command_max: float
     period: float
     force_max: float
+    environment: ClassVar[str]
     options: ClassVar[Mapping[str, Mapping[str, float]]]
 
     @property
@@ -131,6 +133,7 @@ class Site(AnySite):
     command_max: float
     period: float = 1e-3
 
+    environment: ClassVar[str] = "mrdamp/Frame-v0"
     options: ClassVar[Mapping[str, Mapping[str, float]]] = OPTIONS
 
     @classmethod

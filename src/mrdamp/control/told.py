@@ -5,6 +5,8 @@
 | lag of the force sensor | the measured force is taken back to the one before a first-order lag, for every controller |
 | delay and lag of the driver | inverse models lead it; a policy makes up for what its own training's driver had more |
 | noise of the sensors | nothing: no controller is told |
+
+A policy that was trained in another environment is refused.
 """
 
 from __future__ import annotations
@@ -86,6 +88,7 @@ def told(build: Callable[[Site], Controller], site: Site, name: str = "") -> Tol
     # Inverse models compare the force with what they expect at the sensor: without its lag, as it is given to them.
     made = build(replace(site, damper=replace(damper, effects=own)))  # type: ignore[type-var]
     if isinstance(made, Policy):
+        made.require(site.environment)
         made.matched(damper.command_lag)
     # As the chain clamps: without command_min a command acts by its size. 0 is no command, also of a law above it.
     least = min(0.0, damper.attributes.get("command_min", -largest))

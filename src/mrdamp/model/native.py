@@ -161,6 +161,8 @@ def library() -> ctypes.CDLL:
     # Called every control period: addresses, which are quicker to hand over than typed pointers.
     lib.mrdamp_rows_step.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int, c_int)
     lib.mrdamp_rows_step.restype = None
+    lib.mrdamp_rows_step_each.argtypes = (c_void_p, c_int, *(c_void_p,) * 5, c_int)
+    lib.mrdamp_rows_step_each.restype = None
     return lib
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamp.errors import InputError, require_kind, require_positive
+from mrdamp.errors import InputError, diverged, require_kind, require_positive
 from mrdamp.model import Model
 from mrdamp.model.attributes import law_number, vector
 from mrdamp.model.core import FrameInput, Narx, fill_frame
@@ -56,6 +56,13 @@ def finite(what: str, values: Any, shape: tuple[int, int]) -> Array:
         found = found.reshape(shape)
     if not math.isfinite(np.add.reduce(found, axis=None)):
         raise InputError(f"{what} holds NaN, None or infinity; allowed: finite numbers")
+    return found
+
+
+def require_finite(found: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Criteria and measurements of a period as they are. Raises Diverged where a criterion is no number."""
+    if not math.isfinite(np.add.reduce(found[0], axis=None)):
+        raise diverged(row=int(np.argmin(np.isfinite(found[0]).all(axis=1))))
     return found
 
 
@@ -137,12 +144,15 @@ class ChainRows:
         self.measured = np.zeros((n, self._lib.mrdamp_rows_measurements(self._handle)))
         self._given: list[Array] = [np.zeros((1, loads))] * n
         self._load = (Load * n)(*(Load(pointer(each), period, 1, 0) for each in self._given))
-        self._rows = (
-            self.state.ctypes.data, ctypes.addressof(self._load), self.criteria.ctypes.data, self.measured.ctypes.data,
-        )  # fmt: skip
+        self._point()
         self.step = np.zeros(n, dtype=np.int64)
         self._made: tuple[str, tuple[Any, ...]] = "", ()
         self._noise: Array | None = None
+
+    def _point(self) -> None:
+        self._rows = (
+            self.state.ctypes.data, ctypes.addressof(self._load), self.criteria.ctypes.data, self.measured.ctypes.data,
+        )  # fmt: skip
 
     @classmethod
     def frame(
@@ -322,6 +332,38 @@ class ChainRows:
             raise InputError(f"load has shape {values.shape}; expected (samples, {self._loads})")
         self._given[row] = values
         self._load[row] = Load(pointer(values), sample_time, len(values), steps)
+
+
+class Each:
+    """n `ChainRows` of one row each, which may differ in every parameter, stepped in one call.
+
+    like: one of them. Attributes: criteria and measured, those of all.
+    """
+
+    def __init__(self, like: ChainRows, n: int) -> None:
+        self._lib, self._threads, self._shape = library(), like.threads, (n, like._dampers)
+        self._pointers = tuple((ctypes.c_void_p * n)() for _ in range(3))
+        self.criteria, self.measured = (np.zeros((n, a.shape[1])) for a in (like.criteria, like.measured))
+
+    def join(self, row: int, rows: ChainRows) -> None:
+        """Makes `rows` number `row` of all, whose results are places in theirs; the caller keeps it."""
+        for name in ("criteria", "measured"):
+            place = getattr(self, name)[row : row + 1]
+            place[:] = getattr(rows, name)
+            setattr(rows, name, place)
+        rows._point()
+        for pointers, of in zip(self._pointers, (rows._handle, *rows._rows[:2]), strict=True):
+            pointers[row] = of
+
+    def advance(self, commands: Array) -> tuple[Array, Array]:
+        """As of `ChainRows`, whose `step` stays."""
+        given = np.ascontiguousarray(finite("command", commands, self._shape))
+        handles, states, loads = self._pointers
+        results = self.criteria.ctypes.data, self.measured.ctypes.data
+        self._lib.mrdamp_rows_step_each(
+            handles, len(self.criteria), states, loads, given.ctypes.data, *results, self._threads
+        )
+        return self.criteria, self.measured
 
 
 def _again(

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
-from mrdamp.errors import InputError
+from mrdamp.errors import InputError, diverged
 from mrdamp.model import Model, core, floor_channels
 from mrdamp.model.core import Array
 from mrdamp.motions import GroundMotion
@@ -31,6 +31,12 @@ def _load(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     except ValueError as error:
         raise InputError(str(error).splitlines()[0]) from None
     return model, mujoco.MjData(model)
+
+
+def _require_sound(model: Model, d: mujoco.MjData) -> None:
+    """Raises Diverged where the engine warned: it then has begun anew, at rest."""
+    if any(d.warning.number):
+        raise diverged(model.name)
 
 
 def _from(model: Model, command: float, r: float = 0.0) -> Model:
@@ -91,6 +97,7 @@ def drive_rig(
         if k % inner == 0:
             out["force_N"][k // inner] = d.sensordata[sensors["damper_force"]]
             out["reference_force_N"][k // inner] = d.sensordata[sensors["true_force"]]
+    _require_sound(model, d)
     out = {name: force[lead:] for name, force in out.items()}
     if lead and (settle := model.attributes.get("sensor_offset_settle", 0.0)):
         # The sensor's offset settles from the record's start on.
@@ -198,10 +205,7 @@ def run_frame(
             mujoco.mj_step(m, d)
         if progress is not None and k % 200 == 0:
             progress(k * 100 // samples)
-    if not np.isfinite(run.acceleration).all():
-        raise InputError(
-            f"{model.name}: the simulation diverged; check the structure and the ground motion's unit"
-        )
+    _require_sound(model, d)
     return run
 
 
@@ -239,6 +243,7 @@ def drive_frame(
         rows[k // inner, storeys : 2 * storeys] = np.cumsum(d.sensordata[drifts])
         rows[k // inner, -1] = d.sensordata[address["damper_force"]]
         mujoco.mj_step(m, d)
+    _require_sound(model, d)
     out = {f"acceleration_{j + 1}": rows[:, j].copy() for j in range(storeys)}
     out |= {f"displacement_{j + 1}": rows[:, storeys + j].copy() for j in range(storeys)}
     out["force"] = rows[:, -1].copy()

@@ -16,6 +16,8 @@ from scipy.linalg import eigh
 from mrdamp.errors import InputError
 from mrdamp.structures.frames import FloatArray
 
+_SINGULAR = 1e-13  # of the largest eigenvalue; what is left of a zero after rounding
+
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
@@ -31,18 +33,30 @@ class Mechanics:
     absolute: bool = False
 
     def __post_init__(self) -> None:
-        n = len(np.atleast_1d(self.stroke))
-        shapes = {"mass": (n, n), "damping": (n, n), "stiffness": (n, n), "stroke": (n,), "load": (n, -1)}
-        for name, shape in shapes.items():
+        n = np.size(self.stroke)
+        square = ("mass", "damping", "stiffness")
+        for name in (*square, "stroke", "load"):
+            shape = (n, n) if name in square else (n,)
             try:
-                values = np.array(getattr(self, name), dtype=np.float64).reshape(shape)
-            except ValueError:
-                raise InputError(f"mechanics: {name} has another shape than {n} coordinates need") from None
-            if not np.isfinite(values).all() or (shape == (n, n) and not np.allclose(values, values.T)):
-                raise InputError(f"mechanics: {name} must be finite, and a matrix of coordinates symmetric")
-            object.__setattr__(self, name, values)
-        if np.linalg.eigvalsh(self.mass)[0] <= 0:
-            raise InputError("mechanics: mass must be positive definite")
+                values = np.array(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError):
+                raise InputError(f"mechanics: {name} is no array of numbers; allowed: numbers {shape}") from None
+            if not n or values.shape[: len(shape)] != shape or values.ndim > (1 if name == "stroke" else 2):
+                allowed = f"({n}, loads)" if name == "load" else shape
+                said = f"mechanics: {name} has the shape {values.shape}; allowed with {n} coordinates in stroke"
+                raise InputError(f"{said}: {allowed}")
+            if not np.isfinite(values).all():
+                raise InputError(f"mechanics: {name} holds NaN or infinity; allowed: finite numbers")
+            if name in square and not np.allclose(values, values.T):
+                raise InputError(f"mechanics: {name} is not symmetric")
+            object.__setattr__(self, name, values.reshape(n, -1) if name == "load" else values)
+        for name in ("mass", "stiffness"):
+            sizes = np.linalg.eigvalsh(getattr(self, name))
+            if sizes[0] <= _SINGULAR * sizes[-1]:
+                raise InputError(
+                    f"mechanics: {name} is not positive definite: its eigenvalues are from {sizes[0]:.3g} to "
+                    f"{sizes[-1]:.3g}"
+                )
 
     @cached_property
     def rate(self) -> FloatArray:
