@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.answer import _by_regime, _named
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -15,7 +16,6 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.assembly import _by_regime, _named
 from toy_rig import FIFTH, toy
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
+from mrdamp.diagnosis.attribution.interfaces import parts
+from mrdamp.diagnosis.attribution.shares import Regime
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
+from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import compared, sensor_unexplained
 from mrdamp.diagnosis.constants import INEXACT, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
+from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -27,11 +32,9 @@ from mrdamp.diagnosis.problem.noise import (
     trust,
 )
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis, Where
-from mrdamp.diagnosis.searched import Judged, Searched
+from mrdamp.diagnosis.report.result import Where
+from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
-
-Progress = Callable[[str, float], None]
 
 #: Number of residual samples in a search, over all channels and records.
 _SAMPLES = 20_000
@@ -59,36 +62,56 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     progress("recalibrating the nominal parameters", 0.02)
     untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
     base = baseline_gap(untouched, rig)
-    search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
+    direct = {c.cause: c.nats for c in channels if c.cause is not None}
+
+    def begun(rig: DamperRig) -> tuple[Search, Array]:
+        return _searching(rig, noise, limits or Limits(), jobs, store, base, direct)
+
+    search, floor = begun(rig)
     ends = frozenset(search.base.at_bounds)
     if ends and search.unexplained(search.base) < _FAR_OFF:
         rig = replace(rig, wider=ends)
-        search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
-    search.steady = noise.steady
-    search.direct = {c.cause: c.nats for c in channels if c.cause is not None}
+        search, floor = begun(rig)
     known = [t for t in rig.terms if t.name in rig.known]
     for term in known:
         search.begin_with([term])
     if 1 < len(known) <= search.limits.depth:
         search.begin_with(known)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
+    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again)
 
-    apart = sensor_unexplained(channels)
 
-    def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
-        where = in_sensor(answer.where) if apart else answer.where
-        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
+@dataclass(frozen=True)
+class DamperSearched(Searched):
+    """A completed search of a damper's case."""
 
-    def judged() -> Judged:
-        fits, decision = judge(search, untouched)
-        if not apart:
-            return fits, decision
-        like = search.looks_like
+    rig: DamperRig
+
+    def judged(self, progress: Progress) -> tuple[list[Fit], Decision, None]:
+        """See `Searched`. A force sensor that is at fault whatever the law is no rival's doing."""
+        fits, decision = judge(self.search, self.baseline)
+        if not sensor_unexplained(self.compared):
+            return fits, decision, None
+        like = self.search.looks_like
         if like is not None and all(t.stage != "sensor" for t in like.hypothesis.terms):
-            search.looks_like, decision = None, replace(decision, outside=None)
-        return fits, unexplained(decision, fits)
+            self.search.looks_like, decision = None, replace(decision, outside=None)
+        return fits, unexplained(decision, fits), None
 
-    return Searched(case, rig, search, noise, floor, base, notes, judged, complete, again)
+    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
+        """See `Searched`."""
+        search, put_in = self.search, parts(self.rig, float(self.noise.levels[0]))
+        evidence = None
+        if verdict == "unknown":
+            level, near = float(self.noise.levels[-1]), of_one_stage(search)
+            evidence = StageEvidence.of(search.problem, level, near, search.base)
+        stages = stage_shares(search, chosen, verdict, put_in.found, evidence)
+        return Where(
+            stages=in_sensor(stages) if sensor_unexplained(self.compared) else stages,
+            intervals=stage_intervals(search, chosen, verdict, put_in.found, put_in.drawn, evidence),
+            measured=put_in.found,
+            records=records,
+            regimes=regimes,
+        )
 
 
 def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
@@ -103,7 +126,7 @@ def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progres
     return baseline_law(rig, case.baseline)
 
 
-def judge(search: Search, baseline: Problem | None = None) -> Judged:
+def judge(search: Search, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
     fits = [*search.ranked(False), *search.ranked(True)]
     rig = search.problem.rig
@@ -112,11 +135,10 @@ def judge(search: Search, baseline: Problem | None = None) -> Judged:
     return fits, decided(search, fits, penalties, baseline)
 
 
-def in_sensor(where: Where) -> Where:
-    """Where the gap lies, for a force sensor that is at fault whatever the law; the other stages share the rest."""
-    stages = {name: (1 - UNSTEADY) * share for name, share in where.stages.items()}
-    stages["sensor"] = stages.get("sensor", 0.0) + 1 - sum(stages.values())
-    return replace(where, stages=stages)
+def in_sensor(stages: Mapping[str, float]) -> dict[str, float]:
+    """Shares of the stages for a force sensor that is at fault whatever the law; the other stages share the rest."""
+    out = {name: (1 - UNSTEADY) * share for name, share in stages.items()}
+    return {**out, "sensor": out.get("sensor", 0.0) + 1 - sum(out.values())}
 
 
 def _shortened(rig: DamperRig) -> Problem:
@@ -127,14 +149,23 @@ def _shortened(rig: DamperRig) -> Problem:
 
 
 def _searching(
-    rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store, base: Array
+    rig: DamperRig,
+    noise: Noise,
+    limits: Limits,
+    jobs: int,
+    store: Store,
+    base: Array,
+    direct: Mapping[str, float],
 ) -> tuple[Search, Array]:
     """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone.
 
-    base: (channels,) gap of the nominal simulator on the rig's baseline.
+    base: (channels,) gap of the nominal simulator on the rig's baseline. direct: as in `Search`.
     """
     plain = _shortened(rig)
     floor = floors(plain, noise, {})
     problem = Problem(plain.rig, stride=plain.stride, coarse=True, trust=trust(plain, floor))
-    search = Search(problem, problem.cost(floor), limits, jobs, store, own=own_cost(problem, base))
+    own = own_cost(problem, base)
+    search = Search(
+        problem, problem.cost(floor), limits, jobs, store, own=own, steady=noise.steady, direct=direct
+    )
     return search, floor

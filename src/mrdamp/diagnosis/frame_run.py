@@ -7,8 +7,8 @@ catalogue without the causes that clean blocks rule out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mrdamp.diagnosis.attribution.frame_blocks import (
 )
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence, frame_baseline_law
 from mrdamp.diagnosis.attribution.frame_laws import OtherLaw, other_law
+from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
@@ -29,6 +30,7 @@ from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.constants import CAUSE_PENALTY, LAW_FORMS, NUMBER_PENALTY
 from mrdamp.diagnosis.evidence.judgement import decided, not_established, scored, unexplained
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
+from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.alternative_forms import drop, reform
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
@@ -39,13 +41,11 @@ from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost, repeatable
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis
-from mrdamp.diagnosis.searched import Judged, Searched
+from mrdamp.diagnosis.report.result import Where
+from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative
-
-Progress = Callable[[str, float], None]
 
 #: s, window over which samples are averaged; Hz, the remaining band (half of its inverse).
 _AVERAGE = 0.008
@@ -117,34 +117,45 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         # Stored fits belong to other nominal parameters, except for those with fixed ones.
         search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
 
-    def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
-        evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
-        # With a wrong law the damper's block is always faulty.
-        counted = [b for b in found if b.kind != "damper"] if search.inexact and unexplained else found
-        where = replace(
-            answer.where,
-            stages=shares_by_stage(search, chosen, answer.verdict, counted, evidence),
-            intervals=intervals_by_stage(search, chosen, answer.verdict, counted, evidence),
-            places=place_shares(found),
-            place_intervals=place_intervals(found),
-        )
-        other = laws[0].to_dict() if laws else None
-        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels), other_law=other)
+    return FrameSearched(small, rig, search, noise, floor, untouched, channels, notes, again, case, found, jobs)
 
-    laws: list[OtherLaw] = []
 
-    def judged() -> Judged:
-        laws.clear()
-        fits, decision = judge(search, rig, untouched, channels)
+@dataclass(frozen=True)
+class FrameSearched(Searched):
+    """A completed search of a frame's case. measured: the case as measured. blocks: parts between measured channels."""
+
+    rig: FrameRig
+    measured: Case
+    blocks: tuple[Block, ...]
+    jobs: int
+
+    def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:
+        """See `Searched`."""
+        search, given = self.search, (self.search, self.rig, self.baseline, self.compared)
+        fits, decision = judge(*given)
         named = decision.chosen.causes if decision.verdict == "effect" else ()
-        if again is None and search.inexact and LAW_FORMS.intersection(named):
-            progress("identifying other laws", 0.68)
-            laws[:] = filter(None, [other_law(case, search.problem, fits[decision.chosen.index], jobs)])
-        if laws and laws[0].others:
-            return judge(search, rig, untouched, channels, laws[0].others)
-        return fits, not_established(decision) if laws else decision
+        if self.again is not None or not search.inexact or not LAW_FORMS.intersection(named):
+            return fits, decision, None
+        progress("identifying other laws", 0.68)
+        other = other_law(self.measured, search.problem, fits[decision.chosen.index], self.jobs)
+        if other is None:
+            return fits, decision, None
+        return (*judge(*given, other.others), other) if other.others else (fits, not_established(decision), other)
 
-    return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again, laws)
+    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
+        """See `Searched`. With a wrong law the damper's block is always faulty."""
+        search, found = self.search, self.blocks
+        evidence = damper_evidence(self.measured, found) if verdict == "unknown" else None
+        if search.inexact and any(c.unexplained for c in self.compared):
+            found = tuple(b for b in found if b.kind != "damper")
+        return Where(
+            stages=shares_by_stage(search, chosen, verdict, found, evidence),
+            intervals=intervals_by_stage(search, chosen, verdict, found, evidence),
+            places=place_shares(self.blocks),
+            place_intervals=place_intervals(self.blocks),
+            records=records,
+            regimes=regimes,
+        )
 
 
 def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
@@ -162,7 +173,7 @@ def judge(
     baseline: Problem | None = None,
     channels: Sequence[Compared] = (),
     only: Collection[str] | None = None,
-) -> Judged:
+) -> tuple[list[Fit], Decision]:
     """All fits, including those whose structural parameters are interpreted as effects, and the decision.
 
     baseline: residuals of the rig's baseline records. channels: findings on storeys and accelerometers
@@ -217,8 +228,7 @@ def _search(
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     cost, own = float(np.sum(floor**2)) / len(rig.channels), own_cost(problem, base)
-    search = Search(problem, cost, limits, jobs, store, own=own)
-    search.steady = noise.steady
+    search = Search(problem, cost, limits, jobs, store, own=own, steady=noise.steady)
     if before is not None:
         search.cache = before.cache.with_fixed_law()
         for found in before.ranked(False):

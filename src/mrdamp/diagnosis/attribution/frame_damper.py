@@ -15,7 +15,7 @@ from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law, gap_of
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.model import Model
 from mrdamp.records import Record
 
@@ -56,7 +56,7 @@ def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> 
         return None
     model = with_law(case.model, again.model)
     given = Problem(FrameRig(case.model, case.baseline, threads=threads), coarse=True)
-    gap = float(np.sqrt(np.mean(given.gaps(given.of_settings([{}])[0]) ** 2)))
+    gap = pooled(given.gaps(given.nominal()))
     return replace(again, given=case.model, model=model, given_gap=gap)
 
 

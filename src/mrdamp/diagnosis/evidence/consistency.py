@@ -84,9 +84,7 @@ def _estimates(problem: Problem, found: Fit, term: Term) -> Iterator[RegimeEstim
     change = problem.gaps(residual - found.residual)
     for grouping in groupings(problem):
         for number, group in enumerate(grouping.groups):
-            part = Problem(
-                problem.rig, group, stride=problem.stride, coarse=problem.coarse, trust=problem.trust
-            )
+            part = problem.like(records=group)
             one = fit(part, alone, start, most=_STEPS, tolerance=ROUGHLY)
             inside = np.array([b.record in group for b in problem.blocks])
             yield RegimeEstimate(

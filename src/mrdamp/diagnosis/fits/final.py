@@ -176,8 +176,7 @@ def _converged(search: Search, found: Fit) -> Fit:
 
 
 def _with_full_step(search: Search, found: Fit, corrections: tuple[str, ...]) -> FinalFit:
-    coarse = search.problem
-    fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
+    fine = search.problem.like(coarse=False)
     final = replace(fit(fine, found.hypothesis, found.point, most=0), converged=found.converged)
     # If the step of the search was small enough, its fit is the result.
     if abs(final.cost - found.cost) > max(_SAME * found.cost, _NOTHING * search.excess):

@@ -188,9 +188,7 @@ class FitTable:
             return False
         key = (found.name, found.point.tobytes())
         if key not in self._fine_costs:
-            p = self.problem
-            fine = Problem(p.rig, p.records, stride=p.stride, trust=p.trust)
-            r = fine.residuals(found.hypothesis, found.point)[0]
+            r = self.problem.like(coarse=False).residuals(found.hypothesis, found.point)[0]
             self._fine_costs[key] = float(r @ r)
         return self._little(self._fine_costs[key])
 

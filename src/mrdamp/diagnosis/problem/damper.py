@@ -164,7 +164,7 @@ class DamperRig:
         makes a hysteresis yield earlier.
         """
         logged = replace(self, as_logged=True)
-        costs = [float(np.sum(Problem(rig, coarse=True).of_settings([{}])[0] ** 2)) for rig in (self, logged)]
+        costs = [float(np.sum(Problem(rig, coarse=True).nominal() ** 2)) for rig in (self, logged)]
         return logged if costs[1] < _LOGGED * costs[0] else self
 
     @cached_property

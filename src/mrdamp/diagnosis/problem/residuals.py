@@ -44,6 +44,11 @@ class Block:
     trust: float = 1.0
 
 
+def pooled(gaps: Array) -> float:
+    """Gap of all blocks together; records and channels have equal weight."""
+    return float(np.sqrt(np.mean(gaps**2)))
+
+
 class Problem:
     """Residuals of some records of a rig; a block's sum of squares is its squared gap times its share.
 
@@ -80,6 +85,23 @@ class Problem:
         for b in self.blocks:
             n = b.span.stop - b.span.start
             self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
+
+    def like(
+        self,
+        rig: Rig | None = None,
+        records: Sequence[int] | None = None,
+        *,
+        stride: int | None = None,
+        coarse: bool | None = None,
+    ) -> Problem:
+        """The same residuals of another rig, of some of the records, or of other runs."""
+        return Problem(
+            rig or self.rig,
+            self.records if records is None else records,
+            stride=stride or self.stride,
+            coarse=self.coarse if coarse is None else coarse,
+            trust=self.trust,
+        )
 
     def rougher(self, hypothesis: Hypothesis) -> Problem:
         """The same residuals from cheaper runs for the descent: with a search's step instead of the full one,
@@ -137,6 +159,10 @@ class Problem:
         out = (self.outputs(settings) - self.measured()) * self.weights
         limit = _DIVERGED / np.sqrt(self.samples)
         return np.asarray(np.clip(np.nan_to_num(out, nan=limit, posinf=limit, neginf=-limit), -limit, limit))
+
+    def nominal(self) -> Array:
+        """Weighted residuals (samples,) of the nominal simulator."""
+        return np.asarray(self.of_settings([{}])[0])
 
     def residuals(self, hypothesis: Hypothesis, points: Array) -> Array:
         """Weighted residuals (points, samples) for points (points, coordinates)."""

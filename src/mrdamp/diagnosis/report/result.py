@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
+from mrdamp.diagnosis.problem.residuals import pooled
 from mrdamp.diagnosis.signatures.loops import Signature
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -151,7 +153,6 @@ class Diagnosis(Shown):
     rig: str
     question: str  # changed, missed or either: see Case.question
     verdict: str
-    sentence: str
     effects: tuple[Named, ...]
     candidates: tuple[Candidate, ...]
     indistinguishable: tuple[tuple[str, ...], ...]
@@ -193,9 +194,12 @@ class Diagnosis(Shown):
     def __str__(self) -> str:
         return self.sentence
 
-    def with_sentence(self, text: str) -> Diagnosis:
-        """The same answer with its sentence."""
-        return replace(self, sentence=text)
+    @cached_property
+    def sentence(self) -> str:
+        """The answer in a few sentences."""
+        from mrdamp.diagnosis.report.sentence import sentence  # it words what this module declares
+
+        return sentence(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Content of `diagnosis.json`."""
@@ -228,11 +232,6 @@ class Diagnosis(Shown):
             "notes": list(self.notes),
             "seconds": round(self.seconds, 1),
         }
-
-
-def pooled(gaps: Array) -> float:
-    """Gap of all blocks together; records and channels have equal weight."""
-    return float(np.sqrt(np.mean(gaps**2)))
 
 
 def step(name: str, gaps: Array) -> Step:
