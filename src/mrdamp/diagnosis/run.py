@@ -51,7 +51,7 @@ def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, s
     read, notes = with_hold(case, jobs)
     found = search(read, jobs, progress, limits, store)
     if notes and not read.model.hold:
-        best = min(found.search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+        best = found.search.least
         again, said = with_hold(case, jobs, best.hypothesis.settings(best.point))
         if again.model.hold:
             found, notes = search(again, jobs, progress, limits, Store()), said

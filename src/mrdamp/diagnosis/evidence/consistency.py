@@ -7,7 +7,7 @@ compensates something else there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,10 +57,6 @@ class RegimeEstimate:
         unit = "" if self.over == "command" else "m/s"
         low, high = f"{self.low:.2g}", f"{self.high:.2g}"
         return f"{self.over} {low if low == high else f'{low} to {high}'} {unit}".rstrip()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Entry of `diagnosis.json`."""
-        return asdict(self)
 
 
 def by_regime(problem: Problem, found: Fit, cause: str) -> tuple[RegimeEstimate, ...]:

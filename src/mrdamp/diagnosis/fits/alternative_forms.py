@@ -9,7 +9,7 @@ import numpy as np
 from mrdamp.diagnosis.fits.beam import first_forms
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.screening import screen
-from mrdamp.diagnosis.fits.table import FitTable
+from mrdamp.diagnosis.fits.table import THROUGH, FitTable
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 
 #: A set of causes is a rival of another if its unexplained share is below this multiple of the other's.
@@ -71,6 +71,16 @@ def drop(table: FitTable, found: Fit) -> None:
             tasks.append((rest.hypothesis, rest.point))
     for again in table.map(lambda h, q: table.fitted(h, q, most=8, stage=" dropped"), tasks):
         table.keep(again)
+
+
+def refit_with_fewer_causes(table: FitTable, best: Fit) -> None:
+    """Repeats the best fit with one cause removed at a time and free parameters, starting from its optimum. A fit that
+    linearises the law's signatures once, at its start, may stop too early for a fair comparison."""
+    causes = set(best.hypothesis.causes)
+    fewer = (f for f in table.ranked(True) if f.hypothesis.terms and set(f.hypothesis.causes) < causes)
+    found = next(fewer, None)
+    if found is not None:
+        table.keep(table.fitted(found.hypothesis, found.point, most=THROUGH, stage=" through"))
 
 
 def lacking(table: FitTable, found: Fit, term: Term) -> Fit:

@@ -166,9 +166,7 @@ class Search(FitTable):
                 if len(fixed_law.hypothesis.causes) == depth:
                     sets.setdefault(frozenset(fixed_law.hypothesis.causes), fixed_law)
             for fixed_law in list(sets.values())[: self.limits.freed]:
-                hypothesis = Hypothesis(self.base.hypothesis.nominal, fixed_law.hypothesis.terms)
-                start = np.concatenate([np.zeros(len(hypothesis.nominal)), fixed_law.point])
-                tasks.append((hypothesis, start))
+                tasks.append(self.with_free_law(fixed_law))
         for found in self.map(lambda h, q: self.fitted(h, q, most=8, stage=" freed"), tasks):
             self.keep(found)
 
@@ -196,10 +194,7 @@ class Search(FitTable):
             others = [t for t in self.problem.rig.rivals if t.cause == best.cause and t.name != best.name]
             tasks = [(*self.start_from(fixed_law, t, 0), None, np.inf) for t in others]
             self.rivals = self._by_cost([*self.rivals, *self.map(self.tried, tasks)])
-        tasks = []
-        for found in self.rivals[: self.limits.freed]:
-            free = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
-            tasks.append((free, np.concatenate([np.zeros(len(free.nominal)), found.point]), None, np.inf))
+        tasks = [(*self.with_free_law(f), None, np.inf) for f in self.rivals[: self.limits.freed]]
         self.rivals += [f for f in self.map(self.tried, tasks) if f is not None]
 
     @staticmethod

@@ -36,6 +36,8 @@ SOLVED = 0.001
 #: Causes with fixed nominal parameters below this unexplained share are right or nearly so: only their
 #: parameters and forms are then varied.
 NEARLY = 0.02
+#: Iterations of a fit that is to come to its end.
+THROUGH = 15
 
 
 def acts_while_it_changes(term: Term) -> bool:
@@ -299,6 +301,16 @@ class FitTable:
         return next(
             (f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None
         )
+
+    @property
+    def least(self) -> Fit:
+        """The fit with the least cost."""
+        return min(self.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+
+    def with_free_law(self, found: Fit) -> tuple[Hypothesis, Array]:
+        """Hypothesis and starting point for the causes of a fit with fixed nominal parameters, beside free ones."""
+        hypothesis = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
+        return hypothesis, np.concatenate([np.zeros(len(hypothesis.nominal)), found.point])
 
     def map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
         """Results of a function for each tuple of arguments, in parallel threads."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamp import __version__
+from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.picture import chain_picture
@@ -124,7 +125,7 @@ def _answer(out: Page, found: Diagnosis) -> None:
         heading = ""
     out.figure(
         heading,
-        pictures.probabilities(found.probabilities, [_cause(e) for e in found.effects]),
+        pictures.probabilities(found.probabilities, [e.cause for e in found.effects]),
         "Probability of each cause. `none`: no gap beyond the noise; `parameters`: only numbers are wrong; "
         "`unknown`: a cause outside the catalogue.",
         "Bars: " + ", ".join(f"{k} {v:.2f}" for k, v in _likeliest(found)),
@@ -154,16 +155,12 @@ def _unchanged(found: Diagnosis) -> bool:
     return found.verdict == "none" and found.baseline_law is None
 
 
-def _cause(e: Named) -> str:
-    return e.effect if e.place is None else f"{e.effect}@{e.place}"
-
-
 def _by_regime(out: Page, effect: Named) -> None:
     """The first parameter of an effect by regime, and the gaps there with and without the effect."""
     if not effect.by_regime:
         return
     heading, name = f"Is {effect.effect} the same in every regime?", next(iter(effect.by_regime[0].parameters))
-    unit = unit_of(f"{effect.effect}_{name}" + ("" if effect.place is None else f"@{effect.place}"))
+    unit = unit_of(setting_name(effect.effect, name, effect.place))
     label_of = f"{name} ({unit})" if unit else name
     rows, points = [], []
     for r in effect.by_regime:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mrdamp.diagnosis.constants import TIE_PROBABLE
+from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.report.changes import unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
@@ -108,7 +109,7 @@ def _sentence(d: Diagnosis) -> str:
         said = f"What the simulator misses on the records that it was identified on: {' and '.join(parts)}."
     elif d.remainder is not None:
         said = f"The most probable {one} of the gap: {' and '.join(parts)}."
-    named = {f"{e.effect}@{e.place}" if e.place is not None else e.effect for e in d.effects}
+    named = {e.cause for e in d.effects}
     others = sorted({name for tie in d.indistinguishable for name in tie} - named)
     best = max(e.probability for e in d.effects)
     for close, text in ((True, f"The records do not distinguish {them} from"), (False, f"Nearly the same as {them}:")):
@@ -196,13 +197,11 @@ def table(d: Diagnosis) -> str:
     if d.effects:
         lines.append("  effects")
         for e in d.effects:
-            place = f"@{e.place}" if e.place is not None else ""
             numbers = ", ".join(
-                number(k, v, e.intervals.get(k), unit_of(f"{e.effect}_{k}{place}")) for k, v in e.parameters.items()
+                number(k, v, e.intervals.get(k), unit_of(setting_name(e.effect, k, e.place)))
+                for k, v in e.parameters.items()
             )
-            lines.append(
-                f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}"
-            )
+            lines.append(f"    {e.cause:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}")
     lines.append("  candidates")
     for c in d.candidates:
         name = " + ".join(c.causes) or "none"
