@@ -17,8 +17,8 @@ from scipy.signal import lfilter
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared
 from mrdamp.diagnosis.constants import TEMPER, UNSTEADY
-from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
+from mrdamp.diagnosis.evidence.penalties import of_baseline
 from mrdamp.diagnosis.evidence.verdict import Scored, decide, of_parameters
 from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search

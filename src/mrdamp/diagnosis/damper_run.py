@@ -36,8 +36,6 @@ from mrdamp.diagnosis.report.result import Where
 from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
 
-#: Number of residual samples in a search, over all channels and records.
-_SAMPLES = 20_000
 #: Share of the excess left by free parameters below which the range of a parameter at its limit is extended.
 _FAR_OFF = 0.02
 
@@ -143,9 +141,7 @@ def in_sensor(stages: Mapping[str, float]) -> dict[str, float]:
 
 def _shortened(rig: DamperRig) -> Problem:
     """Residuals of a rig's records; of excerpts if the records are long."""
-    short = rig.searched()
-    stride = max(1, round(sum(r.n for r in short.records) * len(rig.channels) / _SAMPLES))
-    return Problem(short, stride=stride, coarse=True)
+    return Problem.thinned(rig.searched(), coarse=True)
 
 
 def _searching(
@@ -163,7 +159,7 @@ def _searching(
     """
     plain = _shortened(rig)
     floor = floors(plain, noise, {})
-    problem = Problem(plain.rig, stride=plain.stride, coarse=True, trust=trust(plain, floor))
+    problem = Problem.thinned(plain.rig, coarse=True, trust=trust(plain, floor))
     own = own_cost(problem, base)
     search = Search(
         problem, problem.cost(floor), limits, jobs, store, own=own, steady=noise.steady, direct=direct

@@ -19,9 +19,6 @@ from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.model import Model
 from mrdamp.records import Record
 
-#: Largest number of residual samples.
-_SAMPLES = 20_000
-
 
 def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
     """Evidence of the stages of a frame's damper; its own force sensor is not a stage here.
@@ -33,10 +30,9 @@ def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
     if block is None:
         return None
     rig = damper_alone(case)
-    stride = max(1, round(sum(r.n for r in rig.records) / _SAMPLES))
     force = np.concatenate([r.channel("force_N") for r in rig.records])
     noise = block.noise * float(np.sqrt(np.mean(force**2)))
-    return StageEvidence.of(Problem(rig, stride=stride, coarse=True), noise)
+    return StageEvidence.of(Problem.thinned(rig, coarse=True), noise)
 
 
 def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> BaselineLaw | None:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamp.diagnosis.fits.alternative_forms import others
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.regimes import by_record, left_out
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.second_cause import others
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
@@ -33,8 +33,6 @@ _SAME, _NOTHING = 0.02, 1e-5
 _THROUGH, _WHOLE_STEPS = 8, 3
 #: Free nominal parameters must reduce the mean square on left-out folds by this share.
 _FREER = 0.1
-#: Number of residual samples in the last fit.
-_SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -160,8 +158,7 @@ def in_file(rig: Rig, found: Fit) -> bool:
 
 def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
     """A fit of excerpts, continued on the whole records with the full step of the chain."""
-    stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
-    problem = Problem(rig, stride=stride, trust=search.problem.trust)
+    problem = Problem.thinned(rig, trust=search.problem.trust)
     steps = 0 if not found.hypothesis.coordinates else _WHOLE_STEPS
     final = fit(problem, found.hypothesis, found.point, most=steps)
     return FinalFit(final, (), heldout(problem, final), problem)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mrdamp.diagnosis.fits.alternative_forms import drop, refit_with_fewer_causes, reform
+from mrdamp.diagnosis.fits.alternative_forms import drop, refit_with_fewer_causes, reform, try_second_cause
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Progress, Search
-from mrdamp.diagnosis.fits.second_cause import try_second_cause
 from mrdamp.diagnosis.fits.table import THROUGH
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig

@@ -11,8 +11,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.diagnosis.constants import INEXACT
-from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
-from mrdamp.diagnosis.fits.cache import Cache
+from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY, ScoreTest
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.fits.left_out import (
     Curves,
@@ -43,6 +42,27 @@ THROUGH = 15
 def acts_while_it_changes(term: Term) -> bool:
     """True for a cause that acts only while the command changes."""
     return term.stage == "driver" or term.effect == "remanence"
+
+
+@dataclass
+class Cache:
+    """Fits and screenings with fixed or free nominal parameters; none is repeated.
+
+    fits: by name and start. screens: by fit, its point and the terms. signatures: a term's change of the
+    nominal simulator's residuals (samples,), by its name and start.
+    """
+
+    fits: dict[tuple[str, bytes], Fit] = field(default_factory=dict)
+    screens: dict[tuple[str, bytes, tuple[str, ...]], list[ScoreTest]] = field(default_factory=dict)
+    signatures: dict[tuple[str, int], Array] = field(default_factory=dict)
+
+    def with_fixed_law(self) -> Cache:
+        """Only entries with fixed nominal parameters: they do not depend on the range of free ones."""
+        return Cache(
+            {k: f for k, f in self.fits.items() if not f.hypothesis.nominal},
+            {k: p for k, p in self.screens.items() if k[0].startswith("held")},
+            self.signatures,
+        )
 
 
 @dataclass

@@ -19,6 +19,8 @@ from mrdamp.model.core import Array
 _SKIP = 0.1
 #: Samples excluded at the end of a record, where a converter's filter distorts the motion.
 _END = 8
+#: Number of residual samples of a rig, over all channels and records.
+_SAMPLES = 20_000
 #: Step of the finite differences, in units of search.
 _STEP = 0.02
 #: Error assigned to a diverged run, as a multiple of the record's size.
@@ -85,6 +87,14 @@ class Problem:
         for b in self.blocks:
             n = b.span.stop - b.span.start
             self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
+
+    @classmethod
+    def thinned(
+        cls, rig: Rig, *, coarse: bool = False, trust: Mapping[tuple[int, int], float] | None = None
+    ) -> Problem:
+        """Residuals of all records of a rig, of every so many samples that there are _SAMPLES in all."""
+        stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
+        return cls(rig, stride=stride, coarse=coarse, trust=trust)
 
     def like(
         self,

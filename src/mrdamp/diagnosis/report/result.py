@@ -143,7 +143,7 @@ class Diagnosis(Shown):
     drawn parameters. pictures: arrays by name, for the page.
     """
 
-    picture: ClassVar[str] = "mrdamp.diagnosis.report.picture:chain_picture"
+    picture: ClassVar[str] = "mrdamp.diagnosis.report.page:chain_picture"
     case: str
     rig: str
     question: str
