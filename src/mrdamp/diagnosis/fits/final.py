@@ -3,7 +3,6 @@ their form."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -86,7 +85,6 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
 def final_fit(
     search: Search,
     chosen: Fit,
-    tell: Callable[[str], None] = lambda text: None,
     *,
     mend: bool = True,
     rig: Rig | None = None,
@@ -106,7 +104,6 @@ def final_fit(
         best = least_left_out(search, chosen)
     elif mend:
         best, corrections = refine(search, chosen)
-    tell("final fit")
     whole = None if rig is None or rig is search.problem.rig else rig
     if whole is not None:
         return _of_whole(search, _converged(search, best), whole)

@@ -172,9 +172,6 @@ class Hypothesis:
     def plus(self, term: Term) -> Hypothesis:
         return Hypothesis(self.nominal, (*self.terms, term))
 
-    def without(self, cause: str) -> Hypothesis:
-        return Hypothesis(self.nominal, tuple(t for t in self.terms if t.cause != cause))
-
     def settings(self, q: Array) -> Settings:
         """Settings (free ones and those fixed by the forms) at a point (coordinates,)."""
         out: Settings = {}
