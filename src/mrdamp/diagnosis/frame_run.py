@@ -15,8 +15,6 @@ import numpy as np
 from mrdamp.diagnosis.attribution.frame_blocks import (
     Block,
     blocks,
-    intervals_by_stage,
-    place_intervals,
     place_shares,
     shares_by_stage,
 )
@@ -138,14 +136,9 @@ class FrameSearched(Searched):
         evidence = damper_evidence(self.measured, found) if verdict == "unknown" else None
         if search.inexact and any(c.unexplained for c in self.compared):
             found = tuple(b for b in found if b.kind != "damper")
-        return Where(
-            stages=shares_by_stage(search, chosen, verdict, found, evidence),
-            intervals=intervals_by_stage(search, chosen, verdict, found, evidence),
-            places=place_shares(self.blocks),
-            place_intervals=place_intervals(self.blocks),
-            records=records,
-            regimes=regimes,
-        )
+        stages, intervals = shares_by_stage(search, chosen, verdict, found, evidence)
+        places, ends = place_shares(self.blocks)
+        return Where(stages, records, regimes, places, intervals, place_intervals=ends)
 
 
 def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
