@@ -190,4 +190,4 @@ def test_a_simulator_that_reaches_the_noise_of_its_baseline_is_not_identified_ag
     monkeypatch.setattr(damper_run, "INEXACT", 1e6)
     case = Case("rig", Path(), best, records(), (), baseline())
     noise = channel_noise(case, rig(best))
-    assert damper_run._law_of_baseline(case, rig(best), noise, lambda *_: None) is None
+    assert damper_run.law_of_baseline(case, rig(best), noise, lambda *_: None) is None

@@ -53,7 +53,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
 
     none: dict[tuple[str, ...], float] = {(): 1.0}
     known = none if verdict == "none" else by_causes(scored(fits), decision.probabilities)
-    regimes_of = _by_regime(chosen, final) if named else {}
+    regimes_of = estimates_by_regime(chosen, final) if named else {}
     worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
     sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {("unknown",): decision.unknown}
     sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
@@ -107,7 +107,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         rig=case.model.rig,
         question=case.question,
         verdict=verdict,
-        effects=_named(search, chosen, final, causes, intervals, regimes_of) if named else (),
+        effects=named_effects(search, chosen, final, causes, intervals, regimes_of) if named else (),
         candidates=tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed),
         indistinguishable=ties,
         where=found.where(chosen, verdict, shares, nearby),
@@ -271,7 +271,7 @@ def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) ->
     return Remainder(left, share, of, stage, regimes(conditions, residual, halves)[:3]), ceiling
 
 
-def _named(
+def named_effects(
     search: Search,
     chosen: Fit,
     final: FinalFit,
@@ -310,7 +310,7 @@ def _last_forms(chosen: Fit, final: FinalFit) -> list[Term]:
     return [last.get(t.cause, t) for t in chosen.hypothesis.terms]
 
 
-def _by_regime(chosen: Fit, final: FinalFit) -> dict[str, tuple[RegimeEstimate, ...]]:
+def estimates_by_regime(chosen: Fit, final: FinalFit) -> dict[str, tuple[RegimeEstimate, ...]]:
     """Estimates of each named cause from the records of single regimes."""
     return {t.cause: by_regime(final.problem, final.fit, t.cause) for t in _last_forms(chosen, final)}
 

@@ -46,7 +46,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     notes = list(audit(case))
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
-    again = _law_of_baseline(case, rig, noise, progress)
+    again = law_of_baseline(case, rig, noise, progress)
     if again is not None:
         case = replace(case, model=again.model)
         rig = DamperRig(again.model, case.records, threads=jobs).with_motion()
@@ -112,7 +112,7 @@ class DamperSearched(Searched):
         )
 
 
-def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
+def law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
     """The law identified again on the baseline, if the given simulator does not reach the noise there."""
     if not case.baseline:
         return None

@@ -43,11 +43,12 @@ _PLAIN_FLOOR = {
 }
 
 
-def _plain(e: Named) -> str:
+def in_words(e: Named) -> str:
+    """What an effect does."""
     words = _PLAIN_FLOOR if e.place is not None and e.stage == "sensor" else _PLAIN
     if e.effect == "driver_lag" and "rate" in e.parameters:
         return f"the coil current changes by no more than {e.parameters['rate']:.3g} a second, a largest rate"
-    return words.get(e.effect, e.stage)
+    return words[e.effect]
 
 
 def percent(x: float) -> str:
@@ -99,7 +100,7 @@ def _sentence(d: Diagnosis) -> str:
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
-        parts.append(f"{e.effect}{place} ({_plain(e)}; probability {e.probability:.2f})")
+        parts.append(f"{e.effect}{place} ({in_words(e)}; probability {e.probability:.2f})")
     them, one = ("it", "cause") if len(parts) == 1 else ("them", "causes")
     # What is left over shows that the answer is not complete.
     said = f"The gap is due to {' and '.join(parts)}."
