@@ -29,7 +29,7 @@ from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
-from mrdamp.diagnosis.report.file_gaps import predicted_gap
+from mrdamp.diagnosis.report.handover import predicted_gap
 from mrdamp.diagnosis.run import diagnose, searched
 from mrdamp.diagnosis.searched import unseen
 from mrdamp.identify import identify

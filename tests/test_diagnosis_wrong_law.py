@@ -25,7 +25,7 @@ from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.file_gaps import predicted_gap
+from mrdamp.diagnosis.report.handover import predicted_gap
 from mrdamp.diagnosis.report.result import Named
 from mrdamp.diagnosis.report.sentence import in_words
 from mrdamp.diagnosis.run import diagnose

@@ -29,7 +29,7 @@ from mrdamp.diagnosis.problem.make import with_model
 from mrdamp.diagnosis.problem.noise import baseline_gap
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.problem.rig import models_of
-from mrdamp.diagnosis.report.file_gaps import AGREEMENT, predicted_gap
+from mrdamp.diagnosis.report.handover import AGREEMENT, predicted_gap
 from mrdamp.diagnosis.report.next_test import next_test
 from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, step
 from mrdamp.diagnosis.searched import Concluded, Searched

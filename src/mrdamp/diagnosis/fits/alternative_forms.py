@@ -41,10 +41,7 @@ def reform(table: FitTable, found: Fit, causes: Collection[str] | None = None) -
     # The signatures of the law hardly change when a cause takes another form.
     known = table.law_columns(found)
     bar = _HOPELESS * found.cost
-    for again in table.map(
-        lambda h, q: table.fitted(h, q, most=_STEPS, known=known, stage=" reformed", bar=bar), tasks
-    ):
-        table.keep(again)
+    table.keep_fitted(tasks, most=_STEPS, known=known, stage=" reformed", bar=bar)
 
 
 def reform_rival(table: FitTable, best: Fit) -> None:
@@ -68,13 +65,9 @@ def drop(table: FitTable, found: Fit) -> None:
     tasks = []
     for term in found.hypothesis.terms:
         rest = lacking(table, found, term)
-        if (
-            bool(rest.hypothesis.nominal),
-            frozenset(t.name for t in rest.hypothesis.terms),
-        ) not in table.fits:
+        if (bool(rest.hypothesis.nominal), frozenset(t.name for t in rest.hypothesis.terms)) not in table.fits:
             tasks.append((rest.hypothesis, rest.point))
-    for again in table.map(lambda h, q: table.fitted(h, q, most=8, stage=" dropped"), tasks):
-        table.keep(again)
+    table.keep_fitted(tasks, most=8, stage=" dropped")
 
 
 def refit_with_fewer_causes(table: FitTable, best: Fit) -> None:
@@ -84,7 +77,7 @@ def refit_with_fewer_causes(table: FitTable, best: Fit) -> None:
     fewer = (f for f in table.ranked(True) if f.hypothesis.terms and set(f.hypothesis.causes) < causes)
     found = next(fewer, None)
     if found is not None:
-        table.keep(table.fitted(found.hypothesis, found.point, most=THROUGH, stage=" through"))
+        table.keep_fitted([(found.hypothesis, found.point)], most=THROUGH, stage=" through")
 
 
 def lacking(table: FitTable, found: Fit, term: Term) -> Fit:
@@ -113,8 +106,7 @@ def exchange(table: FitTable) -> None:
     ranked = screen(table, parent, table.addable(best.hypothesis.causes))
     chosen = first_forms(ranked)[: table.limits.exchanged]
     tasks = [table.start_from(parent, p.term, p.start, p.by) for p in chosen]
-    for again in table.map(lambda h, q: table.fitted(h, q, most=8, stage=" exchanged"), tasks):
-        table.keep(again)
+    table.keep_fitted(tasks, most=8, stage=" exchanged")
 
 
 def others(table: FitTable, found: Fit) -> list[ScoreTest]:
@@ -131,5 +123,5 @@ def try_second_cause(table: FitTable, found: Fit) -> None:
             break
         if test.term.cause not in tried:
             tried.add(test.term.cause)
-            hypothesis, start = table.start_from(found, test.term, test.start, test.by)
-            table.keep(table.fitted(hypothesis, start, most=8, stage=" beside"))
+            start = table.start_from(found, test.term, test.start, test.by)
+            table.keep_fitted([start], most=8, stage=" beside")

@@ -56,7 +56,8 @@ class FrameSearch(Search):
                 if single is not None:
                     reform(self, single)
                 if not self._enough(at_fault):
-                    self.keep(self.fitted(Hypothesis(rig.nominal), self.base.point, most=THROUGH, stage=" through"))
+                    law = Hypothesis(rig.nominal), self.base.point
+                    self.keep_fitted([law], most=THROUGH, stage=" through")
                     if self._enough(at_fault):
                         continue
                     # If free parameters explain more than any cause, they are combined with one cause before two

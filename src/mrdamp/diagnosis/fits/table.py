@@ -304,6 +304,15 @@ class FitTable:
         if key not in self.fits or found.cost < self.fits[key].cost:
             self.fits[key] = found
 
+    def keep_fitted(self, tasks: Iterable[tuple[Hypothesis, Array]], **how: Any) -> None:
+        """Fits hypotheses from their points and keeps the results. how: as in `fitted`."""
+        for found in self.map(lambda h, q: self.fitted(h, q, **how), tasks):
+            self.keep(found)
+
+    def tried_all(self, tasks: Iterable[tuple[Hypothesis, Array, Array | None, float]]) -> list[Fit]:
+        """Fits as in `tried`, without those that fail."""
+        return [f for f in self.map(self.tried, tasks) if f is not None]
+
     def ranked(self, free: bool) -> list[Fit]:
         """Fits with free or fixed nominal parameters, by cost."""
         return sorted(

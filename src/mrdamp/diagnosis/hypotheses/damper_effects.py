@@ -208,9 +208,7 @@ def _is_clearance(force: float, settings: Settings) -> bool:
     return 1 + max(hardening, settings.get("mount_compliance_stiffer", 0.0)) > CLEARANCE
 
 
-def nominal_coordinates(
-    law: str, parameters: Settings, command: float, stroke: float
-) -> tuple[Coordinate, ...]:
+def nominal_coordinates(parameters: Settings, command: float, stroke: float) -> tuple[Coordinate, ...]:
     """The nominal parameters, free about their nominal values: range of a factor of 8, prior standard
     deviation of a factor of 1.35.
 

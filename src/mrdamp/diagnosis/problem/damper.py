@@ -164,7 +164,7 @@ class DamperRig(Simulator):
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
-        return self.numbers(self.sizes, self._catalogue, _WIDER, self.wider.__contains__)
+        return self.numbers(self._catalogue, _WIDER, self.wider.__contains__)
 
     @cached_property
     def _catalogue(self) -> tuple[Term, ...]:
@@ -318,10 +318,7 @@ class DamperRig(Simulator):
     def envelope(self) -> Envelope:
         """Limits of the next test: the ranges of the records; the command from 0 to the simulator's limit."""
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
-        largest = self.nominal_model.parameters.get("command_max")
-        return Envelope.of(
-            "displacement_m", self.sizes.stroke, v, _BAND, self.records, largest, self.sizes.sample_time
-        )
+        return self.limits("displacement_m", self.sizes.stroke, v, _BAND, self.records)
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""

@@ -153,7 +153,7 @@ class FrameRig(Simulator):
     def nominal(self) -> tuple[Coordinate, ...]:
         """The nominal parameters, then the structural ones if they are free."""
         # At small drifts a frame's response depends little on some parameters, which may then be far off.
-        numbers = self.numbers(self.sizes, self.catalogue, _WIDER, lambda name: name != "n")
+        numbers = self.numbers(self.catalogue, _WIDER, lambda name: name != "n")
         return (*numbers, *(structure_coordinates(self.structure) if self.free_structure else ()))
 
     @cached_property
@@ -283,8 +283,7 @@ class FrameRig(Simulator):
         """Limits of the next test: the ground acceleration of the records."""
         ground = "ground_acceleration_m_s2"
         strongest = max(float(np.abs(r.channel(ground)).max()) for r in self.raw)
-        largest = self.nominal_model.parameters.get("command_max")
-        return Envelope.of(ground, strongest, None, _BAND, self.raw, largest, self.sizes.sample_time)
+        return self.limits(ground, strongest, None, _BAND, self.raw)
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""

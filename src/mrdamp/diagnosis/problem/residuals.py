@@ -32,6 +32,14 @@ def compared(n: int, sample_time: float, stride: int = 1) -> slice:
     return slice(min(round(_SKIP / sample_time), n // 4), n - _END, stride)
 
 
+def squared_gap(simulated: Array, measured: Array, sample_time: float, size: Array | None = None) -> float:
+    """Mean square of an error over that of the measurement, or of `size`; (n,) each, without a record's start and end.
+    sample_time: s."""
+    keep = compared(len(measured), sample_time)
+    whole = measured if size is None else size
+    return float(np.mean((simulated - measured)[keep] ** 2)) / (float(np.mean(whole[keep] ** 2)) or 1.0)
+
+
 @dataclass(frozen=True)
 class Block:
     """Position of a record's channel in the residuals.

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mrdamp import __version__
 from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
-from mrdamp.diagnosis.problem.residuals import compared
+from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.changes import changes, unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import share
@@ -318,10 +318,7 @@ def _uncertainty(out: Page, found: Diagnosis) -> None:
 
 
 def _nrms(simulated: Array, measured: Array, time: Array) -> float:
-    """Without the start and the end of a record, as every gap."""
-    keep = compared(len(time), float(time[1] - time[0]))
-    size = float(np.sqrt(np.mean(measured[keep] ** 2))) or 1.0
-    return float(np.sqrt(np.mean((simulated - measured)[keep] ** 2))) / size
+    return float(np.sqrt(squared_gap(simulated, measured, float(time[1] - time[0]))))
 
 
 #: Channels of a frame that are drawn, the first kind that is measured, and their units.
