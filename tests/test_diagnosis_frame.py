@@ -14,10 +14,10 @@ from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.store import Kept, Store
 from mrdamp.diagnosis.frame_run import LIMITS, most_different, reduced, stepped, too_coarse
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
+from mrdamp.diagnosis.problem.designs import columns, drawn
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged, block_means
 from mrdamp.diagnosis.problem.noise import Noise
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.problem.signals import columns, drawn
 from mrdamp.diagnosis.report.handover import agreement
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.model import Effect, Model

@@ -254,7 +254,7 @@ def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) ->
     nominal: gap of the nominal simulator. noise: gap due to noise.
     """
     residual = final.fit.residual
-    predictable = of_fit(final.problem, residual, search.floor).predictable
+    predictable = of_fit(final.problem, residual, search.floor)
     left = pooled(final.heldout)
     ceiling = float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
     if left**2 <= NONE_ABOVE * noise**2:

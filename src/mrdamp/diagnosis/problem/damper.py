@@ -23,9 +23,9 @@ from mrdamp.diagnosis.hypotheses.outside import (
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
 from mrdamp.diagnosis.problem.command_memory import with_waves
+from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem, compared
-from mrdamp.diagnosis.problem.signals import Envelope, Signal
 from mrdamp.diagnosis.problem.simulator import Simulator
 from mrdamp.model import Model, core
 from mrdamp.model.core import Array

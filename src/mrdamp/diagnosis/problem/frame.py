@@ -19,7 +19,7 @@ from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, group
 from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shaken, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import with_waves
-from mrdamp.diagnosis.problem.signals import Envelope, Signal
+from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.simulator import Simulator
 from mrdamp.errors import InputError
 from mrdamp.model import Model, core

@@ -15,7 +15,7 @@ from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merg
 from mrdamp.diagnosis.hypotheses.outside import inside_of
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term
 from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry
-from mrdamp.diagnosis.problem.signals import Envelope
+from mrdamp.diagnosis.problem.designs import Envelope
 from mrdamp.model import Effect, Model, effects_from
 from mrdamp.records import Record
 
