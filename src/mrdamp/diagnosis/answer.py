@@ -17,7 +17,7 @@ from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hul
 from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.resample import Interval, spread
 from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
-from mrdamp.diagnosis.evidence.verdict import by_causes, lapse_of, of_cause, with_lapse
+from mrdamp.diagnosis.evidence.verdict import Decision, by_causes, lapse_of, of_cause, with_lapse
 from mrdamp.diagnosis.fits.final import FinalFit, heldout
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.search import Search
@@ -38,6 +38,7 @@ from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records.motion import share_of_stroke
 
+Causes = tuple[str, ...]
 #: Number of simulators with parameters drawn within their intervals.
 _DRAWN = 20
 
@@ -51,18 +52,11 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
     whole, residual, floor = final.problem, handed.fit.residual, pooled(found.floor)
     nominal = whole.nominal()
 
-    none: dict[tuple[str, ...], float] = {(): 1.0}
-    known = none if verdict == "none" else by_causes(scored(fits), decision.probabilities)
     regimes_of = estimates_by_regime(chosen, final) if named else {}
     worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
-    sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {("unknown",): decision.unknown}
-    sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
-    weighed = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
-    # Two channels that differ whatever the law do not depend on it.
-    beside = search.inexact and not decision.apart
-    sets = with_lapse(sets, lapse_of(verdict, inexact=beside, worse=any(worse.values())))
+    known = by_causes(scored(fits), decision.probabilities)
+    sets, weighed = _sets(search, decision, known, worse=any(worse.values()))
     causes = of_cause(sets)
-
     around = spread(handed.problem, handed.fit)
     intervals = around.intervals() if verdict != "none" else {}
     ties = tie_classes(search, chosen, known) if named else ()
@@ -140,6 +134,20 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
             "channels": list(found.rig.channels),
         },
     )
+
+
+def _sets(
+    search: Search, decision: Decision, known: dict[Causes, float], *, worse: bool
+) -> tuple[dict[Causes, float], list[Causes]]:
+    """Probabilities of the sets of causes with the lapse, and the sets that are shown. known: as decided. worse: some
+    cause makes the gap larger in a regime."""
+    known = {(): 1.0} if decision.verdict == "none" else known
+    sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {("unknown",): decision.unknown}
+    sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
+    shown = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
+    # Two channels that differ whatever the law do not depend on it.
+    beside = search.inexact and not decision.apart
+    return with_lapse(sets, lapse_of(decision.verdict, inexact=beside, worse=worse)), shown
 
 
 def beside_given(again: BaselineLaw, model: Model, gap: Gap, given: float) -> tuple[Model, Gap]:

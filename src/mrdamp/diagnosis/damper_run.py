@@ -63,7 +63,13 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     direct = {c.cause: c.nats for c in channels if c.cause is not None}
 
     def begun(rig: DamperRig) -> tuple[Search, Array]:
-        return _searching(rig, noise, limits or Limits(), jobs, store, base, direct)
+        """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone."""
+        plain = _shortened(rig)
+        floor = floors(plain, noise, {})
+        problem = plain.like(trust=trust(plain, floor))
+        most, own = limits or Limits(), own_cost(problem, base)
+        cost = problem.cost(floor)
+        return Search(problem, cost, most, jobs, store, own=own, steady=noise.steady, direct=direct), floor
 
     search, floor = begun(rig)
     ends = frozenset(search.base.at_bounds)
@@ -142,26 +148,3 @@ def in_sensor(stages: Mapping[str, float]) -> dict[str, float]:
 def _shortened(rig: DamperRig) -> Problem:
     """Residuals of a rig's records; of excerpts if the records are long."""
     return Problem.thinned(rig.searched(), coarse=True)
-
-
-def _searching(
-    rig: DamperRig,
-    noise: Noise,
-    limits: Limits,
-    jobs: int,
-    store: Store,
-    base: Array,
-    direct: Mapping[str, float],
-) -> tuple[Search, Array]:
-    """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone.
-
-    base: (channels,) gap of the nominal simulator on the rig's baseline. direct: as in `Search`.
-    """
-    plain = _shortened(rig)
-    floor = floors(plain, noise, {})
-    problem = Problem.thinned(plain.rig, coarse=True, trust=trust(plain, floor))
-    own = own_cost(problem, base)
-    search = Search(
-        problem, problem.cost(floor), limits, jobs, store, own=own, steady=noise.steady, direct=direct
-    )
-    return search, floor

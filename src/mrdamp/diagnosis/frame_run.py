@@ -169,7 +169,7 @@ def judge(
         for count in {len(f.hypothesis.causes) for f in free}:
             for f in [f for f in free if len(f.hypothesis.causes) == count][:_LOOKED_AT]:
                 for named, penalty in promoted(rig, f, CAUSE_PENALTY + NUMBER_PENALTY):
-                    key = (True, frozenset(t.name for t in named.hypothesis.terms))
+                    key = named.hypothesis.key
                     if key not in search.fits or named.cost < search.fits[key].cost:
                         search.fits[key] = named
                         penalties[id(named)] = penalty

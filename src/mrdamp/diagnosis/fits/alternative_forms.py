@@ -65,7 +65,7 @@ def drop(table: FitTable, found: Fit) -> None:
     tasks = []
     for term in found.hypothesis.terms:
         rest = lacking(table, found, term)
-        if (bool(rest.hypothesis.nominal), frozenset(t.name for t in rest.hypothesis.terms)) not in table.fits:
+        if rest.hypothesis.key not in table.fits:
             tasks.append((rest.hypothesis, rest.point))
     table.keep_fitted(tasks, most=8, stage=" dropped")
 

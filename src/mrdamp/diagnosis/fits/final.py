@@ -12,7 +12,6 @@ from mrdamp.diagnosis.fits.alternative_forms import others
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.regimes import by_record, left_out
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.errors import InputError
@@ -60,15 +59,13 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
             break
         trials: list[tuple[Fit, tuple[str, ...]]] = []
         if not best.hypothesis.nominal:
-            free = Hypothesis(search.problem.rig.nominal, best.hypothesis.terms)
-            start = np.concatenate([np.zeros(len(free.nominal)), best.point])
-            trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
+            free = search.fitted(*search.with_free_law(best), most=6, stage=" freed")
+            trials.append((free, corrections))
         for test in others(search, best)[:2]:
             if test.cost > (1 - _WORTH / 3) * best.cost:
                 continue
             hypothesis, start = search.start_from(best, test.term, test.start, test.by)
-            key = (bool(hypothesis.nominal), frozenset(t.name for t in hypothesis.terms))
-            found = search.fits.get(key) or search.fitted(
+            found = search.fits.get(hypothesis.key) or search.fitted(
                 hypothesis, start, most=8, known=search.law_columns(best), stage=" mended"
             )
             trials.append((found, (*corrections, test.term.name)))

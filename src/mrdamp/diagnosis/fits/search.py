@@ -149,7 +149,7 @@ class Search(FitTable):
             hypothesis = self.base.hypothesis.plus(term)
             start = np.concatenate([np.zeros(len(self.base.point)), best.point[low : low + count]])
             low += count
-            if (True, frozenset([term.name])) not in self.fits:
+            if hypothesis.key not in self.fits:
                 tasks.append((hypothesis, start, None, np.inf))
         self.keep_tried(tasks)
 
@@ -217,13 +217,12 @@ class Search(FitTable):
             taken = set(parent.hypothesis.causes)
             ranked = screen(self, parent, self.addable(taken))
             ranked = worth_a_look(ranked, parent.cost, second=depth > 1)
-            tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
+            tasks: dict[tuple[bool, frozenset[str]], tuple[Hypothesis, Array, Array | None, float]] = {}
             for test in worth_a_fit(ranked, depth, limits):
                 hypothesis, start = self.start_from(parent, test.term, test.start, test.by)
-                key = frozenset(t.name for t in hypothesis.terms)
                 beyond_reach = test.cost - self.floor > _HOPELESS * max(least - self.floor, SOLVED * self.excess)
-                if (free, key) not in self.fits and not beyond_reach:
-                    tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
+                if hypothesis.key not in self.fits and not beyond_reach:
+                    tasks.setdefault(hypothesis.key, (hypothesis, start, self.law_columns(parent), parent.cost))
             found = self.keep_tried(list(tasks.values()))
             least = min([least, *(f.cost for f in found)])
         if free:

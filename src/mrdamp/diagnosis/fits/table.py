@@ -250,10 +250,24 @@ class FitTable:
         parent's cost, which has to be undercut. tolerance: see `fit`.
         """
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
-        if (name, start.tobytes()) not in self.cache.fits:
-            found = self._fitted(name, hypothesis, start, most, known, bar, tolerance)
-            self.cache.fits[name, start.tobytes()] = found
-        return self.cache.fits[name, start.tobytes()]
+        key = name, start.tobytes()
+        if key in self.cache.fits:
+            return self.cache.fits[key]
+        if known is None and hypothesis.nominal:
+            # Computed once at the start: the signatures of a dozen nominal parameters change little during
+            # the fit.
+            rough, law = self.problem.rougher(hypothesis), range(len(hypothesis.nominal))
+            known = rough.jacobian(hypothesis, start, rough.residuals(hypothesis, start)[0], law)
+        kept = self.store.get(name)
+        if kept is not None and kept.point.shape == start.shape:
+            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
+            found = replace(ended, iterations=kept.iterations)
+        else:
+            how: dict[str, Any] = {"known": known, "frozen": known is not None, "bar": bar}
+            found = fit(self.problem, hypothesis, start, most=most, tolerance=tolerance, **how)
+            self.store.put(name, found.point, found.converged, found.at, found.iterations)
+        self.cache.fits[key] = found
+        return found
 
     def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
         """True if a fit with fixed nominal parameters from this start has already used this many iterations.
@@ -261,46 +275,9 @@ class FitTable:
         found = self.cache.fits.get((f"held {hypothesis.name}", start.tobytes()))
         return not hypothesis.nominal and found is not None and found.iterations >= steps
 
-    def _fitted(
-        self,
-        name: str,
-        hypothesis: Hypothesis,
-        start: Array,
-        most: int,
-        known: Array | None,
-        bar: float,
-        tolerance: float,
-    ) -> Fit:
-        if known is None and hypothesis.nominal:
-            # Computed once at the start: the signatures of a dozen nominal parameters change little during
-            # the fit.
-            rough = self.problem.rougher(hypothesis)
-            known = rough.jacobian(
-                hypothesis,
-                start,
-                rough.residuals(hypothesis, start)[0],
-                range(len(hypothesis.nominal)),
-            )
-        kept = self.store.get(name)
-        if kept is not None and kept.point.shape == start.shape:
-            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
-            return replace(ended, iterations=kept.iterations)
-        found = fit(
-            self.problem,
-            hypothesis,
-            start,
-            most=most,
-            tolerance=tolerance,
-            known=known,
-            frozen=known is not None,
-            bar=bar,
-        )
-        self.store.put(name, found.point, found.converged, found.at, found.iterations)
-        return found
-
     def keep(self, found: Fit) -> None:
         """Adds a fit to the table if it is the best of its terms."""
-        key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))
+        key = found.hypothesis.key
         if key not in self.fits or found.cost < self.fits[key].cost:
             self.fits[key] = found
 

@@ -166,6 +166,11 @@ class Hypothesis:
         return tuple(dict.fromkeys(term.cause for term in self.terms))
 
     @property
+    def key(self) -> tuple[bool, frozenset[str]]:
+        """Whether the nominal parameters are free, and the names of the terms."""
+        return bool(self.nominal), frozenset(term.name for term in self.terms)
+
+    @property
     def name(self) -> str:
         return " + ".join(term.name for term in self.terms) or "parameters"
 

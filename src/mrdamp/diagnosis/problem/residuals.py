@@ -111,14 +111,15 @@ class Problem:
         *,
         stride: int | None = None,
         coarse: bool | None = None,
+        trust: Mapping[tuple[int, int], float] | None = None,
     ) -> Problem:
-        """The same residuals of another rig, of some of the records, or of other runs."""
+        """The same residuals of another rig, of some of the records, of other runs, or with other weights."""
         return Problem(
             rig or self.rig,
             self.records if records is None else records,
             stride=stride or self.stride,
             coarse=self.coarse if coarse is None else coarse,
-            trust=self.trust,
+            trust=self.trust if trust is None else trust,
         )
 
     def rougher(self, hypothesis: Hypothesis) -> Problem:
