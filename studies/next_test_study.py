@@ -38,10 +38,10 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Term
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.designs import columns, drawn
 from mrdamp.diagnosis.problem.make import make_rig
 from mrdamp.diagnosis.problem.noise import channel_noise, floors, repeatable, trust
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.problem.signals import columns, drawn
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.files import write_atomic

@@ -67,7 +67,7 @@ def test_the_folders_of_the_diagnosis_import_one_way_only(tool: ModuleType) -> N
 
     def rank(module: str) -> int:
         folder = module.split(".")[2]
-        if folder in {"run", "frame_run", "damper_run", "searched", "injection", "form"}:
+        if folder in {"run", "frame_run", "damper_run", "searched", "answer", "injection", "form"}:
             return len(flow)
         return -1 if folder == "constants" else flow.index(folder)
 

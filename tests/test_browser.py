@@ -146,7 +146,6 @@ def diagnosed_page(folder: Path) -> Path:
         rig="damper",
         question="either",
         verdict="effect",
-        sentence="The gap comes from driver_lag: with it the gap goes from 16.5 % to 1.5 % (noise 1.3 %).",
         effects=(Named("driver_lag", "driver", None, 0.94, {"tau": 0.008}, 0.97, {"tau": (0.007, 0.009)}),),
         candidates=(Candidate(("driver_lag",), 0.94, 0.015), Candidate((), 1e-22, 0.165)),
         indistinguishable=(("driver_lag", "command_delay"),),

@@ -18,14 +18,13 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from mrdamp.diagnosis import damper_run
+from mrdamp.diagnosis.answer import beside_given
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.problem import baseline_law as module
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.noise import channel_noise
-from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.file_gaps import predicted_gap, with_given
-from mrdamp.diagnosis.report.result import Diagnosis, Gap, Where, step
+from mrdamp.diagnosis.report.result import Diagnosis, Gap
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.identify import identify
 from mrdamp.identify.laws import DEPENDENCES, Scales
@@ -143,22 +142,15 @@ def test_a_law_is_not_extrapolated_to_commands_that_the_baseline_lacks() -> None
     assert baseline_law(DamperRig(lines(), tuple(within)).with_motion(), low) is not None
 
 
-def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predicts_worse() -> None:
-    """A law of the baseline with twice the force, which no fit to the case's records has mended."""
-    given, records_ = lines(), records()[:2]
-    double = replace(given, parameters={**given.parameters, "alpha_a": 2 * given.parameters["alpha_a"] + 500.0})
-    problem = Problem(DamperRig(double, records_).with_motion())
-    gaps = problem.gaps(problem.of_settings([{}])[0])
-    gap = Gap(predicted_gap(double, problem), 0.5, predicted_gap(double, problem), 0.0, (0.0, 1.0), left_out=0.5)
-    bars = (step("nominal", gaps),)
-    found = Diagnosis("x", "damper", "either", "unknown", "", (), (), (), Where({}), gap, bars, {}, double)
-    again = BaselineLaw(given, double, "linear", 0.2, 0.1, 0.2)
-    out = with_given(found, again, problem)
-    assert out.corrected is given
-    assert out.gap.corrected == out.gap.nominal == predicted_gap(given, problem) < gap.nominal
-    assert out.baseline_law is None
-    better = replace(found, gap=replace(gap, corrected=0.0))
-    assert with_given(better, again, problem).corrected is double
+@pytest.mark.parametrize(("found", "left"), [(0.3, 0.2), (0.1, 0.1)])
+def test_the_given_simulator_is_handed_over_where_the_law_of_the_baseline_predicts_worse(
+    found: float, left: float
+) -> None:
+    given, other = lines(), replace(lines(), name="found")
+    again = BaselineLaw(given, other, "linear", 0.2, 0.1, 0.15)
+    model, gap = beside_given(again, other, Gap(0.5, 0.4, found, 0.0, (0.0, 1.0), left_out=found), 0.2)
+    assert model is (given if found > 0.2 else other)
+    assert (gap.nominal, gap.corrected, gap.left_out, gap.baseline) == (0.2, left, left, 0.15)
 
 
 @pytest.mark.slow
@@ -198,4 +190,4 @@ def test_a_simulator_that_reaches_the_noise_of_its_baseline_is_not_identified_ag
     monkeypatch.setattr(damper_run, "INEXACT", 1e6)
     case = Case("rig", Path(), best, records(), (), baseline())
     noise = channel_noise(case, rig(best))
-    assert damper_run._law_of_baseline(case, rig(best), noise, lambda *_: None) is None
+    assert damper_run.law_of_baseline(case, rig(best), noise, lambda *_: None) is None

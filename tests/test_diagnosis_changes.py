@@ -21,7 +21,7 @@ CORRECTED = Model("bingham", {**LAW, "c0a": 600.0}, (Effect("driver_lag", {"tau"
 def found(**more: object) -> Diagnosis:
     named = Named("driver_lag", "driver", None, 0.6, {"tau": 0.02}, 0.5, {"tau": (0.01, 0.03)})
     plain = Diagnosis(
-        "case", "damper", "either", "effect", "", (named,), (), (("driver_lag", "saturation", "sensor_lag"),),
+        "case", "damper", "either", "effect", (named,), (), (("driver_lag", "saturation", "sensor_lag"),),
         Where({"driver": 1.0}), Gap(0.2, 0.2, 0.1, 0.01, (0.09, 0.11), left_out=0.12), (), {}, CORRECTED,
         intervals={"c0a": (590.0, 610.0), "driver_lag_tau": (0.0, 1.0)},
         probabilities={"driver_lag": 0.6, "saturation": 0.3, "sensor_lag": 0.01, "none": 0.97},

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrdamp.diagnosis.answer import estimates_by_regime, named_effects
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
 from mrdamp.diagnosis.evidence.resample import spread
 from mrdamp.diagnosis.fits.final import FinalFit
@@ -15,7 +16,6 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.assembly import _by_regime, _named
 from toy_rig import FIFTH, toy
 
 
@@ -103,8 +103,8 @@ def test_a_wrong_law_widens_the_interval_of_a_named_cause() -> None:
         assert search.inexact == widened
         final = FinalFit(found, (), problem.gaps(found.residual), problem)
         plain = spread(problem, found).intervals()
-        regimes = _by_regime(found, final)
-        (named,) = _named(search, found, final, {"cubic": 0.9}, plain, regimes)
+        regimes = estimates_by_regime(found, final)
+        (named,) = named_effects(search, found, final, {"cubic": 0.9}, plain, regimes)
         low, high = named.intervals["cubic"]
         assert (low < plain["cubic"][0] or high > plain["cubic"][1]) == widened
         if widened:
@@ -143,7 +143,7 @@ def test_a_cause_is_reported_in_the_form_of_the_last_fit() -> None:
     )
     search.keep(first)
     final = FinalFit(last, (), problem.gaps(last.residual), problem)
-    (named,) = _named(search, first, final, {"cubic": 0.9}, {}, _by_regime(first, final))
+    (named,) = named_effects(search, first, final, {"cubic": 0.9}, {}, estimates_by_regime(first, final))
     assert named.parameters == {"fifth": pytest.approx(0.5, abs=0.02)}
     assert named.by_regime
     assert all(set(r.parameters) == set(r.intervals) == {"fifth"} for r in named.by_regime)

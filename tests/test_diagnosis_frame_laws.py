@@ -16,7 +16,7 @@ from frame_case import altered, believed, case_of, records
 from mrdamp.diagnosis import frame_run
 from mrdamp.diagnosis.attribution import frame_laws as module
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone
-from mrdamp.diagnosis.attribution.frame_laws import other_law
+from mrdamp.diagnosis.attribution.frame_laws import alone, other_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.judgement import not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
@@ -28,12 +28,10 @@ from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import reduced
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.file_gaps import predicted_gap
-from mrdamp.diagnosis.report.other_law import with_other_law
-from mrdamp.diagnosis.report.result import pooled
-from mrdamp.diagnosis.run import answered, diagnose, searched
-from mrdamp.diagnosis.searched import Judged
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.report.handover import predicted_gap
+from mrdamp.diagnosis.run import diagnose, searched
+from mrdamp.diagnosis.searched import unseen
 from mrdamp.identify import identify
 
 
@@ -132,7 +130,7 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
         """A fit without one of many records: the two of this case do not suffice."""
         return identify(law, damper_alone(case()).records, **{**options, "dependence": "linear"})
 
-    def named(search: Search, *args: Any, **options: Any) -> Judged:
+    def named(search: Search, *args: Any, **options: Any) -> tuple[list[Fit], Decision]:
         fits, decision = own(search, *args, **options)
         fits = [*fits, fitted(search.problem, "shear_thinning")]
         chosen = replace(scored(fits)[-1], index=len(fits) - 1)
@@ -159,16 +157,15 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
-    found = searched(case(), 1, lambda *_: None, None, Store())
+    found = searched(case(), 1, unseen, None, Store())
     other = other_law(case(), found.search.problem, fitted(found.search.problem, "shear_thinning"))
     assert other is not None
-    final = final_fit(found.search, found.judge()[0][0], rig=found.rig)
-    answer = replace(answered(found, 0.0, lambda *_: None), verdict="unknown", effects=())
+    final = final_fit(found.search, found.search.ranked(False)[0], rig=found.rig)
     own = final.problem
-    nominal = pooled(own.gaps(own.of_settings([{}])[0]))
-    factors = 1.01, 0.6 * min(1.0, nominal / pooled(final.heldout))
+    factors = 1.01, 0.6 * min(1.0, pooled(own.gaps(own.nominal())) / pooled(final.heldout))
     more, less = (replace(other, left_out=factor * final.heldout) for factor in factors)
-    assert with_other_law(answer, more, found.search, final) is answer
-    assert with_other_law(answer, less, found.search, final).corrected is other.model
-    assert with_other_law(replace(answer, verdict="effect"), less, found.search, final).corrected is answer.corrected
-    assert with_other_law(answer, None, found.search, final) is answer
+    assert alone(more, final) is None
+    handed = alone(less, final)
+    assert handed is not None
+    assert handed.problem.rig.model({}).law == other.law
+    assert handed.heldout is less.left_out

@@ -90,7 +90,7 @@ def test_a_frame_with_an_effect(effect: Effect, shaken: Record) -> None:
 
 def diagnosis(model: Model) -> Diagnosis:
     gap = Gap(0.2, 0.1, 0.01, 0.005, (0.009, 0.011))
-    return Diagnosis("x", model.rig, "either", "effect", "", (), (), (), Where({}), gap, (), {}, model)
+    return Diagnosis("x", model.rig, "either", "parameters", (), (), (), Where({}), gap, (), {}, model)
 
 
 def test_what_is_handed_over_is_a_model_that_loads(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings
 from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.designs import SECONDS, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.problem.signals import SECONDS, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.diagnosis.report.next_test import Bench, Pair, Steps, best, next_test
 from mrdamp.errors import InputError
 from mrdamp.model import Model

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from mrdamp.diagnosis.fits.alternative_forms import others, try_second_cause
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.second_cause import others, try_second_cause
 from mrdamp.diagnosis.problem.residuals import Problem
 from toy_rig import toy
 

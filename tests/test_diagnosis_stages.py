@@ -7,10 +7,9 @@ import pytest
 
 from mrdamp.diagnosis.attribution.stages import Changes, stage_shares
 from mrdamp.diagnosis.fits import screening
-from mrdamp.diagnosis.fits.alternative_forms import drop, exchange
+from mrdamp.diagnosis.fits.alternative_forms import drop, exchange, refit_with_fewer_causes
 from mrdamp.diagnosis.fits.least_squares import fit
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.frame_run import refit_with_fewer_causes
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.model.core import Array

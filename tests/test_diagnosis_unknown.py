@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mrdamp.diagnosis.attribution.frame_blocks import Block, intervals_by_stage, shares_by_stage
+from mrdamp.diagnosis.attribution.frame_blocks import Block, shares_by_stage
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence
 from mrdamp.diagnosis.attribution.shares import Measured
 from mrdamp.diagnosis.attribution.stage_columns import columns_of, play
@@ -235,15 +235,15 @@ def test_the_stage_of_a_fault_of_a_frames_damper(fault: Fault, stage: str, betwe
     evidence = damper_evidence(case, [block])
     problem = Problem(toy({}))
     search = Search(problem, 1e-3)
-    shares = shares_by_stage(search, search.base, "unknown", [block], evidence)
+    shares, ends = shares_by_stage(search, search.base, "unknown", [block], evidence)
     assert sum(shares.values()) == pytest.approx(1.0)
     assert max(shares, key=lambda s: shares[s]) == stage
     assert shares["sensor"] == 0
-    low, high = intervals_by_stage(search, search.base, "unknown", [block], evidence)[stage]
+    low, high = ends[stage]
     assert 0.5 < low <= high <= 1
     # In half of the draws no block is at fault: those have shares too.
     faint = replace(block, drawn=np.where(np.arange(DRAWS) % 2, 0.0, 0.04))
-    low, high = intervals_by_stage(search, search.base, "unknown", [faint], evidence)[stage]
+    low, high = shares_by_stage(search, search.base, "unknown", [faint], evidence)[1][stage]
     assert 0.5 < low <= high <= 1
 
 

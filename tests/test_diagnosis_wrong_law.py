@@ -17,20 +17,20 @@ from scipy.signal import lfilter
 from mrdamp.diagnosis.case.folder import Case, read_case
 from mrdamp.diagnosis.channels.comparison import compared
 from mrdamp.diagnosis.constants import TEMPER, UNSTEADY
-from mrdamp.diagnosis.evidence.baseline import of_baseline
 from mrdamp.diagnosis.evidence.established import softmax, standing, utility
+from mrdamp.diagnosis.evidence.penalties import of_baseline
 from mrdamp.diagnosis.evidence.verdict import Scored, decide, of_parameters
 from mrdamp.diagnosis.fits.regimes import groupings
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.excerpts import EACH, LONGEST, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.file_gaps import predicted_gap
+from mrdamp.diagnosis.report.handover import predicted_gap
 from mrdamp.diagnosis.report.result import Named
-from mrdamp.diagnosis.report.sentence import _plain
+from mrdamp.diagnosis.report.sentence import in_words
 from mrdamp.diagnosis.run import diagnose
 from mrdamp.errors import InputError
-from mrdamp.model import Effect, Model
+from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect, Model, damper_effects
 from mrdamp.records import Record, read_record
 from mrdamp.simulation.predict import write_prediction
 from toy_rig import toy
@@ -339,8 +339,19 @@ def test_a_gap_in_the_report_is_the_files() -> None:
 
 def test_a_slew_limited_driver_is_told_by_its_rate() -> None:
     named = Named("driver_lag", "driver", None, 0.9, {"tau": 0.001, "rate": 12.0}, 0.8)
-    assert "12 a second" in _plain(named)
-    assert "lags" in _plain(Named("driver_lag", "driver", None, 0.9, {"tau": 0.001}, 0.8))
+    assert "12 a second" in in_words(named)
+    assert "lags" in in_words(Named("driver_lag", "driver", None, 0.9, {"tau": 0.001}, 0.8))
+
+
+@pytest.mark.parametrize(("effect", "place"), [
+    *((name, None) for name in damper_effects()),
+    *((name, 1) for name in (*STRUCTURE_EFFECTS, *FLOOR_SENSOR_EFFECTS)),
+])  # fmt: skip
+def test_every_effect_is_told_in_words(effect: str, place: int | None) -> None:
+    stage = "sensor" if effect in FLOOR_SENSOR_EFFECTS else "structure"
+    words = in_words(Named(effect, stage, place, 0.9, {}, 0.8))
+    assert len(words.split()) > 2
+    assert ("accelerometer" in words) == (place is not None and stage == "sensor")
 
 
 @pytest.mark.parametrize(

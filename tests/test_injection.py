@@ -15,7 +15,6 @@ from mrdamp.diagnosis.injection.inject import (
     NotPut,
     change_of,
     count_levels,
-    gap,
     refusal,
     strength_of,
     widened,
@@ -294,8 +293,3 @@ def test_the_command_range_of_a_model_follows_its_records() -> None:
     wide = widened(limited, [record(0.0), record(1.4)])
     assert (wide.parameters["command_min"], wide.parameters["command_max"]) == (0.0, 1.4)
     assert widened(BINGHAM, [record(1.4)]) is BINGHAM
-
-
-def test_the_gap_of_the_true_model_is_its_noise() -> None:
-    quiet = record(0.0)
-    assert gap(BINGHAM, [quiet]) == pytest.approx(PRELOAD / np.std(quiet.channel("force_N")), rel=0.15)

@@ -11,9 +11,9 @@ import pytest
 from mrdamp.diagnosis.constants import EVIDENCE_GAIN, STALL_GAIN
 from mrdamp.diagnosis.fits.left_out import ratio
 from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.fits.stall import Stalls
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.signatures.loops import Strokes, compared
-from mrdamp.diagnosis.signatures.stall import Stalls
 from mrdamp.model.core import Array
 from mrdamp.records import Record, read_record
 from toy_rig import ToyRig

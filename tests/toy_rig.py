@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
-from mrdamp.diagnosis.problem.signals import Envelope, Signal
+from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record

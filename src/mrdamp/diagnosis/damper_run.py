@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamp.diagnosis.attribution.interfaces import parts
+from mrdamp.diagnosis.attribution.shares import Regime
+from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
+from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared, compared, sensor_unexplained
@@ -14,6 +18,7 @@ from mrdamp.diagnosis.channels.motion import motion
 from mrdamp.diagnosis.constants import CAUSE, INEXACT, STALL_GAIN, UNSTEADY
 from mrdamp.diagnosis.evidence.judgement import decided, unexplained
 from mrdamp.diagnosis.evidence.penalties import of_damper
+from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
@@ -31,15 +36,11 @@ from mrdamp.diagnosis.problem.noise import (
     trust,
 )
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis, Where
-from mrdamp.diagnosis.searched import Judged, Searched
+from mrdamp.diagnosis.report.result import Where
+from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 
-Progress = Callable[[str, float], None]
-
-#: Number of residual samples in a search, over all channels and records.
-_SAMPLES = 20_000
 #: Share of the excess left by free parameters below which the range of a parameter at its limit is extended.
 _FAR_OFF = 0.02
 
@@ -50,7 +51,7 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     notes = list(audit(case))
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
-    again = _law_of_baseline(case, rig, noise, progress)
+    again = law_of_baseline(case, rig, noise, progress)
     if again is not None:
         case = replace(case, model=again.model)
         rig = DamperRig(again.model, case.records, threads=jobs).with_motion()
@@ -65,38 +66,69 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     progress("recalibrating the nominal parameters", 0.02)
     untouched = _shortened(replace(rig, records=case.baseline)) if case.baseline else None
     base = baseline_gap(untouched, rig)
-    search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
+    # What channels of the baseline show as well is no change.
+    own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
+    direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}
+
+    def begun(rig: DamperRig) -> tuple[Search, Array]:
+        """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone."""
+        plain = _shortened(rig)
+        floor = floors(plain, noise, {})
+        problem = plain.like(trust=trust(plain, floor))
+        most, own = limits or Limits(), own_cost(problem, base)
+        cost = problem.cost(floor)
+        return Search(problem, cost, most, jobs, store, own=own, steady=noise.steady, direct=direct), floor
+
+    search, floor = begun(rig)
     ends = frozenset(search.base.at_bounds)
     if ends and search.unexplained(search.base) < _FAR_OFF:
         rig = replace(rig, wider=ends)
-        search, floor = _searching(rig, noise, limits or Limits(), jobs, store, base)
-    search.steady = noise.steady
-    # What channels of the baseline show as well is no change.
-    own = {c.cause: c.nats for pair in _compared(rig, case.baseline) for c in pair} if case.baseline else {}
-    search.direct = {c.cause: max(c.nats - own.get(c.cause, 0.0), 0.0) for c in channels if c.cause is not None}
+        search, floor = begun(rig)
     known = [t for t in rig.terms if t.name in rig.known]
-    for term in (*known, *_clearance(search)):
+    late = [
+        replace(c.term, starts=(tuple(c.settings[q.name] for q in c.term.coordinates),))
+        for c in moved
+        if c.term is not None and c.settings is not None
+    ]
+    for term in (*known, *late, *_clearance(search)):
         search.begin_with([term])
     if 1 < len(known) <= search.limits.depth:
         search.begin_with(known)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
+    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again)
 
-    apart = sensor_unexplained(channels)
 
-    def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
-        where = in_sensor(answer.where) if apart else answer.where
-        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels))
+@dataclass(frozen=True)
+class DamperSearched(Searched):
+    """A completed search of a damper's case."""
 
-    def judged() -> Judged:
-        fits, decision = judge(search, untouched)
-        if not apart:
-            return fits, decision
-        like = search.looks_like
+    rig: DamperRig
+
+    def judged(self, progress: Progress) -> tuple[list[Fit], Decision, None]:
+        """See `Searched`. A force sensor that is at fault whatever the law is no rival's doing."""
+        fits, decision = judge(self.search, self.baseline)
+        if not sensor_unexplained(self.compared):
+            return fits, decision, None
+        like = self.search.looks_like
         if like is not None and all(t.stage != "sensor" for t in like.hypothesis.terms):
-            search.looks_like, decision = None, replace(decision, outside=None)
-        return fits, unexplained(decision, fits)
+            self.search.looks_like, decision = None, replace(decision, outside=None)
+        return fits, unexplained(decision, fits), None
 
-    return Searched(case, rig, search, noise, floor, base, notes, judged, complete, again)
+    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
+        """See `Searched`."""
+        search, put_in = self.search, parts(self.rig, float(self.noise.levels[0]))
+        evidence = None
+        if verdict == "unknown":
+            level, near = float(self.noise.levels[-1]), of_one_stage(search)
+            evidence = StageEvidence.of(search.problem, level, near, search.base)
+        stages = stage_shares(search, chosen, verdict, put_in.found, evidence)
+        return Where(
+            stages=in_sensor(stages) if sensor_unexplained(self.compared) else stages,
+            intervals=stage_intervals(search, chosen, verdict, put_in.found, put_in.drawn, evidence),
+            measured=put_in.found,
+            records=records,
+            regimes=regimes,
+        )
 
 
 def _compared(rig: DamperRig, records: tuple[Record, ...]) -> tuple[tuple[Compared, ...], list[Compared]]:
@@ -114,7 +146,7 @@ def _clearance(search: Search) -> list[Term]:
     return [replace(t, starts=((travel, t.starts[0][1]),)) for t in terms]
 
 
-def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
+def law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progress) -> BaselineLaw | None:
     """The law identified again on the baseline, if the given simulator does not reach the noise there."""
     if not case.baseline:
         return None
@@ -126,7 +158,7 @@ def _law_of_baseline(case: Case, rig: DamperRig, noise: Noise, progress: Progres
     return baseline_law(rig, case.baseline)
 
 
-def judge(search: Search, baseline: Problem | None = None) -> Judged:
+def judge(search: Search, baseline: Problem | None = None) -> tuple[list[Fit], Decision]:
     """All fits of a search and the decision. baseline: residuals of the rig's baseline records."""
     fits = [*search.ranked(False), *search.ranked(True)]
     rig = search.problem.rig
@@ -135,29 +167,12 @@ def judge(search: Search, baseline: Problem | None = None) -> Judged:
     return fits, decided(search, fits, penalties, baseline)
 
 
-def in_sensor(where: Where) -> Where:
-    """Where the gap lies, for a force sensor that is at fault whatever the law; the other stages share the rest."""
-    stages = {name: (1 - UNSTEADY) * share for name, share in where.stages.items()}
-    stages["sensor"] = stages.get("sensor", 0.0) + 1 - sum(stages.values())
-    return replace(where, stages=stages)
+def in_sensor(stages: Mapping[str, float]) -> dict[str, float]:
+    """Shares of the stages for a force sensor that is at fault whatever the law; the other stages share the rest."""
+    out = {name: (1 - UNSTEADY) * share for name, share in stages.items()}
+    return {**out, "sensor": out.get("sensor", 0.0) + 1 - sum(out.values())}
 
 
 def _shortened(rig: DamperRig) -> Problem:
     """Residuals of a rig's records; of excerpts if the records are long."""
-    short = rig.searched()
-    stride = max(1, round(sum(r.n for r in short.records) * len(rig.channels) / _SAMPLES))
-    return Problem(short, stride=stride, coarse=True)
-
-
-def _searching(
-    rig: DamperRig, noise: Noise, limits: Limits, jobs: int, store: Store, base: Array
-) -> tuple[Search, Array]:
-    """A new search on excerpts of long records, and the gaps (blocks,) due to noise alone.
-
-    base: (channels,) gap of the nominal simulator on the rig's baseline.
-    """
-    plain = _shortened(rig)
-    floor = floors(plain, noise, {})
-    problem = Problem(plain.rig, stride=plain.stride, coarse=True, trust=trust(plain, floor))
-    search = Search(problem, problem.cost(floor), limits, jobs, store, own=own_cost(problem, base))
-    return search, floor
+    return Problem.thinned(rig.searched(), coarse=True)

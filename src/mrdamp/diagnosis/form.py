@@ -6,7 +6,7 @@ diagnosis answers it: every effect of the catalogue is fitted along with the law
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.run import concluded, searched
+from mrdamp.diagnosis.searched import Progress, unseen
 from mrdamp.identify.fit import Fit as IdentifiedFit
 from mrdamp.identify.fit import error
 from mrdamp.model import Model
@@ -56,22 +57,22 @@ def form_of(
     records: Sequence[Record],
     *,
     threads: int = 1,
-    progress: Callable[[str, float], None] = lambda what, share: None,
+    progress: Progress = unseen,
 ) -> Form:
     """The effects of the catalogue that a model of a damper misses on the records that it was identified on, fitted
     along with its law. Raises InputError."""
     case = Case(model.name, Path(), model, tuple(records), (), own=len(records))
     with threadpool_limits(limits=1):
         found = searched(case, threads, progress, None, Store())
-        fits, decision, final = concluded(found, progress)
+        made = concluded(found, progress)
+    search, chosen, decision = found.search, made.chosen, made.decision
     if decision.verdict != "effect":
         return Form(model, {})
-    search, chosen = found.search, fits[decision.chosen.index]
     alone = search.base if chosen.hypothesis.nominal else search.fits[False, frozenset()]
-    likely = of_cause(by_causes(scored(fits), decision.probabilities))
+    likely = of_cause(by_causes(scored(made.fits), decision.probabilities))
     share = 1 - decision.unknown
     return Form(
-        found.rig.model(final.fit.settings),
+        found.rig.model(made.final.fit.settings),
         {cause: share * likely[cause] for cause in chosen.hypothesis.causes},
         search.left_out_cost(chosen) / search.left_out_cost(alone),
     )

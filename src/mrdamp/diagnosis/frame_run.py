@@ -7,21 +7,20 @@ catalogue without the causes that clean blocks rule out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.frame_blocks import (
     Block,
     blocks,
-    intervals_by_stage,
-    place_intervals,
     place_shares,
     shares_by_stage,
 )
 from mrdamp.diagnosis.attribution.frame_damper import damper_evidence, frame_baseline_law
 from mrdamp.diagnosis.attribution.frame_laws import OtherLaw, other_law
+from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.case.audit import audit
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared
@@ -29,23 +28,20 @@ from mrdamp.diagnosis.channels.frame_comparison import Part, compared_parts
 from mrdamp.diagnosis.constants import CAUSE_PENALTY, LAW_FORMS, NUMBER_PENALTY
 from mrdamp.diagnosis.evidence.judgement import decided, not_established, scored, unexplained
 from mrdamp.diagnosis.evidence.structure_numbers import deviations, promoted
-from mrdamp.diagnosis.fits.alternative_forms import drop, reform
+from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.frame_search import FrameSearch
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.limits import Limits
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.second_cause import try_second_cause
 from mrdamp.diagnosis.fits.store import Store
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.frame import COARSE, FINE, FrameRig, averaged
 from mrdamp.diagnosis.problem.noise import Noise, baseline_gap, channel_noise, floors, own_cost, repeatable
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.report.result import Diagnosis
-from mrdamp.diagnosis.searched import Judged, Searched
+from mrdamp.diagnosis.report.result import Where
+from mrdamp.diagnosis.searched import Progress, Searched
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative
-
-Progress = Callable[[str, float], None]
 
 #: s, window over which samples are averaged; Hz, the remaining band (half of its inverse).
 _AVERAGE = 0.008
@@ -56,14 +52,6 @@ _LOOKED_AT = 3
 #: Share of the excess that may remain before the structural parameters are freed, if several storeys are
 #: faulty.
 _LEFT = 0.02
-#: Number of best fits with fixed nominal parameters that are repeated with free ones; share of the excess by
-#: which another form of the same cause may be worse.
-_FREED, _FORM = 2, 0.02
-#: Two causes without free parameters are not tried if one cause with free parameters leaves less than this
-#: share of the best one without.
-_AHEAD = 0.3
-#: Iterations for the nominal parameters alone, if no single cause suffices.
-_FREE = 15
 #: Share of the noise's cost above which the integration error requires a smaller step.
 _STEP_ERROR = 0.03
 #: Share of the noise's cost by which a cause in a faulty block has to reduce the cost.
@@ -117,34 +105,40 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         # Stored fits belong to other nominal parameters, except for those with fixed ones.
         search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
 
-    def complete(answer: Diagnosis, chosen: Fit) -> Diagnosis:
-        evidence = damper_evidence(case, found) if answer.verdict == "unknown" else None
-        # With a wrong law the damper's block is always faulty.
-        counted = [b for b in found if b.kind != "damper"] if search.inexact and unexplained else found
-        where = replace(
-            answer.where,
-            stages=shares_by_stage(search, chosen, answer.verdict, counted, evidence),
-            intervals=intervals_by_stage(search, chosen, answer.verdict, counted, evidence),
-            places=place_shares(found),
-            place_intervals=place_intervals(found),
-        )
-        other = laws[0].to_dict() if laws else None
-        return replace(answer, where=where, compared=tuple(c.to_dict() for c in channels), other_law=other)
+    return FrameSearched(small, rig, search, noise, floor, untouched, channels, notes, again, case, found, jobs)
 
-    laws: list[OtherLaw] = []
 
-    def judged() -> Judged:
-        laws.clear()
-        fits, decision = judge(search, rig, untouched, channels)
+@dataclass(frozen=True)
+class FrameSearched(Searched):
+    """A completed search of a frame's case. measured: the case as measured. blocks: parts between measured channels."""
+
+    rig: FrameRig
+    measured: Case
+    blocks: tuple[Block, ...]
+    jobs: int
+
+    def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:
+        """See `Searched`."""
+        search, given = self.search, (self.search, self.rig, self.baseline, self.compared)
+        fits, decision = judge(*given)
         named = decision.chosen.causes if decision.verdict == "effect" else ()
-        if again is None and search.inexact and LAW_FORMS.intersection(named):
-            progress("identifying other laws", 0.68)
-            laws[:] = filter(None, [other_law(case, search.problem, fits[decision.chosen.index], jobs)])
-        if laws and laws[0].others:
-            return judge(search, rig, untouched, channels, laws[0].others)
-        return fits, not_established(decision) if laws else decision
+        if self.again is not None or not search.inexact or not LAW_FORMS.intersection(named):
+            return fits, decision, None
+        progress("identifying other laws", 0.68)
+        other = other_law(self.measured, search.problem, fits[decision.chosen.index], self.jobs)
+        if other is None:
+            return fits, decision, None
+        return (*judge(*given, other.others), other) if other.others else (fits, not_established(decision), other)
 
-    return Searched(small, rig, search, noise, floor, base, notes, judged, complete, again, laws)
+    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
+        """See `Searched`. With a wrong law the damper's block is always faulty."""
+        search, found = self.search, self.blocks
+        evidence = damper_evidence(self.measured, found) if verdict == "unknown" else None
+        if search.inexact and any(c.unexplained for c in self.compared):
+            found = tuple(b for b in found if b.kind != "damper")
+        stages, intervals = shares_by_stage(search, chosen, verdict, found, evidence)
+        places, ends = place_shares(self.blocks)
+        return Where(stages, records, regimes, places, intervals, place_intervals=ends)
 
 
 def compared_without_law(case: Case, rig: FrameRig, found: Sequence[Block]) -> tuple[Compared, ...]:
@@ -162,7 +156,7 @@ def judge(
     baseline: Problem | None = None,
     channels: Sequence[Compared] = (),
     only: Collection[str] | None = None,
-) -> Judged:
+) -> tuple[list[Fit], Decision]:
     """All fits, including those whose structural parameters are interpreted as effects, and the decision.
 
     baseline: residuals of the rig's baseline records. channels: findings on storeys and accelerometers
@@ -175,7 +169,7 @@ def judge(
         for count in {len(f.hypothesis.causes) for f in free}:
             for f in [f for f in free if len(f.hypothesis.causes) == count][:_LOOKED_AT]:
                 for named, penalty in promoted(rig, f, CAUSE_PENALTY + NUMBER_PENALTY):
-                    key = (True, frozenset(t.name for t in named.hypothesis.terms))
+                    key = named.hypothesis.key
                     if key not in search.fits or named.cost < search.fits[key].cost:
                         search.fits[key] = named
                         penalties[id(named)] = penalty
@@ -209,93 +203,21 @@ def _search(
 ) -> tuple[Search, Array]:
     """A completed search, and the gaps (blocks,) due to noise alone.
 
-    Causes with a place are tried first: faulty blocks admit few of them, and if they explain the gap the
-    damper's causes are skipped. base: (channels,) gap of the nominal simulator on the rig's baseline. before:
-    a search on the same records with other nominal parameters, whose fits with fixed parameters are reused.
+    base: (channels,) gap of the nominal simulator on the rig's baseline. before: a search on the same records with
+    other nominal parameters, whose fits with fixed parameters are reused.
     """
-    problem = Problem(replace(rig, placed=True), most_different(rig.raw), coarse=True)
+    problem = Problem(rig, most_different(rig.raw), coarse=True)
     floor = floors(problem, noise, {})
     progress("recalibrating the nominal parameters", 0.0)
     cost, own = float(np.sum(floor**2)) / len(rig.channels), own_cost(problem, base)
-    search = Search(problem, cost, limits, jobs, store, own=own)
-    search.steady = noise.steady
+    search = FrameSearch(problem, cost, limits, jobs, store, own=own, steady=noise.steady)
     if before is not None:
         search.cache = before.cache.with_fixed_law()
         for found in before.ranked(False):
             if len(found.hypothesis.causes) == 1:
                 search.keep(found)
-    at_fault = frozenset(_block_names(rig)) - rig.clean
-    places = frozenset(b for b in at_fault if b != "damper")
-    steps: tuple[tuple[str, FrameRig, bool, int], ...] = (
-        ("storeys, floors and accelerometers", replace(rig, placed=True), bool(places), 1),
-        ("two of them", replace(rig, placed=True), len(places) > 1, 2),
-        ("one cause, the damper's among them", rig, True, 1),
-        ("two causes", rig, True, 2),
-    )
-    damper_may_be_at_fault = any(b == "damper" or b.startswith("storey") for b in at_fault)
-    law_explains_more = False
-    for number, (what, sought, needed, depth) in enumerate(steps):
-        if not needed or _enough(search, rig, at_fault, law=number > 2):
-            continue
-        problem.rig = sought
-        if depth == 2:
-            if damper_may_be_at_fault and search.explained_outside():
-                problem.rig = rig
-                return search, floor
-            if law_explains_more and _ahead(search):
-                continue
-        progress(what, (number + 1) / 6)
-        search.extend(False, depth)
-        single = search.best(False, 1)
-        if not sought.placed and depth == 1 and single is not None and not _enough(search, rig, at_fault):
-            reform(search, single)
-        if not sought.placed and depth == 1 and not _enough(search, rig, at_fault):
-            search.keep(
-                search.fitted(Hypothesis(rig.nominal), search.base.point, most=_FREE, stage=" through")
-            )
-            if _enough(search, rig, at_fault):
-                continue
-            # If free parameters explain more than any cause, they are combined with one cause before two
-            # causes are tried without them.
-            law_explains_more = search.base.cost < search.ranked(False)[0].cost
-            if law_explains_more:
-                search.extend(True, 1)
-                if search.solved(search.ranked(True)[0]):
-                    break
-        fixed_law = [f for f in search.ranked(False) if f.hypothesis.terms][:_FREED]
-        for f in fixed_law if not _enough(search, rig, at_fault) else []:
-            search.keep(_freed(search, rig, f))
-    problem.rig = rig
-    if not law_explains_more and not _enough(search, rig, at_fault):
-        progress("one cause beside other numbers", 5 / 6)
-        search.extend(True, 1)
-    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if not _enough(search, rig, at_fault):
-        reform(search, best)
-    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if len(best.hypothesis.causes) == 1 and not search.solved(best):
-        try_second_cause(search, best)
-        best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    drop(search, best)
-    refit_with_fewer_causes(search, best)
-    best = min(search.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
-    if damper_may_be_at_fault and not search.solved(best):
-        # A rival is fitted with free nominal parameters, as are the fits it is compared with.
-        if best.hypothesis.terms and not best.hypothesis.nominal:
-            best = _freed(search, rig, best)
-            search.keep(best)
-        if not search.solved(best):
-            search.outside()
+    search.run(progress)
     return search, floor
-
-
-def _ahead(search: Search) -> bool:
-    """True if one cause with free parameters leaves much less than the best one without: two causes without
-    would only stand in for the parameters."""
-    free, fixed_law = search.best(True, 1), search.best(False, 1)
-    return (
-        free is not None and fixed_law is not None and search.unexplained(free) < _AHEAD * search.unexplained(fixed_law)
-    )
 
 
 def stepped(rig: FrameRig, noise: Noise) -> FrameRig:
@@ -325,55 +247,6 @@ def too_coarse(problem: Problem, floor: Array, jumps: bool) -> bool:
     half = Problem(halved, problem.records, coarse=True)
     apart = problem.gaps(problem.of_settings([{}])[0] - half.of_settings([{}])[0])
     return problem.cost(apart) > _STEP_ERROR * problem.cost(floor)
-
-
-def _block_names(rig: FrameRig) -> list[str]:
-    floors = range(1, rig.structure.storeys + 1)
-    return [f"{kind} {j}" for kind in ("accelerometer", "storey") for j in floors] + ["damper"]
-
-
-def _enough(search: Search, rig: FrameRig, at_fault: frozenset[str], *, law: bool = True) -> bool:
-    """True if the best fit leaves little and its causes act in every faulty block.
-
-    law: accept free nominal parameters alone; they can imitate an effect of the damper that has not been
-    tried.
-    """
-    fits = [f for f in search.fits.values() if law or f.hypothesis.terms or not f.hypothesis.nominal]
-    best = min(fits, key=lambda f: (f.cost, f.hypothesis.name))
-    solved = search.solved(best)
-    if solved and at_fault <= {"damper"}:
-        return True
-    # The remainder may be small compared with an accelerometer's fault and still be the whole of the
-    # damper's.
-    covered: set[str] = {"damper"} if solved else set()
-    for term in best.hypothesis.terms:
-        if term.place is None:
-            covered.add("damper")
-        elif term.stage == "sensor":
-            covered.add(f"accelerometer {term.place}")
-        else:
-            first = 1 if term.effect == "floor_mass" else term.place
-            covered |= {f"storey {j}" for j in range(first, term.place + 1)}
-    little = solved or search.unexplained(best) < _FORM
-    return bool(best.hypothesis.terms) and at_fault <= covered and little
-
-
-def _freed(search: Search, rig: FrameRig, fixed_law: Fit) -> Fit:
-    """The same causes with free nominal parameters."""
-    free = Hypothesis(rig.nominal, fixed_law.hypothesis.terms)
-    return search.fitted(
-        free, np.concatenate([np.zeros(len(rig.nominal)), fixed_law.point]), most=4, stage=" freed"
-    )
-
-
-def refit_with_fewer_causes(search: Search, best: Fit) -> None:
-    """Repeats the best fit with one cause removed at a time and free parameters, starting from its optimum. A fit that
-    linearises the law's signatures once, at its start, may stop too early for a fair comparison."""
-    causes = set(best.hypothesis.causes)
-    fewer = (f for f in search.ranked(True) if f.hypothesis.terms and set(f.hypothesis.causes) < causes)
-    found = next(fewer, None)
-    if found is not None:
-        search.keep(search.fitted(found.hypothesis, found.point, most=_FREE, stage=" through"))
 
 
 def most_different(records: Sequence[Record]) -> tuple[int, ...]:

@@ -1,33 +1,40 @@
-"""Result of a search, in one form for a damper and a frame."""
+"""What a search found, in one form for a damper and a frame, and what is concluded from it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from mrdamp.diagnosis.attribution.frame_laws import OtherLaw
+from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.case.folder import Case
+from mrdamp.diagnosis.channels.comparison import Compared
 from mrdamp.diagnosis.evidence.verdict import Decision
+from mrdamp.diagnosis.fits.final import FinalFit
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
 from mrdamp.diagnosis.problem.noise import Noise
+from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
-from mrdamp.diagnosis.report.result import Diagnosis
+from mrdamp.diagnosis.report.result import Where
 from mrdamp.model.core import Array
 
-Judged = tuple[list[Fit], Decision]
+Progress = Callable[[str, float], None]
+
+
+def unseen(what: str, share: float) -> None:
+    """Progress that nobody looks at."""
 
 
 @dataclass(frozen=True)
-class Searched:
+class Searched(ABC):
     """A completed search.
 
     case: as compared (a frame's averaged). rig: with whole records. floor (blocks,): gaps due to noise alone.
-    base (channels,): gap of the nominal simulator on the rig's baseline. notes: of the audit. judge: computes
-    all fits and the decision. complete: adds what only this rig can provide to the answer, given the
-    decision's fit. again: the law identified again on the baseline, which the case's model then has. others: laws
-    identified on the records themselves that make a judged cause needless, at most one; `judge` fills it.
+    baseline: residuals of the baseline's records, None without any. compared: channels that see the same. notes: of
+    the audit. again: the law identified again on the baseline, which the case's model then has.
     """
 
     case: Case
@@ -35,9 +42,36 @@ class Searched:
     search: Search
     noise: Noise
     floor: Array
-    base: Array
+    baseline: Problem | None
+    compared: tuple[Compared, ...]
     notes: list[str]
-    judge: Callable[[], Judged]
-    complete: Callable[[Diagnosis, Fit], Diagnosis]
-    again: BaselineLaw | None = None
-    others: list[OtherLaw] = field(default_factory=list)
+    again: BaselineLaw | None
+
+    @abstractmethod
+    def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:
+        """All fits, the decision over them, and the law identified on the records themselves that makes a judged cause
+        needless."""
+
+    @abstractmethod
+    def where(self, chosen: Fit, verdict: str, records: Mapping[str, float], regimes: tuple[Regime, ...]) -> Where:
+        """Where the gap lies, of a verdict and its fit. records, regimes: shares of the nominal gap."""
+
+
+@dataclass(frozen=True)
+class Concluded:
+    """The decision over all fits of a search after every check, and the simulator that follows from it.
+
+    final: of the search. other: a law that makes a cause needless. handed: the simulator that is handed over, `final`
+    or the one with the other law.
+    """
+
+    fits: list[Fit]
+    decision: Decision
+    final: FinalFit
+    handed: FinalFit
+    other: OtherLaw | None
+
+    @property
+    def chosen(self) -> Fit:
+        """The fit behind the verdict."""
+        return self.fits[self.decision.chosen.index]

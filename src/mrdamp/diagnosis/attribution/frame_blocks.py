@@ -102,17 +102,14 @@ def blocks(case: Case) -> tuple[Block, ...]:
     return tuple(out)
 
 
-def place_shares(found: Sequence[Block]) -> dict[str, float]:
-    """Share of each block in the sum of excesses, adding up to 1; all 0 if no block is faulty."""
-    return _of_total({b.name: b.excess for b in found})
+Shares = dict[str, float]
+Intervals = dict[str, Interval]
 
 
-def place_intervals(found: Sequence[Block]) -> dict[str, Interval]:
-    """95 % intervals of `place_shares`; empty if no block is faulty."""
-    if all(b.clean for b in found):
-        return {}
-    rows = [_of_total({b.name: b.drawn_excess(k) for b in found}) for k in range(len(found[0].drawn))]
-    return {name: interval(np.array([row[name] for row in rows])) for name in rows[0]}
+def place_shares(found: Sequence[Block]) -> tuple[Shares, Intervals]:
+    """Share of each block in the sum of excesses, adding up to 1, and 95 % intervals; all 0 and none if no block is
+    faulty."""
+    return _of_total({b.name: b.excess for b in found}), _intervals(_drawn_places(found))
 
 
 def shares_by_stage(
@@ -121,52 +118,39 @@ def shares_by_stage(
     verdict: str,
     found: Sequence[Block],
     evidence: StageEvidence | None = None,
-) -> dict[str, float]:
-    """Shares of the gap by stage, adding up to 1.
+) -> tuple[Shares, Intervals]:
+    """Shares of the gap by stage, adding up to 1, and their 95 % intervals; none if the shares follow by definition.
 
     With named effects: Shapley shares in the reduction of the cost. With a cause outside the catalogue: its stage.
-    Without either: the shares of the faulty blocks.
-    The damper's share counts as fluid if its parameters are wrong. If its cause is unknown, it is divided by
-    the evidence of its stages (`evidence`) or, without that, by what the stages' effects explain.
-    """
-    if verdict == "effect" and chosen.hypothesis.terms:
-        return _of_causes(search, chosen, lambda f: f.cost)
-    nearest = stage_shares(search, chosen, verdict)
-    if search.looks_like is not None:
-        return {s: nearest.get(s, 0.0) for s in STAGES}
-    if evidence is not None:
-        nearest = evidence.at()
-    return _of_blocks(found, nearest, place_shares(found))
-
-
-def intervals_by_stage(
-    search: Search,
-    chosen: Fit,
-    verdict: str,
-    found: Sequence[Block],
-    evidence: StageEvidence | None = None,
-) -> dict[str, Interval]:
-    """95 % intervals of `shares_by_stage`; empty if the shares follow by definition.
-
-    Without named effects, the blocks and the evidence of the damper's stages are drawn; shares by effects are
-    constant.
+    Without either: the shares of the faulty blocks. The damper's share counts as fluid if its parameters are wrong. If
+    its cause is unknown, it is divided by the evidence of its stages (`evidence`), which is drawn as the blocks are,
+    or, without that, by what the stages' effects explain.
     """
     if verdict == "effect" and chosen.hypothesis.terms:
         costs = DrawnCosts.of(search)
         rows = [_of_causes(search, chosen, costs.at(k)) for k in range(costs.count)]
-    elif all(b.clean for b in found) or search.looks_like is not None:
-        return {}
-    else:
-        nearest = stage_shares(search, chosen, verdict)
-        rows = [
-            _of_blocks(
-                found,
-                evidence.at(k) if evidence else nearest,
-                _of_total({b.name: b.drawn_excess(k) for b in found}),
-            )
-            for k in range(len(found[0].drawn))
-        ]
-    return {s: interval(np.array([row[s] for row in rows])) for s in rows[0]}
+        return _of_causes(search, chosen, lambda f: f.cost), _intervals(rows)
+    nearest = stage_shares(search, chosen, verdict)
+    if search.looks_like is not None:
+        return {s: nearest.get(s, 0.0) for s in STAGES}, {}
+    rows = [
+        _of_blocks(found, evidence.at(k) if evidence else nearest, places)
+        for k, places in enumerate(_drawn_places(found))
+    ]
+    places = _of_total({b.name: b.excess for b in found})
+    return _of_blocks(found, evidence.at() if evidence else nearest, places), _intervals(rows)
+
+
+def _drawn_places(found: Sequence[Block]) -> list[Shares]:
+    """Shares of the blocks in bootstrap draws; empty if no block is faulty."""
+    if all(b.clean for b in found):
+        return []
+    return [_of_total({b.name: b.drawn_excess(k) for b in found}) for k in range(len(found[0].drawn))]
+
+
+def _intervals(rows: Sequence[Shares]) -> Intervals:
+    """95 % intervals of drawn shares."""
+    return {name: interval(np.array([row[name] for row in rows])) for name in rows[0]} if rows else {}
 
 
 def _of_total(values: Mapping[str, float]) -> dict[str, float]:

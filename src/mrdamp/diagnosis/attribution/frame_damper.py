@@ -15,12 +15,9 @@ from mrdamp.diagnosis.constants import INEXACT
 from mrdamp.diagnosis.problem.baseline_law import BaselineLaw, baseline_law, gap_of
 from mrdamp.diagnosis.problem.damper import DamperRig
 from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.model import Model
 from mrdamp.records import Record
-
-#: Largest number of residual samples.
-_SAMPLES = 20_000
 
 
 def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
@@ -33,10 +30,9 @@ def damper_evidence(case: Case, found: Sequence[Block]) -> StageEvidence | None:
     if block is None:
         return None
     rig = damper_alone(case)
-    stride = max(1, round(sum(r.n for r in rig.records) / _SAMPLES))
     force = np.concatenate([r.channel("force_N") for r in rig.records])
     noise = block.noise * float(np.sqrt(np.mean(force**2)))
-    return StageEvidence.of(Problem(rig, stride=stride, coarse=True), noise)
+    return StageEvidence.of(Problem.thinned(rig, coarse=True), noise)
 
 
 def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> BaselineLaw | None:
@@ -56,7 +52,7 @@ def frame_baseline_law(case: Case, found: Sequence[Block], threads: int = 1) -> 
         return None
     model = with_law(case.model, again.model)
     given = Problem(FrameRig(case.model, case.baseline, threads=threads), coarse=True)
-    gap = float(np.sqrt(np.mean(given.gaps(given.of_settings([{}])[0]) ** 2)))
+    gap = pooled(given.gaps(given.nominal()))
     return replace(again, given=case.model, model=model, given_gap=gap)
 
 

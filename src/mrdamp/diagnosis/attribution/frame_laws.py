@@ -7,19 +7,21 @@ only if no other law, identified on the same records, makes it needless.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone, with_law
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS
-from mrdamp.diagnosis.fits.final import heldout
-from mrdamp.diagnosis.fits.least_squares import Fit
+from mrdamp.diagnosis.constants import LAW_FORMS, LAW_NEEDLESS, UNNAMED_GAP
+from mrdamp.diagnosis.fits.final import FinalFit, heldout
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.baseline_law import LAWS, fitted_along
 from mrdamp.diagnosis.problem.frame import FrameRig
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.make import with_model
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.identify.laws import DEPENDENCES, Scales
@@ -98,7 +100,7 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     law = min(costs, key=lambda name: costs[name], default="")
     if not law or not costs[law] < LAW_NEEDLESS * problem.cost(left):
         return None
-    gap, before = (float(np.sqrt(np.mean(gaps**2))) for gaps in (gaps_with(problem, models[law], held), left))
+    gap, before = (pooled(gaps) for gaps in (gaps_with(problem, models[law], held), left))
     left_out = np.full(len(problem.blocks), np.inf)
     for k in problem.records if not kept else ():
         found = fitted(law, [r for j, r in enumerate(alone) if j != k], laws[law])
@@ -108,9 +110,18 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     return OtherLaw(models[law], causes, frozenset(t.cause for t in kept), gap, before, left_out)
 
 
+def alone(other: OtherLaw, final: FinalFit) -> FinalFit | None:
+    """The simulator with another law, in place of the final one; None if it leaves more of left-out records than that,
+    or than UNNAMED_GAP of the nominal gap."""
+    own = final.problem
+    nominal = pooled(own.gaps(own.nominal()))
+    if not pooled(other.left_out) < min(pooled(final.heldout), UNNAMED_GAP * nominal):
+        return None
+    problem = own.like(with_model(own.rig, other.model))
+    return FinalFit(fit(problem, Hypothesis(()), np.zeros(0), most=0), (), other.left_out, problem)
+
+
 def gaps_with(problem: Problem, model: Model, held: Mapping[str, float] | None = None) -> Array:
     """(blocks,) gaps of another simulator of the frame, with `held` settings of effects."""
-    assert isinstance(problem.rig, FrameRig)
-    rig = replace(problem.rig, nominal_model=model)
-    other = Problem(rig, problem.records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
+    other = problem.like(with_model(problem.rig, model))
     return other.gaps(other.of_settings([dict(held or {})])[0])

@@ -1,9 +1,8 @@
-"""Shares of the gap by part of the chain and by regime, and their JSON form."""
+"""Shares of the gap by part of the chain and by regime."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -21,15 +20,6 @@ class Measured:
     interval: tuple[float, float]
     part_by: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "between": self.between,
-            "stages": list(self.stages),
-            "share": self.share,
-            "interval": list(self.interval),
-            "part_by": self.part_by,
-        }
-
 
 @dataclass(frozen=True)
 class Regime:
@@ -38,10 +28,3 @@ class Regime:
     what: str
     share_of_gap: float
     share_of_samples: float
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "what": self.what,
-            "share_of_gap": self.share_of_gap,
-            "share_of_samples": self.share_of_samples,
-        }

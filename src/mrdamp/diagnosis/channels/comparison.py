@@ -116,26 +116,27 @@ def _same_unit(records: Sequence[Record]) -> bool:
     return size > 0 and SAME_UNIT[0] < float(np.sqrt(np.mean(current**2))) / size < SAME_UNIT[1]
 
 
+def through_chain(
+    reading: Array, sample_time: float, settings: Settings, command: Array | float = 0.0, column: str = "force"
+) -> Array:
+    """(n,) column of the chain for a reading (n,) that passes it without a damper, under a command."""
+    still = np.zeros(len(reading))
+    attributes = PASSES | settings
+    return core.run("bingham", attributes, sample_time, reading, still, still, command, columns=(column,))[column]
+
+
 def _through_sensor(own: Settings) -> Simulate:
     def simulate(record: Record, settings: Settings) -> Array:
         reading = np.asarray(record.channel("reference_force_N"))
-        vector = core.vector("bingham", PASSES | own | settings)
-        still = np.zeros(record.n)
-        run = core.run_many("bingham", vector, record.sample_time, reading, still, v=still, a=still)
-        return np.asarray(run[0, 0])
+        return through_chain(reading, record.sample_time, own | settings)
 
     return simulate
 
 
 def _through_driver(own: Settings) -> Simulate:
     def simulate(record: Record, settings: Settings) -> Array:
-        vector = core.vector("bingham", PASSES | own | settings)
-        still = np.zeros(record.n)
-        command = np.asarray(record.channel("command"))
-        run = core.run_many(
-            "bingham", vector, record.sample_time, still, command, v=still, a=still, columns=("current",)
-        )
-        return np.asarray(run[0, 0])
+        still, command = np.zeros(record.n), np.asarray(record.channel("command"))
+        return through_chain(still, record.sample_time, own | settings, command, "current")
 
     return simulate
 

@@ -8,13 +8,13 @@ error to noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamp.diagnosis.channels.balances import BAND, Balances, has_damper
-from mrdamp.diagnosis.channels.comparison import PASSES, Compared, best_cause
+from mrdamp.diagnosis.channels.comparison import PASSES, Compared, best_cause, through_chain
 from mrdamp.diagnosis.constants import PARTS_LEFT
 from mrdamp.diagnosis.hypotheses.outside_storeys import ground_delay, shaken
 from mrdamp.diagnosis.hypotheses.terms import Settings, Term
@@ -72,18 +72,27 @@ def compared_parts(
     return tuple(out)
 
 
-def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
-    """All storeys together, over their noise: a mass enters the balance of every storey below it."""
+#: Error and output (n,) of a part in one unit, with the settings of a cause.
+Errors = Callable[[Balances, int, Settings], tuple[Array, Array]]
+
+
+def _over_noise(found: Sequence[Balances], parts: Sequence[Part], errors: Errors) -> Callable[[Settings], Array]:
+    """Errors (samples,) of parts over their noise, as a function of the settings of a cause."""
 
     def residual(settings: Settings) -> Array:
         out = []
         for b in found:
             for p in parts:
-                shear = b.shear[p.place][b.kept]
-                error = _storey(b, p.place, settings)[b.kept]
-                out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(shear**2))))
+                error, output = (x[b.kept] for x in errors(b, p.place, settings))
+                out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(output**2))))
         return np.concatenate(out)
 
+    return residual
+
+
+def _of_storeys(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
+    """All storeys together, over their noise: a mass enters the balance of every storey below it."""
+    residual = _over_noise(found, parts, lambda b, j, settings: (_storey(b, j, settings), b.shear[j]))
     noise = float(np.mean([p.noise for p in parts]))
     best = best_cause(("storeys' drifts", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
     if best.cause is None:
@@ -114,35 +123,24 @@ def _left_by_numbers(found: Sequence[Balances], parts: Sequence[Part]) -> float:
 def _of_accelerometer(found: Sequence[Balances], part: Part, terms: Sequence[Term]) -> Compared:
     j = part.place
 
-    def residual(settings: Settings) -> Array:
-        out = []
-        for b in found:
-            size = np.sqrt(np.mean(b.moved[j][b.kept] ** 2))
-            error = (_through_sensor(b.moved[j], b.sample_time, settings) - b.read[j])[b.kept]
-            out.append(_thinned(b, error) / (part.noise * size))
-        return np.concatenate(out)
+    def errors(b: Balances, j: int, settings: Settings) -> tuple[Array, Array]:
+        return _through_sensor(b.moved[j], b.sample_time, settings) - b.read[j], b.moved[j]
 
     names = f"floor{j}_displacement_m", f"floor{j}_acceleration_m_s2"
-    return best_cause(names, terms, residual, part.noise, left=PARTS_LEFT)
+    return best_cause(names, terms, _over_noise(found, [part], errors), part.noise, left=PARTS_LEFT)
 
 
 def _of_displacements(found: Sequence[Balances], parts: Sequence[Part], terms: Sequence[Term]) -> Compared:
     """All accelerometers together, over their noise, with a delay of the displacements or of the ground channel."""
 
-    def residual(settings: Settings) -> Array:
-        out = []
-        for b in found:
-            t = b.sample_time * np.arange(len(b.ground))
-            later = t + settings.get("channel_shift_d", 0.0)
-            for p in parts:
-                moved = b.moved[p.place]
-                along = shaken(settings, b.ground, b.sample_time) + np.interp(later, t, moved - b.ground)
-                error = (along - b.read[p.place])[b.kept]
-                out.append(_thinned(b, error) / (p.noise * np.sqrt(np.mean(moved[b.kept] ** 2))))
-        return np.concatenate(out)
+    def errors(b: Balances, j: int, settings: Settings) -> tuple[Array, Array]:
+        t = b.sample_time * np.arange(len(b.ground))
+        relative = np.interp(t + settings.get("channel_shift_d", 0.0), t, b.moved[j] - b.ground)
+        return shaken(settings, b.ground, b.sample_time) + relative - b.read[j], b.moved[j]
 
     noise = float(np.mean([p.noise for p in parts]))
-    return best_cause(("floors' displacements", "floors' accelerations"), terms, residual, noise, left=PARTS_LEFT)
+    names = "floors' displacements", "floors' accelerations"
+    return best_cause(names, terms, _over_noise(found, parts, errors), noise, left=PARTS_LEFT)
 
 
 def _storey(b: Balances, storey: int, settings: Settings) -> Array:
@@ -181,11 +179,8 @@ def _bristle(x: Array, v: Array, dt: float, own: Settings) -> Array:
 
 def _through_sensor(reading: Array, dt: float, settings: Settings) -> Array:
     """(n,) output of the chain's sensor stage for a reading; settings with or without a place."""
-    if not settings:
-        return reading
     plain = {k.partition("@")[0]: v for k, v in settings.items()}
-    still = np.zeros(len(reading))
-    return core.run("bingham", {**PASSES, **plain}, dt, reading, still, still)["force"]
+    return through_chain(reading, dt, plain) if plain else reading
 
 
 def _thinned(b: Balances, values: Array) -> Array:

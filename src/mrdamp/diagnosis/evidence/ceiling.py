@@ -8,7 +8,6 @@ nonparametric. Whole records are left out, so that noise or trends of a record a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,18 +21,8 @@ _WIDTH, _RIDGES = 240, (1e-4, 1e-2, 1.0)
 #: s, time constants of first-order filters.
 _MEMORIES = (0.01, 0.05, 0.5)
 _SEED = 7
-
-
-@dataclass(frozen=True)
-class Ceiling:
-    """Predictable part of residuals.
-
-    predictable: share of the sum of squares that is predicted on left-out records (0 to 1). corrected (n,)
-    per record: residual minus prediction.
-    """
-
-    predictable: float
-    corrected: tuple[Array, ...]
+#: Every so many samples are fitted.
+_STRIDE = 2
 
 
 def features(
@@ -48,8 +37,8 @@ def features(
     return np.column_stack(columns)
 
 
-def of_fit(problem: Problem, residual: Array, floor: float) -> Ceiling:
-    """Ceiling of a fit's weighted residuals (samples,), from the rig's inputs and its simulated output.
+def of_fit(problem: Problem, residual: Array, floor: float) -> float:
+    """Predictable share of a fit's weighted residuals (samples,), from the rig's inputs and its simulated output.
 
     floor: sum of squares of the weighted residuals due to noise. Each channel of a record is a separate
     series.
@@ -81,15 +70,15 @@ def ceiling(
     weights: Sequence[Array],
     noise: float,
     groups: Sequence[int],
-    stride: int = 2,
-) -> Ceiling:
-    """Predictable part of weighted residuals (series) from feature tables (n, features) of each.
+) -> float:
+    """Predictable share (0 to 1) of the sum of squares of weighted residuals (series), from feature tables
+    (n, features) of each.
 
     noise: sum of squares due to noise, which cannot be predicted and is excluded. groups: number of the
     record of each series; the series of a record are left out together.
     """
-    mean = np.mean(np.vstack([t[::stride] for t in tables]), axis=0)
-    scale = np.std(np.vstack([t[::stride] for t in tables]), axis=0)
+    mean = np.mean(np.vstack([t[::_STRIDE] for t in tables]), axis=0)
+    scale = np.std(np.vstack([t[::_STRIDE] for t in tables]), axis=0)
     scale[scale == 0] = 1.0
     rng = np.random.default_rng(_SEED)
     width = tables[0].shape[1]
@@ -102,24 +91,20 @@ def ceiling(
         z = np.clip((t - mean) / scale, -4, 4)
         maps.append(np.column_stack([np.ones(len(z)), z, np.cos(z @ w + phase)]))
     total = sum(float(np.sum((weight * r) ** 2)) for weight, r in zip(weights, residuals, strict=True))
-    best: tuple[float, list[Array]] = (total, [np.asarray(r) for r in residuals])
+    best = total
     parts = []
     for m, r, weight in zip(maps, residuals, weights, strict=True):
-        rows = weight[::stride, None] * m[::stride]
-        parts.append((rows.T @ rows, rows.T @ (weight * r)[::stride]))
+        rows = weight[::_STRIDE, None] * m[::_STRIDE]
+        parts.append((rows.T @ rows, rows.T @ (weight * r)[::_STRIDE]))
     gram, moment = sum(p[0] for p in parts), sum(p[1] for p in parts)
     for ridge in _RIDGES:
-        left = []
         solved: dict[int, Array] = {}
         for group in dict.fromkeys(groups):
             own = [p for p, g in zip(parts, groups, strict=True) if g == group]
             a = gram - sum(p[0] for p in own) + ridge * np.diag(np.diag(gram))
             a = a + 1e-12 * np.trace(gram) * np.eye(len(gram))
             solved[group] = np.linalg.solve(a, moment - sum(p[1] for p in own))
-        for m, r, group in zip(maps, residuals, groups, strict=True):
-            left.append(r - m @ solved[group])
-        cost = sum(float(np.sum((weight * e) ** 2)) for weight, e in zip(weights, left, strict=True))
-        if cost < best[0]:
-            best = (cost, left)
-    excess = max(total - noise, 1e-30)
-    return Ceiling(float(np.clip((total - best[0]) / excess, 0.0, 1.0)), tuple(best[1]))
+        series = zip(maps, residuals, weights, groups, strict=True)
+        left = sum(float(np.sum((weight * (r - m @ solved[g])) ** 2)) for m, r, weight, g in series)
+        best = min(best, left)
+    return float(np.clip((total - best) / max(total - noise, 1e-30), 0.0, 1.0))

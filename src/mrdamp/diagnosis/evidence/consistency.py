@@ -7,7 +7,7 @@ compensates something else there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,10 +58,6 @@ class RegimeEstimate:
         low, high = f"{self.low:.2g}", f"{self.high:.2g}"
         return f"{self.over} {low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Entry of `diagnosis.json`."""
-        return asdict(self)
-
 
 def by_regime(problem: Problem, found: Fit, cause: str) -> tuple[RegimeEstimate, ...]:
     """Estimates of a cause's parameters by regime, for each grouping of the records (`regimes.groupings`); empty for
@@ -84,9 +80,7 @@ def _estimates(problem: Problem, found: Fit, term: Term) -> Iterator[RegimeEstim
     change = problem.gaps(residual - found.residual)
     for grouping in groupings(problem):
         for number, group in enumerate(grouping.groups):
-            part = Problem(
-                problem.rig, group, stride=problem.stride, coarse=problem.coarse, trust=problem.trust
-            )
+            part = problem.like(records=group)
             one = fit(part, alone, start, most=_STEPS, tolerance=ROUGHLY)
             inside = np.array([b.record in group for b in problem.blocks])
             yield RegimeEstimate(

@@ -57,7 +57,7 @@ def _freed(search: Search, fits: Sequence[Fit], decision: Decision) -> tuple[lis
     causes = found.hypothesis.causes
     if decision.verdict != "effect" or search.own or search.solved(found) or search.smallest(True, causes):
         return list(fits), decision
-    free = search.freed(found)
+    free = search.fitted(*search.with_free_law(found), most=8, stage=" freed")
     search.keep(free)
     decision = replace(decision, probabilities=(*decision.probabilities, 0.0))
     if least_left_out(search, found) is free:

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamp.diagnosis.constants import MATERIAL, UNNAMED_GAP, UNSTEADY
-from mrdamp.diagnosis.evidence.baseline import of_baseline
-from mrdamp.diagnosis.evidence.penalties import of_itself
+from mrdamp.diagnosis.evidence.penalties import of_baseline, of_itself
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored, decide, of_fit, of_parameters
 from mrdamp.diagnosis.fits.final import FinalFit, in_file, least_left_out
 from mrdamp.diagnosis.fits.least_squares import Fit, fit

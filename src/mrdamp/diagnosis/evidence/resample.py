@@ -46,10 +46,10 @@ def of_records(problem: Problem) -> Numbers:
     return out
 
 
-def draws(groups: int, count: int = DRAWS, seed: int = _SEED) -> Array:
-    """Multiplicity of each group (count, groups): drawn with replacement, as many as there are."""
-    rng = np.random.default_rng([seed, groups])
-    return rng.multinomial(groups, np.full(groups, 1 / groups), size=count).astype(float)
+def draws(groups: int) -> Array:
+    """Multiplicity of each group (DRAWS, groups): drawn with replacement, as many as there are."""
+    rng = np.random.default_rng([_SEED, groups])
+    return rng.multinomial(groups, np.full(groups, 1 / groups), size=DRAWS).astype(float)
 
 
 def interval(values: Array) -> Interval:

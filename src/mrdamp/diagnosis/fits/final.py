@@ -3,17 +3,15 @@ their form."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamp.diagnosis.fits.alternative_forms import others
 from mrdamp.diagnosis.fits.least_squares import Fit, fit
 from mrdamp.diagnosis.fits.regimes import by_record, left_out
 from mrdamp.diagnosis.fits.search import Search
-from mrdamp.diagnosis.fits.second_cause import others
-from mrdamp.diagnosis.hypotheses.terms import Hypothesis
 from mrdamp.diagnosis.problem.residuals import Problem
 from mrdamp.diagnosis.problem.rig import Rig
 from mrdamp.errors import InputError
@@ -33,8 +31,6 @@ _SAME, _NOTHING = 0.02, 1e-5
 _THROUGH, _WHOLE_STEPS = 8, 3
 #: Free nominal parameters must reduce the mean square on left-out folds by this share.
 _FREER = 0.1
-#: Number of residual samples in the last fit.
-_SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -63,15 +59,13 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
             break
         trials: list[tuple[Fit, tuple[str, ...]]] = []
         if not best.hypothesis.nominal:
-            free = Hypothesis(search.problem.rig.nominal, best.hypothesis.terms)
-            start = np.concatenate([np.zeros(len(free.nominal)), best.point])
-            trials.append((search.fitted(free, start, most=6, stage=" freed"), corrections))
+            free = search.fitted(*search.with_free_law(best), most=6, stage=" freed")
+            trials.append((free, corrections))
         for test in others(search, best)[:2]:
             if test.cost > (1 - _WORTH / 3) * best.cost:
                 continue
             hypothesis, start = search.start_from(best, test.term, test.start, test.by)
-            key = (bool(hypothesis.nominal), frozenset(t.name for t in hypothesis.terms))
-            found = search.fits.get(key) or search.fitted(
+            found = search.fits.get(hypothesis.key) or search.fitted(
                 hypothesis, start, most=8, known=search.law_columns(best), stage=" mended"
             )
             trials.append((found, (*corrections, test.term.name)))
@@ -88,7 +82,6 @@ def refine(search: Search, chosen: Fit) -> tuple[Fit, tuple[str, ...]]:
 def final_fit(
     search: Search,
     chosen: Fit,
-    tell: Callable[[str], None] = lambda text: None,
     *,
     mend: bool = True,
     rig: Rig | None = None,
@@ -108,7 +101,6 @@ def final_fit(
         best = least_left_out(search, chosen)
     elif mend:
         best, corrections = refine(search, chosen)
-    tell("final fit")
     whole = None if rig is None or rig is search.problem.rig else rig
     if whole is not None:
         return _of_whole(search, _converged(search, best), whole)
@@ -160,8 +152,7 @@ def in_file(rig: Rig, found: Fit) -> bool:
 
 def _of_whole(search: Search, found: Fit, rig: Rig) -> FinalFit:
     """A fit of excerpts, continued on the whole records with the full step of the chain."""
-    stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
-    problem = Problem(rig, stride=stride, trust=search.problem.trust)
+    problem = Problem.thinned(rig, trust=search.problem.trust)
     steps = 0 if not found.hypothesis.coordinates else _WHOLE_STEPS
     final = fit(problem, found.hypothesis, found.point, most=steps)
     return FinalFit(final, (), heldout(problem, final), problem)
@@ -176,8 +167,7 @@ def _converged(search: Search, found: Fit) -> Fit:
 
 
 def _with_full_step(search: Search, found: Fit, corrections: tuple[str, ...]) -> FinalFit:
-    coarse = search.problem
-    fine = Problem(coarse.rig, coarse.records, stride=coarse.stride, trust=coarse.trust)
+    fine = search.problem.like(coarse=False)
     final = replace(fit(fine, found.hypothesis, found.point, most=0), converged=found.converged)
     # If the step of the search was small enough, its fit is the result.
     if abs(final.cost - found.cost) > max(_SAME * found.cost, _NOTHING * search.excess):

@@ -295,7 +295,7 @@ def leave_out(problem: Problem, found: Fit, groups: Sequence[Sequence[int]]) -> 
         left = np.zeros(problem.samples, dtype=bool)
         for b in problem.blocks:
             left[b.span] = b.record in group
-        part = _part(problem, [k for k in problem.records if k in group])
+        part = problem.like(records=[k for k in problem.records if k in group])
         row = _without(problem, found, left, part)
         for b, value in zip(part.blocks, part.gaps(row), strict=True):
             at = next(
@@ -323,16 +323,11 @@ def _without(problem: Problem, found: Fit, left: NDArray[np.bool_], part: Proble
     return np.asarray(row)
 
 
-def _part(problem: Problem, records: Sequence[int]) -> Problem:
-    """The problem of some of its records."""
-    return Problem(problem.rig, records, stride=problem.stride, coarse=problem.coarse, trust=problem.trust)
-
-
 def _no_worse(problem: Problem, found: Fit, step: Array, keep: NDArray[np.bool_]) -> Array:
     """The step (coordinates,), halved until the kept samples are no worse than before it: a full Gauss-Newton step
     may leave the range in which the linearisation holds, or in which the simulation is stable."""
     low, high = found.hypothesis.bounds()
-    kept = _part(problem, [b.record for b in problem.blocks if b.channel == 0 and keep[b.span].any()])
+    kept = problem.like(records=[b.record for b in problem.blocks if b.channel == 0 and keep[b.span].any()])
     inside = np.concatenate([keep[b.span] for b in problem.blocks if b.record in kept.records])
     weight = PRIOR_WEIGHT * found.hypothesis.prior() ** 2
     most = float(np.sum(found.residual[keep] ** 2) + weight @ found.point**2)

@@ -80,7 +80,7 @@ def lines(problem: Problem, found: Fit, column: int, mean: float) -> Iterator[tu
     """Frequencies (Hz) and complex values of the highest spectral lines that a clock with a delay of `mean`
     (s) can cause."""
     # All samples are used: with decimation a fast clock would be aliased.
-    whole = Problem(problem.rig, problem.records, stride=1, coarse=problem.coarse, trust=problem.trust)
+    whole = problem.like(stride=1)
     residual = whole.residuals(found.hypothesis, found.point)[0]
     signature = whole.jacobian(found.hypothesis, found.point, residual, [column])[:, 0]
     records = problem.rig.records

@@ -61,12 +61,19 @@ class Search(FitTable):
 
     def begin_with(self, terms: Sequence[Term]) -> None:
         """Fits terms from their first starts, with fixed and with free nominal parameters, and keeps both."""
+        tasks = []
         for parent in (self.fits[False, frozenset()], self.base):
             hypothesis = Hypothesis(parent.hypothesis.nominal, tuple(terms))
             start = np.concatenate([parent.point, hypothesis.start()[len(parent.point) :]])
-            found = self.tried(hypothesis, start, self.law_columns(parent), np.inf)
-            if found is not None:
-                self.keep(found)
+            tasks.append((hypothesis, start, self.law_columns(parent), np.inf))
+        self.keep_tried(tasks)
+
+    def keep_tried(self, tasks: Sequence[tuple[Hypothesis, Array, Array | None, float]]) -> list[Fit]:
+        """Fits as in `tried_all`, which are kept."""
+        found = self.tried_all(tasks)
+        for one in found:
+            self.keep(one)
+        return found
 
     def run(self, progress: Progress = lambda what, share: None) -> None:
         """Single causes, then pairs, with fixed nominal parameters; then both with free ones. Ends as soon as
@@ -142,11 +149,9 @@ class Search(FitTable):
             hypothesis = self.base.hypothesis.plus(term)
             start = np.concatenate([np.zeros(len(self.base.point)), best.point[low : low + count]])
             low += count
-            if (True, frozenset([term.name])) not in self.fits:
+            if hypothesis.key not in self.fits:
                 tasks.append((hypothesis, start, None, np.inf))
-        for found in self.map(self.tried, tasks):
-            if found is not None:
-                self.keep(found)
+        self.keep_tried(tasks)
 
     def free_best(self) -> None:
         """Fits the best sets of each size with free nominal parameters, starting from the fixed ones.
@@ -165,15 +170,9 @@ class Search(FitTable):
             for fixed_law in self.ranked(False):
                 if len(fixed_law.hypothesis.causes) == depth:
                     sets.setdefault(frozenset(fixed_law.hypothesis.causes), fixed_law)
-            tasks += [(fixed_law,) for fixed_law in list(sets.values())[: self.limits.freed]]
-        for found in self.map(self.freed, tasks):
-            self.keep(found)
-
-    def freed(self, fixed_law: Fit) -> Fit:
-        """A fit with free nominal parameters, from one with fixed ones."""
-        hypothesis = Hypothesis(self.base.hypothesis.nominal, fixed_law.hypothesis.terms)
-        start = np.concatenate([np.zeros(len(hypothesis.nominal)), fixed_law.point])
-        return self.fitted(hypothesis, start, most=8, stage=" freed")
+            for fixed_law in list(sets.values())[: self.limits.freed]:
+                tasks.append(self.with_free_law(fixed_law))
+        self.keep_fitted(tasks, most=8, stage=" freed")
 
     def explained_outside(self) -> bool:
         """True if a cause outside the catalogue explains the gap and no single one in it comes near: pairs
@@ -193,21 +192,18 @@ class Search(FitTable):
         ranked = worth_a_look(screen(self, fixed_law, self.problem.rig.rivals), fixed_law.cost)
         chosen = first_forms(ranked)[: self.limits.rivals]
         tasks = [(*self.start_from(fixed_law, p.term, p.start, p.by), None, np.inf) for p in chosen]
-        self.rivals = self._by_cost(self.map(self.tried, tasks))
+        self.rivals = self._by_cost(self.tried_all(tasks))
         if self.rivals and not self.solved(self.rivals[0]):
             (best,) = self.rivals[0].hypothesis.terms
             others = [t for t in self.problem.rig.rivals if t.cause == best.cause and t.name != best.name]
             tasks = [(*self.start_from(fixed_law, t, 0), None, np.inf) for t in others]
-            self.rivals = self._by_cost([*self.rivals, *self.map(self.tried, tasks)])
-        tasks = []
-        for found in self.rivals[: self.limits.freed]:
-            free = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
-            tasks.append((free, np.concatenate([np.zeros(len(free.nominal)), found.point]), None, np.inf))
-        self.rivals += [f for f in self.map(self.tried, tasks) if f is not None]
+            self.rivals = self._by_cost([*self.rivals, *self.tried_all(tasks)])
+        tasks = [(*self.with_free_law(f), None, np.inf) for f in self.rivals[: self.limits.freed]]
+        self.rivals += self.tried_all(tasks)
 
     @staticmethod
-    def _by_cost(found: Sequence[Fit | None]) -> list[Fit]:
-        return sorted((f for f in found if f is not None), key=lambda f: (f.cost, f.hypothesis.name))
+    def _by_cost(found: Sequence[Fit]) -> list[Fit]:
+        return sorted(found, key=lambda f: (f.cost, f.hypothesis.name))
 
     def extend(self, free: bool, depth: int, limits: Limits | None = None) -> None:
         """Adds a cause to the best sets of one fewer. limits: numbers of causes and forms; None: the search's
@@ -221,21 +217,18 @@ class Search(FitTable):
             taken = set(parent.hypothesis.causes)
             ranked = screen(self, parent, self.addable(taken))
             ranked = worth_a_look(ranked, parent.cost, second=depth > 1)
-            tasks: dict[frozenset[str], tuple[Hypothesis, Array, Array | None, float]] = {}
+            tasks: dict[tuple[bool, frozenset[str]], tuple[Hypothesis, Array, Array | None, float]] = {}
             for test in worth_a_fit(ranked, depth, limits):
                 hypothesis, start = self.start_from(parent, test.term, test.start, test.by)
-                key = frozenset(t.name for t in hypothesis.terms)
                 beyond_reach = test.cost - self.floor > _HOPELESS * max(least - self.floor, SOLVED * self.excess)
-                if (free, key) not in self.fits and not beyond_reach:
-                    tasks.setdefault(key, (hypothesis, start, self.law_columns(parent), parent.cost))
-            for found in self.map(self.tried, list(tasks.values())):
-                if found is not None:
-                    self.keep(found)
-                    least = min(least, found.cost)
+                if hypothesis.key not in self.fits and not beyond_reach:
+                    tasks.setdefault(hypothesis.key, (hypothesis, start, self.law_columns(parent), parent.cost))
+            found = self.keep_tried(list(tasks.values()))
+            least = min([least, *(f.cost for f in found)])
         if free:
             best = [f for f in self.ranked(True) if len(f.hypothesis.causes) == depth][: limits.polished]
-            for found in self.map(self._polish, [(f,) for f in best]):
-                self.keep(found)
+            for polished in self.map(self._polish, [(f,) for f in best]):
+                self.keep(polished)
         try_sampled_delay(self, self.best(free, depth))
 
     def beside(self, parent: Fit) -> list[Fit]:
@@ -244,7 +237,7 @@ class Search(FitTable):
         chosen = worth_a_fit(worth_a_look(ranked, parent.cost), 2, BESIDE)
         known = self.law_columns(parent)
         tasks = [(*self.start_from(parent, p.term, p.start, p.by), known, parent.cost) for p in chosen]
-        fits = self._by_cost(self.map(self.tried, tasks))
+        fits = self._by_cost(self.tried_all(tasks))
         best = self.map(self._polish, [(f,) for f in fits[: BESIDE.polished]])
         return self._by_cost([*best, *fits[BESIDE.polished :]])
 

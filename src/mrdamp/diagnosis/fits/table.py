@@ -11,8 +11,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mrdamp.diagnosis.constants import EVIDENCE_GAIN, INEXACT, STALL_GAIN
-from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY
-from mrdamp.diagnosis.fits.cache import Cache
+from mrdamp.diagnosis.fits.beam import FLOOR_UNCERTAINTY, ScoreTest
 from mrdamp.diagnosis.fits.least_squares import ROUGHLY, TOLERANCE, Fit, fit, taken_up
 from mrdamp.diagnosis.fits.left_out import (
     Curves,
@@ -26,10 +25,10 @@ from mrdamp.diagnosis.fits.left_out import (
     ratio,
 )
 from mrdamp.diagnosis.fits.limits import Limits
+from mrdamp.diagnosis.fits.stall import Stalls
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Term
 from mrdamp.diagnosis.problem.residuals import Problem
-from mrdamp.diagnosis.signatures.stall import Stalls
 from mrdamp.model.core import Array
 
 #: A gap counts as explained below this unexplained share.
@@ -37,11 +36,34 @@ SOLVED = 0.001
 #: Causes with fixed nominal parameters below this unexplained share are right or nearly so: only their
 #: parameters and forms are then varied.
 NEARLY = 0.02
+#: Iterations of a fit that is to come to its end.
+THROUGH = 15
 
 
 def acts_while_it_changes(term: Term) -> bool:
     """True for a cause that acts only while the command changes."""
     return term.stage == "driver" or term.effect == "remanence"
+
+
+@dataclass
+class Cache:
+    """Fits and screenings with fixed or free nominal parameters; none is repeated.
+
+    fits: by name and start. screens: by fit, its point and the terms. signatures: a term's change of the
+    nominal simulator's residuals (samples,), by its name and start.
+    """
+
+    fits: dict[tuple[str, bytes], Fit] = field(default_factory=dict)
+    screens: dict[tuple[str, bytes, tuple[str, ...]], list[ScoreTest]] = field(default_factory=dict)
+    signatures: dict[tuple[str, int], Array] = field(default_factory=dict)
+
+    def with_fixed_law(self) -> Cache:
+        """Only entries with fixed nominal parameters: they do not depend on the range of free ones."""
+        return Cache(
+            {k: f for k, f in self.fits.items() if not f.hypothesis.nominal},
+            {k: p for k, p in self.screens.items() if k[0].startswith("held")},
+            self.signatures,
+        )
 
 
 @dataclass
@@ -154,7 +176,7 @@ class FitTable:
 
     def ratio(self, residual: Array, reference: Array) -> float:
         """Share of the squares of a reference (samples,) that a residual (samples,) leaves in the cells
-        (`left_out.ratio`), and of those of its travels after a turn (`signatures.stall`)."""
+        (`left_out.ratio`), and of those of its travels after a turn (`fits.stall`)."""
         best = min(self.fits.values(), key=lambda f: f.cost)
         if best is not self._best[0]:
             self._best = best, self.versions(best, fitted=True)[-1][0]
@@ -195,9 +217,7 @@ class FitTable:
             return False
         key = (found.name, found.point.tobytes())
         if key not in self._fine_costs:
-            p = self.problem
-            fine = Problem(p.rig, p.records, stride=p.stride, trust=p.trust)
-            r = fine.residuals(found.hypothesis, found.point)[0]
+            r = self.problem.like(coarse=False).residuals(found.hypothesis, found.point)[0]
             self._fine_costs[key] = float(r @ r)
         return self._little(self._fine_costs[key])
 
@@ -237,10 +257,24 @@ class FitTable:
         parent's cost, which has to be undercut. tolerance: see `fit`.
         """
         name = f"{'free' if hypothesis.nominal else 'held'} {hypothesis.name}{stage}"
-        if (name, start.tobytes()) not in self.cache.fits:
-            found = self._fitted(name, hypothesis, start, most, known, bar, tolerance)
-            self.cache.fits[name, start.tobytes()] = found
-        return self.cache.fits[name, start.tobytes()]
+        key = name, start.tobytes()
+        if key in self.cache.fits:
+            return self.cache.fits[key]
+        if known is None and hypothesis.nominal:
+            # Computed once at the start: the signatures of a dozen nominal parameters change little during
+            # the fit.
+            rough, law = self.problem.rougher(hypothesis), range(len(hypothesis.nominal))
+            known = rough.jacobian(hypothesis, start, rough.residuals(hypothesis, start)[0], law)
+        kept = self.store.get(name)
+        if kept is not None and kept.point.shape == start.shape:
+            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
+            found = replace(ended, iterations=kept.iterations)
+        else:
+            how: dict[str, Any] = {"known": known, "frozen": known is not None, "bar": bar}
+            found = fit(self.problem, hypothesis, start, most=most, tolerance=tolerance, **how)
+            self.store.put(name, found.point, found.converged, found.at, found.iterations)
+        self.cache.fits[key] = found
+        return found
 
     def went(self, hypothesis: Hypothesis, start: Array, steps: int) -> bool:
         """True if a fit with fixed nominal parameters from this start has already used this many iterations.
@@ -248,48 +282,20 @@ class FitTable:
         found = self.cache.fits.get((f"held {hypothesis.name}", start.tobytes()))
         return not hypothesis.nominal and found is not None and found.iterations >= steps
 
-    def _fitted(
-        self,
-        name: str,
-        hypothesis: Hypothesis,
-        start: Array,
-        most: int,
-        known: Array | None,
-        bar: float,
-        tolerance: float,
-    ) -> Fit:
-        if known is None and hypothesis.nominal:
-            # Computed once at the start: the signatures of a dozen nominal parameters change little during
-            # the fit.
-            rough = self.problem.rougher(hypothesis)
-            known = rough.jacobian(
-                hypothesis,
-                start,
-                rough.residuals(hypothesis, start)[0],
-                range(len(hypothesis.nominal)),
-            )
-        kept = self.store.get(name)
-        if kept is not None and kept.point.shape == start.shape:
-            ended = taken_up(self.problem, hypothesis, kept.point, kept.at, known, converged=kept.converged)
-            return replace(ended, iterations=kept.iterations)
-        found = fit(
-            self.problem,
-            hypothesis,
-            start,
-            most=most,
-            tolerance=tolerance,
-            known=known,
-            frozen=known is not None,
-            bar=bar,
-        )
-        self.store.put(name, found.point, found.converged, found.at, found.iterations)
-        return found
-
     def keep(self, found: Fit) -> None:
         """Adds a fit to the table if it is the best of its terms."""
-        key = (bool(found.hypothesis.nominal), frozenset(t.name for t in found.hypothesis.terms))
+        key = found.hypothesis.key
         if key not in self.fits or found.cost < self.fits[key].cost:
             self.fits[key] = found
+
+    def keep_fitted(self, tasks: Iterable[tuple[Hypothesis, Array]], **how: Any) -> None:
+        """Fits hypotheses from their points and keeps the results. how: as in `fitted`."""
+        for found in self.map(lambda h, q: self.fitted(h, q, **how), tasks):
+            self.keep(found)
+
+    def tried_all(self, tasks: Iterable[tuple[Hypothesis, Array, Array | None, float]]) -> list[Fit]:
+        """Fits as in `tried`, without those that fail."""
+        return [f for f in self.map(self.tried, tasks) if f is not None]
 
     def ranked(self, free: bool) -> list[Fit]:
         """Fits with free or fixed nominal parameters, by cost."""
@@ -308,6 +314,16 @@ class FitTable:
         return next(
             (f for f in self.ranked(free) if causes is None or len(f.hypothesis.causes) == causes), None
         )
+
+    @property
+    def least(self) -> Fit:
+        """The fit with the least cost."""
+        return min(self.fits.values(), key=lambda f: (f.cost, f.hypothesis.name))
+
+    def with_free_law(self, found: Fit) -> tuple[Hypothesis, Array]:
+        """Hypothesis and starting point for the causes of a fit with fixed nominal parameters, beside free ones."""
+        hypothesis = Hypothesis(self.base.hypothesis.nominal, found.hypothesis.terms)
+        return hypothesis, np.concatenate([np.zeros(len(hypothesis.nominal)), found.point])
 
     def map(self, function: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> list[Any]:
         """Results of a function for each tuple of arguments, in parallel threads."""

@@ -4,98 +4,82 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, positive
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Form, Sizes, Term, declared, linear, positive
 
 
 def fluid_terms(s: Sizes) -> tuple[Term, ...]:
     """Effects on the fluid's part of the force."""
+    f, v, heated = s.force, s.velocity, s.heat
     heat = (
         linear("heating_kappa", 0.02, 0.0, 1.0),
         linear("heating_kappa_yield", 0.02, 0.0, 1.0),
-        positive("heating_loss", 0.01 * s.heat / 10, 1e-4 * s.heat / 10, 3.0 * s.heat / 10),
+        positive("heating_loss", 0.01 * heated / 10, 1e-4 * heated / 10, 3.0 * heated / 10),
     )
+    capacity = {"heating_capacity": heated / 10}  # gives a rise of about 10 K in the hottest record
     thinning = (
         linear("shear_thinning_m", 0.1, 0.0, 1.0, 1.0),
-        positive("shear_thinning_v_s", s.velocity, 0.02 * s.velocity, 10 * s.velocity),
+        positive("shear_thinning_v_s", v, 0.02 * v, 10 * v),
     )
+    side = linear("asymmetry_a", 0.05, -0.8, 0.8)
     return (
-        Term(
+        *declared(
             "heating",
             "fluid",
-            heat,
-            ((0.02, 0.02, 0.01 * s.heat / 10), (0.03, 0.0, 0.2 * s.heat / 10)),
-            fixed={"heating_capacity": s.heat / 10},  # gives a rise of about 10 K in the hottest record
-        ),
-        Term(
-            "heating",
-            "fluid",
-            (
-                *heat,
-                positive("heating_link", 0.3 * s.heat / 10, 0.01 * s.heat / 10, 10 * s.heat / 10),
-                positive("heating_body", 2 * s.heat / 10, 0.1 * s.heat / 10, 100 * s.heat / 10),
-                positive("heating_shape", 3.0, 0.5, 30.0, 0.5),
+            Form("", heat, ((0.02, 0.02, 0.01 * heated / 10), (0.03, 0.0, 0.2 * heated / 10)), capacity),
+            Form(
+                "two bodies",
+                (
+                    *heat,
+                    positive("heating_link", 0.3 * heated / 10, 0.01 * heated / 10, 10 * heated / 10),
+                    positive("heating_body", 2 * heated / 10, 0.1 * heated / 10, 100 * heated / 10),
+                    positive("heating_shape", 3.0, 0.5, 30.0, 0.5),
+                ),
+                ((0.03, 0.02, 0.01 * heated / 10, 0.3 * heated / 10, 2 * heated / 10, 3.0),),
+                capacity,
             ),
-            ((0.03, 0.02, 0.01 * s.heat / 10, 0.3 * s.heat / 10, 2 * s.heat / 10, 3.0),),
-            form="two bodies",
-            fixed={"heating_capacity": s.heat / 10},
         ),
-        Term(
+        *declared(
             "asymmetry",
             "fluid",
-            (
-                linear("asymmetry_a", 0.05, -0.9, 0.9),
-                positive("asymmetry_width", 0.1 * s.velocity, 1e-4, 3 * s.velocity),
+            Form(
+                "",
+                (linear("asymmetry_a", 0.05, -0.9, 0.9), positive("asymmetry_width", 0.1 * v, 1e-4, 3 * v)),
+                ((0.1, 0.05 * v), (-0.1, 0.3 * v)),
             ),
-            ((0.1, 0.05 * s.velocity), (-0.1, 0.3 * s.velocity)),
-        ),
-        Term(
-            "asymmetry",
-            "fluid",
-            (
-                linear("asymmetry_a", 0.05, -0.8, 0.8),
-                positive("asymmetry_force", 0.1 * s.force, 3e-3 * s.force, 3 * s.force),
-                positive("asymmetry_time", 2e-3, 2e-4, 0.2),
+            Form(
+                "by the force",
+                (
+                    side,
+                    positive("asymmetry_force", 0.1 * f, 3e-3 * f, 3 * f),
+                    positive("asymmetry_time", 2e-3, 2e-4, 0.2),
+                ),
+                ((0.1, 0.05 * f, 5e-4), (-0.1, 0.1 * f, 0.015)),
             ),
-            ((0.1, 0.05 * s.force, 5e-4), (-0.1, 0.1 * s.force, 0.015)),
-            form="by the force",
-        ),
-        Term(
-            "asymmetry",
-            "fluid",
-            (
-                linear("asymmetry_yield", 0.05, -0.9, 0.9),
-                linear("asymmetry_viscous", 0.05, -0.9, 0.9),
-                positive("asymmetry_width", 0.02 * s.velocity, 1e-4, 3 * s.velocity),
+            Form(
+                "by the part",
+                (
+                    linear("asymmetry_yield", 0.05, -0.9, 0.9),
+                    linear("asymmetry_viscous", 0.05, -0.9, 0.9),
+                    positive("asymmetry_width", 0.02 * v, 1e-4, 3 * v),
+                ),
+                ((0.1, 0.0, 0.02 * v), (0.0, 0.1, 0.02 * v)),
             ),
-            ((0.1, 0.0, 0.02 * s.velocity), (0.0, 0.1, 0.02 * s.velocity)),
-            form="by the part",
-        ),
-        Term(
-            "asymmetry",
-            "fluid",
-            (
-                linear("asymmetry_a", 0.05, -0.8, 0.8),
-                positive("asymmetry_travel", 0.03 * s.stroke, 1e-3 * s.stroke, s.stroke),
+            Form(
+                "along the stroke",
+                (side, positive("asymmetry_travel", 0.03 * s.stroke, 1e-3 * s.stroke, s.stroke)),
+                ((0.1, 0.03 * s.stroke), (0.1, 0.2 * s.stroke)),
             ),
-            ((0.1, 0.03 * s.stroke), (0.1, 0.2 * s.stroke)),
-            form="along the stroke",
         ),
-        Term(
+        *declared(
             "shear_thinning",
             "fluid",
-            thinning,
-            ((0.6, 0.5 * s.velocity), (0.4, 1.5 * s.velocity)),
-        ),
-        Term(
-            "shear_thinning",
-            "fluid",
-            (
-                *thinning,
-                positive("shear_thinning_shape", 2.0, 0.5, 8.0, 0.3),
+            Form("", thinning, ((0.6, 0.5 * v), (0.4, 1.5 * v))),
+            Form(
+                "both dashpots",
+                (*thinning, positive("shear_thinning_shape", 2.0, 0.5, 8.0, 0.3)),
+                ((0.6, 0.5 * v, 2.0), (0.4, 1.5 * v, 1.2)),
+                {"shear_thinning_series": 1.0},
             ),
-            ((0.6, 0.5 * s.velocity, 2.0), (0.4, 1.5 * s.velocity, 1.2)),
-            form="both dashpots",
-            fixed={"shear_thinning_series": 1.0},
         ),
         *_gas_terms(s),
     )
@@ -154,14 +138,9 @@ def _on_either_side(
     form: str, coordinates: tuple[Coordinate, ...], *starts: tuple[float, ...], **fixed: float
 ) -> tuple[Term, ...]:
     """Gas that is compressed in extension, and in compression."""
-    return tuple(
-        Term(
-            "trapped_gas",
-            "fluid",
-            coordinates,
-            starts,
-            form=f"{side}, {form}" if form else side,
-            fixed={"trapped_gas_direction": direction, **fixed},
-        )
-        for side, direction in (("extension", 1.0), ("compression", -1.0))
-    )
+    sides = (("extension", 1.0), ("compression", -1.0))
+    forms = [
+        Form(f"{side}, {form}" if form else side, coordinates, starts, {"trapped_gas_direction": way, **fixed})
+        for side, way in sides
+    ]
+    return declared("trapped_gas", "fluid", *forms)

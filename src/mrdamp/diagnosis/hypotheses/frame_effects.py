@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from mrdamp.diagnosis.hypotheses.damper_effects import rms
-from mrdamp.diagnosis.hypotheses.terms import Coordinate, Sizes, Term, linear, positive
+from mrdamp.diagnosis.hypotheses.terms import Coordinate, Form, Sizes, Term, declared, linear, positive
 from mrdamp.model import FLOOR_SENSOR_EFFECTS, STRUCTURE_EFFECTS, Effect
 from mrdamp.records import Record
 from mrdamp.structures import ShearFrame
@@ -49,23 +48,27 @@ def _storey(j: int, mass: float, shear: float, dashpot: float) -> tuple[Term, ..
         positive(f"joint_friction_width@{j}", 2e-3, 5e-5, 0.1),
     )
     bristle = (friction[0], positive(f"joint_friction_presliding@{j}", 3e-5, 1e-6, 2e-3))
+    e, up = 0.3 * dashpot, 3 * dashpot
+    mu, more = 0.02 * shear, 0.1 * shear
+    dm = (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),)
+
+    def at(effect: str, *forms: Form) -> tuple[Term, ...]:
+        return declared(effect, "structure", *forms, place=j)
+
     return (
-        _placed("storey_stiffness", "structure", j, stiffness, (0.05,), (-0.2,)),
-        _placed("storey_damping", "structure", j, damping, (0.3,), (3.0,), (-0.4,)),
-        replace(
-            _placed("storey_damping", "structure", j, quadratic, (0.3, 0.3 * dashpot), (1.0, 3 * dashpot)),
-            form="quadratic",
+        *at("storey_stiffness", Form("", stiffness, ((0.05,), (-0.2,)))),
+        *at(
+            "storey_damping",
+            Form("", damping, ((0.3,), (3.0,), (-0.4,))),
+            Form("quadratic", quadratic, ((0.3, e), (1.0, up))),
         ),
-        _placed("joint_friction", "structure", j, friction, (0.02 * shear, 2e-3), (0.1 * shear, 2e-3)),
-        replace(
-            _placed("joint_friction", "structure", j, bristle, (0.02 * shear, 3e-5), (0.1 * shear, 1e-4)),
-            form="building up",
+        *at(
+            "joint_friction",
+            Form("", friction, ((mu, 2e-3), (more, 2e-3))),
+            Form("building up", bristle, ((mu, 3e-5), (more, 1e-4))),
         ),
-        _placed(
-            "floor_mass", "structure", j, (linear(f"floor_mass_dm@{j}", 0.03 * mass, -0.8 * mass, 3 * mass),),
-            (0.03 * mass,), (0.2 * mass,),
-        ),
-    )  # fmt: skip
+        *at("floor_mass", Form("", dm, ((0.03 * mass,), (0.2 * mass,)))),
+    )
 
 
 def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
@@ -87,34 +90,30 @@ def _accelerometer(j: int, acceleration: float, dt: float) -> tuple[Term, ...]:
         positive(f"sensor_leakage_tau2@{j}", 10.0, 0.05, 1000.0),
     )
     filtered = (lag[0], positive(f"sensor_lag_ratio@{j}", 0.8, 0.3, 0.98, 0.2))
+    gain = (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),)
+    f = 0.02 * acceleration
+
+    def at(effect: str, *forms: Form) -> tuple[Term, ...]:
+        return declared(effect, "sensor", *forms, place=j)
+
     return (
-        _placed(
-            "sensor_gain",
-            "sensor",
-            j,
-            (positive(f"sensor_gain_g@{j}", 1.0, 0.2, 5.0, 0.05),),
-            (1.05,),
-            (0.95,),
+        *at("sensor_gain", Form("", gain, ((1.05,), (0.95,)))),
+        *at(
+            "sensor_offset",
+            Form("", (offset,), ((f,), (-f,))),
+            Form("settling", settling, ((f, f, 1.0),)),
         ),
-        _placed("sensor_offset", "sensor", j, (offset,), (0.02 * acceleration,), (-0.02 * acceleration,)),
-        replace(
-            _placed("sensor_offset", "sensor", j, settling, (0.02 * acceleration, 0.02 * acceleration, 1.0)),
-            form="settling",
+        *at(
+            "sensor_leakage",
+            Form("", (leakage,), ((1.0,), (0.1,))),
+            Form("two shares", shares, ((1.0, 0.2, 10.0), (0.2, 0.2, 2.0))),
         ),
-        _placed("sensor_leakage", "sensor", j, (leakage,), (1.0,), (0.1,)),
-        replace(
-            _placed("sensor_leakage", "sensor", j, shares, (1.0, 0.2, 10.0), (0.2, 0.2, 2.0)),
-            form="two shares",
+        *at(
+            "sensor_lag",
+            Form("", lag, ((2 * dt, 0.2 * dt), (5 * dt, dt))),
+            Form("second order", filtered, ((dt, 0.8), (4 * dt, 0.8))),
         ),
-        _placed("sensor_lag", "sensor", j, lag, (2 * dt, 0.2 * dt), (5 * dt, dt)),
-        replace(_placed("sensor_lag", "sensor", j, filtered, (dt, 0.8), (4 * dt, 0.8)), form="second order"),
     )
-
-
-def _placed(
-    effect: str, stage: str, place: int, coordinates: tuple[Coordinate, ...], *starts: tuple[float, ...]
-) -> Term:
-    return Term(effect, stage, coordinates, starts, place)
 
 
 def _sizes(s: ShearFrame, records: Sequence[Record], j: int) -> tuple[float, float]:

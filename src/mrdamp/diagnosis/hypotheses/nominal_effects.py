@@ -18,13 +18,14 @@ from mrdamp.model import Effect
 _RANGE, _SCALE, _PRIOR = 8.0, 0.1, 3.0
 
 
+def setting_name(effect: str, key: str, place: int | None) -> str:
+    """Name of an effect's setting: `EFFECT_PARAMETER`, with `@PLACE` if the effect has a place."""
+    return f"{effect}_{key}" if place is None else f"{effect}_{key}@{place}"
+
+
 def own_settings(effects: Sequence[Effect]) -> dict[str, float]:
-    """Settings of effects by name (`EFFECT_PARAMETER`, with `@PLACE` if the effect has a place)."""
-    out: dict[str, float] = {}
-    for e in effects:
-        place = "" if e.place is None else f"@{e.place}"
-        out |= {f"{e.name}_{key}{place}": float(value) for key, value in e.parameters.items()}
-    return out
+    """Settings of effects by name."""
+    return {setting_name(e.name, key, e.place): float(v) for e in effects for key, v in e.parameters.items()}
 
 
 def effect_coordinates(effects: Sequence[Effect], terms: Sequence[Term]) -> tuple[Coordinate, ...]:

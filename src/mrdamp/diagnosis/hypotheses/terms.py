@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -83,10 +85,8 @@ class Term:
     """An effect of the catalogue in one of its forms.
 
     starts: values of the coordinates (starts, coordinates), SI units, from which fits and screenings begin;
-    the coordinates' own start is their middle. fixed: settings that select the form. neutral: settings that
-    switch the effect off without a jump (for signatures), if they differ from an absent term; empty for plain
-    absence. later: tried only in place of another form of its cause. is_other: True for settings that make the effect
-    another one of the catalogue.
+    the coordinates' own start is their middle. fixed: settings that select the form. later: tried only in place of
+    another form of its cause. is_other: True for settings that make the effect another one of the catalogue.
     """
 
     effect: str
@@ -114,6 +114,24 @@ class Term:
     def name(self) -> str:
         """The cause with its form; unique in a catalogue."""
         return f"{self.cause}:{self.form}" if self.form else self.cause
+
+
+class Form(NamedTuple):
+    """A form of an effect; see `Term`. name: empty for the plain form."""
+
+    name: str
+    coordinates: tuple[Coordinate, ...]
+    starts: tuple[tuple[float, ...], ...]
+    fixed: Mapping[str, float] = MappingProxyType({})
+    is_other: Callable[[Settings], bool] | None = None
+
+
+def declared(effect: str, stage: str, *forms: Form, place: int | None = None) -> tuple[Term, ...]:
+    """The terms of an effect, one of each form."""
+    return tuple(
+        Term(effect, stage, f.coordinates, f.starts, place, f.name, dict(f.fixed), is_other=f.is_other)
+        for f in forms
+    )
 
 
 #: Range about a setting known from another channel, as a share of it, and in units of search about zero. In four opened
@@ -148,14 +166,16 @@ class Hypothesis:
         return tuple(dict.fromkeys(term.cause for term in self.terms))
 
     @property
+    def key(self) -> tuple[bool, frozenset[str]]:
+        """Whether the nominal parameters are free, and the names of the terms."""
+        return bool(self.nominal), frozenset(term.name for term in self.terms)
+
+    @property
     def name(self) -> str:
         return " + ".join(term.name for term in self.terms) or "parameters"
 
     def plus(self, term: Term) -> Hypothesis:
         return Hypothesis(self.nominal, (*self.terms, term))
-
-    def without(self, cause: str) -> Hypothesis:
-        return Hypothesis(self.nominal, tuple(t for t in self.terms if t.cause != cause))
 
     def settings(self, q: Array) -> Settings:
         """Settings (free ones and those fixed by the forms) at a point (coordinates,)."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamp.diagnosis.hypotheses.damper_effects import rms
 from mrdamp.diagnosis.injection.forms import FORMS, Form, Sized
-from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals, rms
+from mrdamp.diagnosis.injection.signals import FORCES, Scales, Signals
 from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -128,15 +129,6 @@ def count_levels(records: Sequence[Record]) -> int:
 def residual(model: Model, record: Record) -> Array:
     """Error (n,) N of a simulator for a record's own force sensor."""
     return np.asarray(record.channel(FORCES[0])) - free_run(model, record)[FORCES[0]]
-
-
-def gap(model: Model, records: Sequence[Record]) -> float:
-    """RMS error over the RMS of the force, records pooled."""
-    parts = []
-    for r in records:
-        kept = compared(r.n, r.sample_time)
-        parts.append(rms(residual(model, r)[kept]) ** 2 / rms(r.channel(FORCES[0])[kept]) ** 2)
-    return float(np.sqrt(np.mean(parts)))
 
 
 def change_of(model: Model, records: Sequence[Record]) -> Callable[[Injection, float], float]:

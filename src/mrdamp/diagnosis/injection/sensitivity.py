@@ -19,7 +19,7 @@ import numpy as np
 
 from mrdamp import __version__
 from mrdamp.diagnosis.case.folder import Case
-from mrdamp.diagnosis.fits.store import Store, content_key
+from mrdamp.diagnosis.fits.store import content_key
 from mrdamp.diagnosis.injection.forms import FORMS
 from mrdamp.diagnosis.injection.inject import (
     NOT_EXACT,
@@ -158,9 +158,8 @@ def answer(study: Study, trial: Trial, folder: Path) -> Answer:
         found = replace(found, reached=False)
     else:
         case, parameters = made
-        store = Store.of(folder / f".{trial.name}.fits.json", case)
         try:
-            d = run.diagnose(case, jobs=1, store=store)
+            d = run.diagnose(case, jobs=1)
             found = replace(
                 found,
                 parameters=parameters,
@@ -176,7 +175,6 @@ def answer(study: Study, trial: Trial, folder: Path) -> Answer:
             found = replace(
                 found, parameters=parameters, error=" ".join(str(error).split())[:300] or type(error).__name__
             )
-        store.remove()
     found = replace(found, seconds=time.monotonic() - begun)
     if not found.error:  # failed trials are repeated
         text = json.dumps({"key": study.key, **asdict(found)}, indent=1)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from mrdamp.diagnosis.hypotheses.damper_effects import rms
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
@@ -86,8 +87,3 @@ class Scales:
 def force_channel(record: Record) -> str:
     """Channel of the load cell if there is one, else of the damper's own sensor."""
     return FORCES[1] if FORCES[1] in record.channels else FORCES[0]
-
-
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrdamp.diagnosis.constants import BASELINE_LAW_BETTER
 from mrdamp.diagnosis.problem.damper import DamperRig
-from mrdamp.diagnosis.problem.residuals import Problem
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.errors import InputError
 from mrdamp.identify import identify
 from mrdamp.identify.laws import DEPENDENCES, EXTRAS, Scales
@@ -134,4 +134,4 @@ def fitted_along(model: Model) -> tuple[str, ...] | None:
 def gap_of(given: DamperRig, model: Model, records: Sequence[Record]) -> float:
     """RMS over records and channels of the relative error in free run."""
     problem = Problem(DamperRig(model, tuple(records), threads=given.threads).with_motion(), coarse=True)
-    return float(np.sqrt(np.mean(problem.gaps(problem.of_settings([{}])[0]) ** 2)))
+    return pooled(problem.gaps(problem.nominal()))

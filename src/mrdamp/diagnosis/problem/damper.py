@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
-from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, rms
+from mrdamp.diagnosis.hypotheses.nominal_effects import without_nominal
 from mrdamp.diagnosis.hypotheses.outside import (
     command_rivals,
     commanded,
@@ -22,11 +22,12 @@ from mrdamp.diagnosis.hypotheses.outside import (
     read,
 )
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term, near
-from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
+from mrdamp.diagnosis.problem.command_memory import with_waves
+from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.diagnosis.problem.excerpts import STEP, Lead, excerpts
 from mrdamp.diagnosis.problem.residuals import Problem, compared
-from mrdamp.diagnosis.problem.signals import Envelope, Signal
-from mrdamp.model import Model, core, effects_from
+from mrdamp.diagnosis.problem.simulator import Simulator
+from mrdamp.model import Model, core
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.records.log_filter import FILTERED, LOGGER, logged, rings_before_jumps
@@ -64,7 +65,7 @@ class _Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class DamperRig:
+class DamperRig(Simulator):
     """Simulator and records of a damper case (see `mrdamp.diagnosis.problem.rig.Rig`).
 
     rough: in a search the step is as long as with a mount, and a mount is solved once per step instead of
@@ -74,7 +75,6 @@ class DamperRig:
     from channels of one quantity; only small changes of these are fitted.
     """
 
-    nominal_model: Model
     records: tuple[Record, ...]
     rough: bool = False
     threads: int = 1
@@ -103,11 +103,6 @@ class DamperRig:
     def slow(self) -> float:
         """See `mrdamp.records.motion.slowness`."""
         return slowness((x, self.velocity(k)) for k, x in enumerate(self.motions))
-
-    @property
-    def hold(self) -> bool:
-        """True if the command is held between samples."""
-        return bool(self.nominal_model.hold)
 
     @cached_property
     def filtered(self) -> bool:
@@ -164,17 +159,12 @@ class DamperRig:
         makes a hysteresis yield earlier.
         """
         logged = replace(self, as_logged=True)
-        costs = [float(np.sum(Problem(rig, coarse=True).of_settings([{}])[0] ** 2)) for rig in (self, logged)]
+        costs = [float(np.sum(Problem(rig, coarse=True).nominal() ** 2)) for rig in (self, logged)]
         return logged if costs[1] < _LOGGED * costs[0] else self
 
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
-        s = self.sizes
-        law = nominal_coordinates(
-            self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
-        )
-        law = widened(law, _WIDER, self.wider.__contains__)
-        return (*law, *effect_coordinates(self.nominal_model.effects, self._catalogue))
+        return self.numbers(self._catalogue, _WIDER, self.wider.__contains__)
 
     @cached_property
     def _catalogue(self) -> tuple[Term, ...]:
@@ -194,10 +184,6 @@ class DamperRig:
     def rivals(self) -> tuple[Term, ...]:
         """Causes outside the catalogue."""
         return (*command_rivals(self.sizes), *force_rivals(self.sizes))
-
-    @cached_property
-    def _base(self) -> dict[str, float]:
-        return base_settings(self.nominal_model)
 
     def measured(self, record: int) -> Array:
         return np.vstack([self.records[record].channel(c) for c in self.channels])
@@ -224,7 +210,7 @@ class DamperRig:
                 return self._runs([_Asked(some, replace(fine, u=command), pieces)])[0]
 
             sent, key = np.asarray(self.records[record].command), (record, fine.factor, pieces)
-            for rows, command, added in self._command_memory.commands(run, settings, sent, fine.u, key):
+            for rows, command, added in self.command_memory.commands(run, settings, sent, fine.u, key):
                 asked.append(_Asked([settings[k] for k in rows], replace(fine, u=command), pieces))
                 places.append((place, rows, added))
         shape = len(settings), len(self.channels)
@@ -287,10 +273,6 @@ class DamperRig:
         return self._inputs[record, factor]
 
     @cached_property
-    def _command_memory(self) -> CommandMemory:
-        return CommandMemory(self._base)
-
-    @cached_property
     def _inputs(self) -> dict[tuple[int, int], Fine]:
         return {}
 
@@ -303,7 +285,7 @@ class DamperRig:
             dt, hold = one.inputs.sample_time, one.inputs.hold
             for outside, rows in grouped(one.settings):
                 x, v, a = moved(outside, (one.inputs.x, one.inputs.v, one.inputs.a), dt)
-                params = np.array([core.vector(law, inside_of(self._base | one.settings[k])) for k in rows])
+                params = np.array([core.vector(law, inside_of(self.base | one.settings[k])) for k in rows])
                 command = commanded(outside, one.inputs.u, dt)
                 sets.append(core.Sets(params, dt, x, command, v, a, hold, True, dt / one.pieces))
                 parts.append((one, made, outside, rows, x, v))
@@ -336,10 +318,7 @@ class DamperRig:
     def envelope(self) -> Envelope:
         """Limits of the next test: the ranges of the records; the command from 0 to the simulator's limit."""
         v = max(float(np.quantile(np.abs(self.velocity(k)), 0.999)) for k in range(len(self.records)))
-        largest = self.nominal_model.parameters.get("command_max")
-        return Envelope.of(
-            "displacement_m", self.sizes.stroke, v, _BAND, self.records, largest, self.sizes.sample_time
-        )
+        return self.limits("displacement_m", self.sizes.stroke, v, _BAND, self.records)
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
@@ -363,14 +342,5 @@ class DamperRig:
         }
 
     def model(self, settings: Mapping[str, float]) -> Model:
-        nominal = self.nominal_model
-        parameters = {k: settings.get(k, value) for k, value in nominal.parameters.items()}
-        found = effects_from({k: v for k, v in inside_of(settings).items() if k not in parameters})
-        return replace(
-            nominal,
-            parameters=parameters,
-            effects=merged(nominal.effects, found),
-            extra=dict(nominal.extra)
-            | log_entry(settings)
-            | ({LOGGER: FILTERED} if self.filtered else {}),
-        )
+        found = self.with_settings(settings)
+        return replace(found, extra={**found.extra, LOGGER: FILTERED}) if self.filtered else found

@@ -12,16 +12,17 @@ from functools import cached_property
 
 import numpy as np
 
-from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, nominal_coordinates, rms, widened
+from mrdamp.diagnosis.hypotheses.damper_effects import damper_terms, rms
 from mrdamp.diagnosis.hypotheses.frame_effects import frame_terms, placed_effects, structure_coordinates
-from mrdamp.diagnosis.hypotheses.nominal_effects import effect_coordinates, merged, without_nominal
+from mrdamp.diagnosis.hypotheses.nominal_effects import merged, without_nominal
 from mrdamp.diagnosis.hypotheses.outside import command_rivals, commanded, grouped, inside_of
 from mrdamp.diagnosis.hypotheses.outside_storeys import base_rivals, bent, shaken, storey_rivals
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Sizes, Term
-from mrdamp.diagnosis.problem.command_memory import CommandMemory, base_settings, log_entry, with_waves
-from mrdamp.diagnosis.problem.signals import Envelope, Signal
+from mrdamp.diagnosis.problem.command_memory import with_waves
+from mrdamp.diagnosis.problem.designs import Envelope, Signal
+from mrdamp.diagnosis.problem.simulator import Simulator
 from mrdamp.errors import InputError
-from mrdamp.model import Model, core, effects_from
+from mrdamp.model import Model, core
 from mrdamp.model.core import Array, FrameInput
 from mrdamp.records import Record
 from mrdamp.records.log_filter import FACTOR, finer, jumps, logged, rings_before_jumps
@@ -41,7 +42,7 @@ _STRUCTURE = ("mass", "stiffness", "damping")
 
 
 @dataclass(frozen=True, eq=False)
-class FrameRig:
+class FrameRig(Simulator):
     """Simulator and records of a frame case (see `mrdamp.diagnosis.problem.rig.Rig`).
 
     raw: the records as measured, which drive the simulator. block: number of samples averaged for the
@@ -55,7 +56,6 @@ class FrameRig:
     jumps. threads: number of simulations in parallel.
     """
 
-    nominal_model: Model
     raw: tuple[Record, ...]
     block: int = 1
     clean: frozenset[str] = frozenset()
@@ -107,11 +107,6 @@ class FrameRig:
         """For each record, True if jumps of its command were filtered."""
         return tuple(not self.hold and rings_before_jumps(np.asarray(r.command)) for r in self.raw)
 
-    @property
-    def hold(self) -> bool:
-        """True if the command is held between samples."""
-        return bool(self.nominal_model.hold)
-
     @cached_property
     def _fine(self) -> tuple[tuple[Array, Array], ...]:
         """Interpolated ground acceleration and command of each record."""
@@ -157,14 +152,9 @@ class FrameRig:
     @cached_property
     def nominal(self) -> tuple[Coordinate, ...]:
         """The nominal parameters, then the structural ones if they are free."""
-        s = self.sizes
-        law = nominal_coordinates(
-            self.nominal_model.law, dict(self.nominal_model.parameters), s.command, s.stroke
-        )
         # At small drifts a frame's response depends little on some parameters, which may then be far off.
-        law = widened(law, _WIDER, lambda name: name != "n")
-        own = effect_coordinates(self.nominal_model.effects, self.catalogue)
-        return (*law, *own, *(structure_coordinates(self.structure) if self.free_structure else ()))
+        numbers = self.numbers(self.catalogue, _WIDER, lambda name: name != "n")
+        return (*numbers, *(structure_coordinates(self.structure) if self.free_structure else ()))
 
     @cached_property
     def catalogue(self) -> tuple[Term, ...]:
@@ -221,14 +211,14 @@ class FrameRig:
 
         key = (record, factor, self._step(record, coarse))
         out = np.empty((len(settings), len(self.columns), len(fine)))
-        for rows, command, added in self._command_memory.commands(run, settings, np.asarray(r.command), fine, key):
+        for rows, command, added in self.command_memory.commands(run, settings, np.asarray(r.command), fine, key):
             out[rows] = run([settings[k] for k in rows], command) + added
         if factor > 1:
             out = logged(out, self._filtered[record])
         late = [k for k, c in enumerate(self.columns) if c.startswith("displacement")]
         t = r.sample_time * np.arange(r.n)
         for row, setting in zip(out, settings, strict=True):
-            shift = setting.get("channel_shift_d", self._base.get("channel_shift_d", 0.0))
+            shift = setting.get("channel_shift_d", self.base.get("channel_shift_d", 0.0))
             if shift:
                 for k in late:
                     row[k] = np.interp(t - shift, t, row[k])
@@ -280,23 +270,7 @@ class FrameRig:
         return out | {"ground acceleration (m/s2)": ground}
 
     def model(self, settings: Mapping[str, float]) -> Model:
-        own, s = set(self.nominal_model.parameters), self.structure
-        parameters = {k: settings.get(k, value) for k, value in self.nominal_model.parameters.items()}
-        floors = range(1, s.storeys + 1)
-        mass, stiffness, damping = (
-            np.array([settings.get(f"{kind}@{j}", float(getattr(s, kind)[j - 1])) for j in floors])
-            for kind in _STRUCTURE
-        )
-        found = {k: v for k, v in inside_of(settings).items() if k not in own and "@" not in k}
-        effects = list(effects_from(found))
-        effects += placed_effects(settings)
-        return replace(
-            self.nominal_model,
-            parameters=parameters,
-            effects=merged(self.nominal_model.effects, effects),
-            structure=ShearFrame(mass, stiffness, damping, s.damper_between),
-            extra={**self.nominal_model.extra, **log_entry(settings)},
-        )
+        return self.with_settings(settings, placed_effects(settings), structure=self._structure(settings))
 
     def _floor(self, record: int, floor: int) -> Array:
         """Measured displacement (n,) of a floor at the rate of the comparison; zeros if it was not measured.
@@ -309,8 +283,7 @@ class FrameRig:
         """Limits of the next test: the ground acceleration of the records."""
         ground = "ground_acceleration_m_s2"
         strongest = max(float(np.abs(r.channel(ground)).max()) for r in self.raw)
-        largest = self.nominal_model.parameters.get("command_max")
-        return Envelope.of(ground, strongest, None, _BAND, self.raw, largest, self.sizes.sample_time)
+        return self.limits(ground, strongest, None, _BAND, self.raw)
 
     def try_signal(self, settings: Sequence[Settings], signal: Signal) -> Array:
         """Simulated channels (sets, channels, n) of a proposed test."""
@@ -319,14 +292,6 @@ class FrameRig:
         trial = replace(self._rough or self, raw=(record,), block=1)
         runs = trial._run(settings, 0, coarse=True)
         return np.array([[o[c] for c in self.columns] for o in runs])
-
-    @cached_property
-    def _base(self) -> dict[str, float]:
-        return base_settings(self.nominal_model)
-
-    @cached_property
-    def _command_memory(self) -> CommandMemory:
-        return CommandMemory(self._base)
 
     def _run(
         self, settings: Sequence[Settings], record: int, *, coarse: bool, command: Array | None = None
@@ -343,7 +308,7 @@ class FrameRig:
             vectors = [
                 core.vector(
                     self.nominal_model.law,
-                    inside_of(self._base | {k: v for k, v in s.items() if "@" not in k}),
+                    inside_of(self.base | {k: v for k, v in s.items() if "@" not in k}),
                 )
                 for s in own
             ]
@@ -369,15 +334,18 @@ class FrameRig:
         step = self.jump_step if jump else self.coarse_step
         return step if coarse else min(step / 2 if jump else step, FINE)
 
-    def _frame(self, settings: Settings) -> FrameInput:
+    def _structure(self, settings: Mapping[str, float]) -> ShearFrame:
         s = self.structure
-        values = {kind: getattr(s, kind).copy() for kind in _STRUCTURE}
+        values = {kind: np.array(getattr(s, kind), dtype=np.float64) for kind in _STRUCTURE}
         for key, value in settings.items():
             kind, _, place = key.partition("@")
             if kind in _STRUCTURE:
                 values[kind][int(place) - 1] = value
+        return ShearFrame(values["mass"], values["stiffness"], values["damping"], s.damper_between)
+
+    def _frame(self, settings: Settings) -> FrameInput:
         effects = merged(self.nominal_model.effects, placed_effects(settings))
-        frame = ShearFrame(values["mass"], values["stiffness"], values["damping"], s.damper_between)
+        frame = self._structure(settings)
         return Model("bingham", _NO_DAMPER, tuple(e for e in effects if e.place), "frame", frame).frame
 
 

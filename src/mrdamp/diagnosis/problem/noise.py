@@ -98,7 +98,7 @@ def baseline_gap(problem: Problem | None, rig: Rig) -> Array:
     """(channels,) RMS gap of the nominal simulator on the baseline's records; 0 without any."""
     if problem is None:
         return np.zeros(len(rig.channels))
-    gaps = problem.gaps(problem.of_settings([{}])[0])
+    gaps = problem.gaps(problem.nominal())
     channel = np.array([b.channel for b in problem.blocks])
     return np.array([np.sqrt(np.mean(gaps[channel == c] ** 2)) for c in range(len(rig.channels))])
 

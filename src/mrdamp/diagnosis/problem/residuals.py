@@ -19,6 +19,8 @@ from mrdamp.model.core import Array
 _SKIP = 0.1
 #: Samples excluded at the end of a record, where a converter's filter distorts the motion.
 _END = 8
+#: Number of residual samples of a rig, over all channels and records.
+_SAMPLES = 20_000
 #: Step of the finite differences, in units of search.
 _STEP = 0.02
 #: Error assigned to a diverged run, as a multiple of the record's size.
@@ -28,6 +30,14 @@ _DIVERGED = 1e3
 def compared(n: int, sample_time: float, stride: int = 1) -> slice:
     """Samples of a record of n that are compared: without its start and its end. sample_time: s."""
     return slice(min(round(_SKIP / sample_time), n // 4), n - _END, stride)
+
+
+def squared_gap(simulated: Array, measured: Array, sample_time: float, size: Array | None = None) -> float:
+    """Mean square of an error over that of the measurement, or of `size`; (n,) each, without a record's start and end.
+    sample_time: s."""
+    keep = compared(len(measured), sample_time)
+    whole = measured if size is None else size
+    return float(np.mean((simulated - measured)[keep] ** 2)) / (float(np.mean(whole[keep] ** 2)) or 1.0)
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,11 @@ class Block:
     span: slice
     size: float
     trust: float = 1.0
+
+
+def pooled(gaps: Array) -> float:
+    """Gap of all blocks together; records and channels have equal weight."""
+    return float(np.sqrt(np.mean(gaps**2)))
 
 
 class Problem:
@@ -80,6 +95,32 @@ class Problem:
         for b in self.blocks:
             n = b.span.stop - b.span.start
             self.weights[b.span] = b.trust / (b.size * np.sqrt(n * len(rig.channels)))
+
+    @classmethod
+    def thinned(
+        cls, rig: Rig, *, coarse: bool = False, trust: Mapping[tuple[int, int], float] | None = None
+    ) -> Problem:
+        """Residuals of all records of a rig, of every so many samples that there are _SAMPLES in all."""
+        stride = max(1, round(sum(r.n for r in rig.records) * len(rig.channels) / _SAMPLES))
+        return cls(rig, stride=stride, coarse=coarse, trust=trust)
+
+    def like(
+        self,
+        rig: Rig | None = None,
+        records: Sequence[int] | None = None,
+        *,
+        stride: int | None = None,
+        coarse: bool | None = None,
+        trust: Mapping[tuple[int, int], float] | None = None,
+    ) -> Problem:
+        """The same residuals of another rig, of some of the records, of other runs, or with other weights."""
+        return Problem(
+            rig or self.rig,
+            self.records if records is None else records,
+            stride=stride or self.stride,
+            coarse=self.coarse if coarse is None else coarse,
+            trust=self.trust if trust is None else trust,
+        )
 
     def rougher(self, hypothesis: Hypothesis) -> Problem:
         """The same residuals from cheaper runs for the descent: with a search's step instead of the full one,
@@ -137,6 +178,10 @@ class Problem:
         out = (self.outputs(settings) - self.measured()) * self.weights
         limit = _DIVERGED / np.sqrt(self.samples)
         return np.asarray(np.clip(np.nan_to_num(out, nan=limit, posinf=limit, neginf=-limit), -limit, limit))
+
+    def nominal(self) -> Array:
+        """Weighted residuals (samples,) of the nominal simulator."""
+        return np.asarray(self.of_settings([{}])[0])
 
     def residuals(self, hypothesis: Hypothesis, points: Array) -> Array:
         """Weighted residuals (points, samples) for points (points, coordinates)."""

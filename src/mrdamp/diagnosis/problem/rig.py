@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 from mrdamp.diagnosis.hypotheses.terms import Coordinate, Settings, Term
-from mrdamp.diagnosis.problem.signals import Envelope, Signal
+from mrdamp.diagnosis.problem.designs import Envelope, Signal
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from mrdamp.diagnosis.hypotheses.nominal_effects import own_settings, setting_name
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.model import STRUCTURE_EFFECTS, Model
 from mrdamp.model.core import attributes
@@ -23,7 +24,7 @@ def changes(nominal: Model, found: Diagnosis) -> list[Change]:
     """Every parameter that differs between the nominal and the corrected simulator, those of named effects first."""
     before, after = _settings(nominal), _settings(found.corrected)
     own = {
-        _name(e.effect, key, e.place): e.intervals.get(key) for e in found.effects for key in e.parameters
+        setting_name(e.effect, key, e.place): e.intervals.get(key) for e in found.effects for key in e.parameters
     }
     differ = [name for name in {**before, **after} if before.get(name) != after.get(name)]
     return [
@@ -46,14 +47,4 @@ def unit_of(name: str) -> str:
 
 
 def _settings(model: Model) -> dict[str, float]:
-    placed = {
-        _name(e.name, key, e.place): float(value)
-        for e in model.effects
-        if e.place is not None
-        for key, value in e.parameters.items()
-    }
-    return {**model.attributes, **placed}
-
-
-def _name(effect: str, key: str, place: int | None) -> str:
-    return f"{effect}_{key}" if place is None else f"{effect}_{key}@{place}"
+    return {**model.attributes, **own_settings([e for e in model.effects if e.place is not None])}

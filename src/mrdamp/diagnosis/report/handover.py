@@ -1,4 +1,5 @@
-"""The corrected simulator as MJCF, and a check that MuJoCo reproduces the diagnosis's simulation with it."""
+"""The corrected simulator as it is handed over: the gap by its file, its MJCF, and a check that MuJoCo reproduces the
+diagnosis's simulation with it."""
 
 from __future__ import annotations
 
@@ -9,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from mrdamp.diagnosis.problem.residuals import compared
+from mrdamp.diagnosis.problem.residuals import Problem, squared_gap
 from mrdamp.diagnosis.report.result import Diagnosis
 from mrdamp.errors import InputError
 from mrdamp.model import Model
 from mrdamp.model.core import Array
 from mrdamp.records import Record
 from mrdamp.simulation.mjcf import write_mjcf
-from mrdamp.simulation.predict import as_logged, as_read, played
+from mrdamp.simulation.predict import as_logged, as_read, free_run, played
 
-#: Largest difference of the two gaps, as a share of the measurement's RMS.
+#: Largest difference of two gaps of one simulator, as a share of the measurement's RMS.
 AGREEMENT = 0.01
 #: Number of records in the check, those whose command changes most.
 _STEPPED = 3
@@ -78,16 +79,24 @@ def agreement(model: Model, record: Record) -> Agreement:
         for run in (model.simulate, lambda dt, given: drive(model, dt, given))
     )
     names = [name for name in offline if name in record.channels]
-    keep = compared(record.n, record.sample_time)
 
-    def over_rms(one: Mapping[str, Array], other: Mapping[str, Array]) -> float:
-        squares = []
-        for name in names:
-            size = float(np.mean(record.channel(name)[keep] ** 2)) or 1.0
-            squares.append(float(np.mean((one[name] - other[name])[keep] ** 2)) / size)
-        return float(np.sqrt(np.mean(squares)))
+    def apart(one: Mapping[str, Array], other: Mapping[str, Array]) -> float:
+        of = ((one[name], other[name], record.sample_time, record.channel(name)) for name in names)
+        return float(np.sqrt(np.mean([squared_gap(*row) for row in of])))
 
     measured = {name: record.channel(name) for name in names}
-    return Agreement(
-        record.name, over_rms(offline, measured), over_rms(stepped, measured), over_rms(offline, stepped)
-    )
+    return Agreement(record.name, apart(offline, measured), apart(stepped, measured), apart(offline, stepped))
+
+
+def predicted_gap(model: Model, problem: Problem) -> float:
+    """RMS error over the measurement's RMS, by the path of `mrdamp predict` with a simulator's file; records and
+    channels have equal weight."""
+    rig, squares = problem.rig, []
+    for k in problem.records:
+        try:
+            channels = rig.compared(free_run(model, rig.driven(k)), k)
+        except InputError:
+            return float("nan")
+        dt = rig.records[k].sample_time
+        squares += [squared_gap(one, other, dt) for one, other in zip(channels, rig.measured(k), strict=True)]
+    return float(np.sqrt(np.mean(squares)))

@@ -19,9 +19,9 @@ from mrdamp.diagnosis.evidence.verdict import Decision
 from mrdamp.diagnosis.fits.least_squares import Fit
 from mrdamp.diagnosis.fits.search import Search
 from mrdamp.diagnosis.hypotheses.terms import Hypothesis, Settings, Term
+from mrdamp.diagnosis.problem.designs import SECONDS, Design, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.diagnosis.problem.residuals import compared
 from mrdamp.diagnosis.problem.rig import Rig
-from mrdamp.diagnosis.problem.signals import SECONDS, Design, Envelope, Signal, columns, drawn, neighbour
 from mrdamp.errors import InputError
 from mrdamp.model.core import Array
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamp import __version__
-from mrdamp.diagnosis.problem.residuals import compared
+from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
+from mrdamp.diagnosis.problem.residuals import squared_gap
 from mrdamp.diagnosis.report.changes import changes, unit_of
-from mrdamp.diagnosis.report.picture import chain_picture
 from mrdamp.diagnosis.report.result import Diagnosis, Named
 from mrdamp.diagnosis.report.sentence import share
 from mrdamp.model import Model
@@ -18,16 +20,10 @@ from mrdamp.pictures import diagnosis as pictures
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative
 from mrdamp.report import Page
+from mrdamp.report.page import Cell
 from mrdamp.simulation.predict import free_run
 
 _SHOWN = 2  # records with residuals
-
-
-def views(nominal: Model, corrected: Model, records: Sequence[Record]) -> list[pictures.ResidualData]:
-    """Each record's force, or the floor acceleration with the largest gap, measured and simulated with both
-    models."""
-    return [_frame_view(nominal, corrected, r) if nominal.rig == "frame" else _damper_view(nominal, corrected, r)
-            for r in records]  # fmt: skip
 
 
 def page(found: Diagnosis, nominal: Model, records: Sequence[Record]) -> Page:
@@ -36,7 +32,8 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record]) -> Page:
     Actionable results come first: the next step, the stage, the reduction of the gap, the remainder.
     """
     out = Page(f"Diagnosis of {found.case}", found.sentence, f"mrdamp {__version__}, `mrdamp diagnose`")
-    shown = views(nominal, found.corrected, records)
+    # Of each record the force, or the floor acceleration with the largest gap.
+    shown = [_view(nominal, found.corrected, r) for r in records]
     order = sorted(range(len(shown)), key=lambda k: -_nrms(shown[k].nominal, shown[k].measured, shown[k].time))
     worst = [shown[k] for k in order[:_SHOWN]]
     _next(out, found)
@@ -53,6 +50,12 @@ def page(found: Diagnosis, nominal: Model, records: Sequence[Record]) -> Page:
     _handed_over(out, found)
     _uncertainty(out, found)
     return out
+
+
+def chain_picture(found: Diagnosis) -> Figure:
+    """The chain from command to sensor, with each stage's share of the correction, or of the gap."""
+    of = "correction" if found.verdict == "effect" else "gap"
+    return pictures.chain(found.where.stages, found.where.intervals, {e.stage for e in found.effects}, of)
 
 
 def _stages(out: Page, found: Diagnosis) -> None:
@@ -107,36 +110,23 @@ def _answer(out: Page, found: Diagnosis) -> None:
     heading = "The cause" if found.effects else "Is there a cause?"
     if found.effects:
         rows = [
-            (
-                e.effect if e.place is None else f"{e.effect} at {e.place}",
-                e.stage,
-                f"{e.probability:.2f}",
-                f"{100 * e.share:.0f} %",
-            )
+            (e.cause.replace("@", " at "), e.stage, f"{e.probability:.2f}", f"{100 * e.share:.0f} %")
             for e in found.effects
         ]
-        out.table(
-            heading,
-            ("effect", "stage", "probability", "share of the excess, parameters refitted first"),
-            rows,
-            "Excess: the gap's square over that of the noise.",
-        )
+        columns = "effect", "stage", "probability", "share of the excess, parameters refitted first"
+        out.table(heading, columns, rows, "Excess: the gap's square over that of the noise.")
         heading = ""
+    likeliest = sorted(found.probabilities.items(), key=lambda item: -item[1])[:3]
     out.figure(
         heading,
-        pictures.probabilities(found.probabilities, [_cause(e) for e in found.effects]),
+        pictures.probabilities(found.probabilities, [e.cause for e in found.effects]),
         "Probability of each cause. `none`: no gap beyond the noise; `parameters`: only numbers are wrong; "
         "`unknown`: a cause outside the catalogue.",
-        "Bars: " + ", ".join(f"{k} {v:.2f}" for k, v in _likeliest(found)),
+        "Bars: " + ", ".join(f"{k} {v:.2f}" for k, v in likeliest),
     )
     if found.indistinguishable:
-        out.text(
-            "",
-            [
-                f"Hard to tell apart with these records: {', '.join(f'`{name}`' for name in tie)}."
-                for tie in found.indistinguishable
-            ],
-        )
+        ties = (", ".join(f"`{name}`" for name in tie) for tie in found.indistinguishable)
+        out.text("", [f"Hard to tell apart with these records: {tie}." for tie in ties])
 
 
 def _changes(out: Page, found: Diagnosis, nominal: Model) -> None:
@@ -144,9 +134,13 @@ def _changes(out: Page, found: Diagnosis, nominal: Model) -> None:
     law, other = nominal.law, found.corrected.law
     note = "What `corrected.json` has in place of the nominal simulator's numbers. A dash: not there."
     note += f" The law is {other} in place of {law}." if other != law else ""
+    _table(out, "Old and new values", ("parameter", "unit", "nominal", "corrected", "95 % from", "to"), rows, note)
+
+
+def _table(out: Page, heading: str, columns: Sequence[str], rows: Sequence[Sequence[Cell]], note: str = "") -> None:
+    """A table, if it has rows."""
     if rows:
-        columns = ("parameter", "unit", "nominal", "corrected", "95 % from", "to")
-        out.table("Old and new values", columns, rows, note)
+        out.table(heading, columns, rows, note)
 
 
 def _unchanged(found: Diagnosis) -> bool:
@@ -154,16 +148,12 @@ def _unchanged(found: Diagnosis) -> bool:
     return found.verdict == "none" and found.baseline_law is None
 
 
-def _cause(e: Named) -> str:
-    return e.effect if e.place is None else f"{e.effect}@{e.place}"
-
-
 def _by_regime(out: Page, effect: Named) -> None:
     """The first parameter of an effect by regime, and the gaps there with and without the effect."""
     if not effect.by_regime:
         return
     heading, name = f"Is {effect.effect} the same in every regime?", next(iter(effect.by_regime[0].parameters))
-    unit = unit_of(f"{effect.effect}_{name}" + ("" if effect.place is None else f"@{effect.place}"))
+    unit = unit_of(setting_name(effect.effect, name, effect.place))
     label_of = f"{name} ({unit})" if unit else name
     rows, points = [], []
     for r in effect.by_regime:
@@ -207,19 +197,15 @@ def _where(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) 
         "RMS residual over piston velocity and command, on one scale.",
         "Maps of the residual over velocity and command.",
     )
-    if found.where.regimes:
-        rows = [
-            (r.what, f"{100 * r.share_of_gap:.0f} %", f"{100 * r.share_of_samples:.0f} %")
-            for r in found.where.regimes
-        ]
-        out.table("", ("regime", "share of the gap", "share of the samples"), rows)
+    rows = [
+        (r.what, f"{100 * r.share_of_gap:.0f} %", f"{100 * r.share_of_samples:.0f} %")
+        for r in found.where.regimes
+    ]
+    _table(out, "", ("regime", "share of the gap", "share of the samples"), rows)
     if any(found.where.places.values()):
         ends = found.where.place_intervals
-        out.table(
-            "",
-            ("place", "share of the gap"),
-            [(n, share(v, ends.get(n))) for n, v in found.where.places.items()],
-        )
+        places = [(n, share(v, ends.get(n))) for n, v in found.where.places.items()]
+        out.table("", ("place", "share of the gap"), places)
 
 
 def _shrink(out: Page, found: Diagnosis) -> None:
@@ -275,14 +261,13 @@ def _loops(out: Page, found: Diagnosis, worst: pictures.ResidualData) -> None:
         "Measured and simulated force over displacement and velocity.",
         "Hysteresis loops: measured and simulated.",
     )
-    said = [s for s in found.signatures if any((s.measured, s.nominal, s.corrected))]
-    if said:
-        out.table(
-            "",
-            ("from turn to turn", "measured", "nominal", "corrected"),
-            [(f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected))) for s in said],
-            "Medians over the records; no law is in them.",
-        )  # fmt: skip
+    rows = [
+        (f"{s.name}, {s.unit}", *(f"{v:.4g}" for v in (s.measured, s.nominal, s.corrected)))
+        for s in found.signatures
+        if any((s.measured, s.nominal, s.corrected))
+    ]
+    columns = "from turn to turn", "measured", "nominal", "corrected"
+    _table(out, "", columns, rows, "Medians over the records; no law is in them.")
 
 
 def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]) -> None:
@@ -298,102 +283,72 @@ def _records(out: Page, found: Diagnosis, shown: Sequence[pictures.ResidualData]
 
 
 def _handed_over(out: Page, found: Diagnosis) -> None:
-    if found.stepped:
-        gaps = "offline_gap", "mujoco_gap", "difference"
-        rows = [(row["record"], *(f"{100 * row[k]:.2f}" for k in gaps)) for row in found.stepped]
-        out.table(
-            "The corrected simulator in MuJoCo",
-            ("record", "gap offline, %", "gap in MuJoCo, %", "between the two, %"),
-            rows,
-            "The written MJCF, stepped on the record's inputs, and the simulation of the diagnosis.",
-        )
+    gaps = "offline_gap", "mujoco_gap", "difference"
+    _table(
+        out,
+        "The corrected simulator in MuJoCo",
+        ("record", "gap offline, %", "gap in MuJoCo, %", "between the two, %"),
+        [(row["record"], *(f"{100 * row[k]:.2f}" for k in gaps)) for row in found.stepped],
+        "The written MJCF, stepped on the record's inputs, and the simulation of the diagnosis.",
+    )
 
 
 def _uncertainty(out: Page, found: Diagnosis) -> None:
-    if found.candidates:
-        out.table(
-            "What else was tried",
-            ("effects", "probability", "held-out gap, %"),
-            [
-                (" + ".join(c.causes) or "parameters", f"{c.probability:.2f}", 100 * c.heldout_gap)
-                for c in found.candidates
-            ],
-        )
-    if found.unseen:
-        out.table(
-            "What these records cannot show",
-            ("effect", "parameter", "may be as far as", "unit"),
-            [(row["effect"], row["setting"], row["could_hide"], unit_of(row["setting"])) for row in found.unseen],
-        )
+    tried = [
+        (" + ".join(c.causes) or "parameters", f"{c.probability:.2f}", 100 * c.heldout_gap)
+        for c in found.candidates
+    ]
+    _table(out, "What else was tried", ("effects", "probability", "held-out gap, %"), tried)
+    hidden = [(u["effect"], u["setting"], u["could_hide"], unit_of(u["setting"])) for u in found.unseen]
+    columns = "effect", "parameter", "may be as far as", "unit"
+    _table(out, "What these records cannot show", columns, hidden)
     if found.corrections:
-        out.text(
-            "Corrections of form",
-            "In the corrected simulator, and not named as causes: "
-            + ", ".join(f"`{c}`" for c in found.corrections),
-        )
+        names = ", ".join(f"`{c}`" for c in found.corrections)
+        out.text("Corrections of form", f"In the corrected simulator, and not named as causes: {names}")
     test = found.next_experiment
     if test:
         file = f" Its inputs are in `{test['file']}`." if "file" in test else ""
         out.text("The next experiment", [f"Why: {test['why']}.", f"Test: {test['signal']}.{file}"])
+        parted = "simulator", "rival, fitted to it again", "distance"
         rows = [(row["one"], row["rival"], row["separation"]) for row in test.get("separates", ())]
-        if rows:
-            out.table(
-                "",
-                ("simulator", "rival, fitted to it again", "distance"),
-                rows,
-                "RMS over the length of the test, in standard deviations of noise and model error.",
-            )
+        note = "RMS over the length of the test, in standard deviations of noise and model error."
+        _table(out, "", parted, rows, note)
     if found.notes:
         out.text("Notes", found.notes)
 
 
-def _likeliest(found: Diagnosis) -> list[tuple[str, float]]:
-    return sorted(found.probabilities.items(), key=lambda item: -item[1])[:3]
-
-
 def _nrms(simulated: Array, measured: Array, time: Array) -> float:
-    """Without the start and the end of a record, as every gap."""
-    keep = compared(len(time), float(time[1] - time[0]))
-    size = float(np.sqrt(np.mean(measured[keep] ** 2))) or 1.0
-    return float(np.sqrt(np.mean((simulated - measured)[keep] ** 2))) / size
-
-
-def _damper_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
-    before, after = (free_run(m, record)["force_N"] for m in (nominal, corrected))
-    return pictures.ResidualData(
-        record.name,
-        record.time,
-        record.velocity(),
-        record.command,
-        record.channel("force_N"),
-        before,
-        after,
-        displacement=record.displacement,
-    )
+    return float(np.sqrt(squared_gap(simulated, measured, float(time[1] - time[0]))))
 
 
 #: Channels of a frame that are drawn, the first kind that is measured, and their units.
 _UNITS = {"acceleration_m_s2": "m/s²", "displacement_m": "m", "force_N": "N"}
 
 
-def _frame_view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
-    assert nominal.structure is not None
+def _view(nominal: Model, corrected: Model, record: Record) -> pictures.ResidualData:
     before, after = (free_run(m, record) for m in (nominal, corrected))
-    channels = [[f for f in before if f.endswith(kind) and f in record.channels] for kind in _UNITS]
-    measured = next(some for some in channels if some)
-    shown = max(measured, key=lambda f: _nrms(before[f], record.channel(f), record.time))
-    x = np.zeros((nominal.structure.storeys + 1, record.n))
-    for k in range(1, len(x)):
-        x[k] = after[f"floor{k}_displacement_m"]
-    low, high = nominal.structure.damper_between or (0, 1)
+    shown = "force_N"
+    more: dict[str, Any] = {}
+    if nominal.structure is None:
+        velocity, more = record.velocity(), {"displacement": record.displacement}
+    else:
+        channels = [[f for f in before if f.endswith(kind) and f in record.channels] for kind in _UNITS]
+        measured = next(some for some in channels if some)
+        shown = max(measured, key=lambda f: _nrms(before[f], record.channel(f), record.time))
+        low, high = (
+            after[f"floor{k}_displacement_m"] if k else np.zeros(record.n)
+            for k in nominal.structure.damper_between
+        )
+        velocity = derivative(high - low, record.sample_time)
+        place = f"floor {shown[5:].partition('_')[0]}" if shown.startswith("floor") else "damper"
+        more = {"note": place, "unit": next(unit for kind, unit in _UNITS.items() if shown.endswith(kind))}
     return pictures.ResidualData(
         record.name,
         record.time,
-        derivative(x[high] - x[low], record.sample_time),
+        velocity,
         record.channel("command"),
         record.channel(shown),
         before[shown],
         after[shown],
-        unit=next(unit for kind, unit in _UNITS.items() if shown.endswith(kind)),
-        note=f"floor {shown[5:].partition('_')[0]}" if shown.startswith("floor") else "damper",
+        **more,
     )

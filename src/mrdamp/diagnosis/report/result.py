@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrdamp.diagnosis.attribution.shares import Measured, Regime
 from mrdamp.diagnosis.evidence.consistency import RegimeEstimate
+from mrdamp.diagnosis.problem.residuals import pooled
 from mrdamp.diagnosis.signatures.loops import Signature
 from mrdamp.model import Model
 from mrdamp.model.core import Array
@@ -17,6 +19,26 @@ from mrdamp.shown import Shown
 
 #: Resamples of a bar's interval, and their seed.
 _RESAMPLES, _SEED = 2000, 3
+#: Fields that have another name in `diagnosis.json`, or are not in it (None).
+_NAMES: Mapping[tuple[str, str], str | None] = {
+    ("Named", "effect"): "name",
+    ("Candidate", "causes"): "effects",
+    ("Diagnosis", "compared"): "channels_compared",
+    ("Diagnosis", "outside"): "outside_catalogue",
+    ("Diagnosis", "intervals"): "parameter_intervals",
+    ("Diagnosis", "stepped"): "mujoco",
+    **{("Diagnosis", name): None for name in ("corrected", "next_signal", "drawn", "pictures")},
+}
+
+
+def as_json(value: Any) -> Any:
+    """A value as `diagnosis.json` has it: dataclasses by their fields."""
+    if is_dataclass(value):
+        named = {f.name: _NAMES.get((type(value).__name__, f.name), f.name) for f in fields(value)}
+        return {there: as_json(getattr(value, here)) for here, there in named.items() if there is not None}
+    if isinstance(value, Mapping):
+        return {name: as_json(v) for name, v in value.items()}
+    return [as_json(v) for v in value] if isinstance(value, (tuple, list)) else value
 
 
 @dataclass(frozen=True)
@@ -35,17 +57,10 @@ class Named:
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     by_regime: tuple[RegimeEstimate, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "name": self.effect,
-            "stage": self.stage,
-            "place": self.place,
-            "probability": self.probability,
-            "parameters": dict(self.parameters),
-            "share": self.share,
-            "intervals": {k: list(v) for k, v in self.intervals.items()},
-            "by_regime": [r.to_dict() for r in self.by_regime],
-        }
+    @property
+    def cause(self) -> str:
+        """The effect with its place: `floor_mass@2`."""
+        return self.effect if self.place is None else f"{self.effect}@{self.place}"
 
 
 @dataclass(frozen=True)
@@ -56,13 +71,6 @@ class Candidate:
     probability: float
     heldout_gap: float
 
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "effects": list(self.causes),
-            "probability": self.probability,
-            "heldout_gap": self.heldout_gap,
-        }
-
 
 @dataclass(frozen=True)
 class Step:
@@ -71,9 +79,6 @@ class Step:
     name: str
     gap: float
     interval: tuple[float, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        return {"name": self.name, "gap": self.gap, "interval": list(self.interval)}
 
 
 @dataclass(frozen=True)
@@ -87,17 +92,6 @@ class Where:
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of the stages' shares
     place_intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     measured: tuple[Measured, ...] = ()  # damper: parts of the chain between measured channels
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "stages": dict(self.stages),
-            "intervals": {k: list(v) for k, v in self.intervals.items()},
-            "measured": [m.to_dict() for m in self.measured],
-            "records": dict(self.records),
-            "regimes": [r.to_dict() for r in self.regimes],
-            "places": dict(self.places),
-            "place_intervals": {k: list(v) for k, v in self.place_intervals.items()},
-        }
 
 
 @dataclass(frozen=True)
@@ -117,10 +111,6 @@ class Gap:
     baseline: float | None = None  # nominal, on the rig's baseline records
     left_out: float | None = None  # corrected, each record left out of the fit in turn
 
-    def to_dict(self) -> dict[str, Any]:
-        names = ("nominal", "recalibrated", "corrected", "noise_floor", "ceiling", "left_out", "baseline")
-        return {**{name: getattr(self, name) for name in names}, "interval": list(self.interval)}
-
 
 @dataclass(frozen=True)
 class Remainder:
@@ -137,21 +127,27 @@ class Remainder:
     stage: str | None
     regimes: tuple[Regime, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        own = {"gap": self.gap, "share": self.share, "of": self.of, "stage": self.stage}
-        return {**own, "regimes": [r.to_dict() for r in self.regimes]}
-
 
 @dataclass(frozen=True)
 class Diagnosis(Shown):
-    """The answer for a case. `pictures`: arrays by name, for the page."""
+    """The answer for a case.
 
-    picture: ClassVar[str] = "mrdamp.diagnosis.report.picture:chain_picture"
+    question: changed, missed or either (see `Case.question`). probabilities: by cause, and of none, parameters,
+    unknown. unseen: effects that these records cannot show, with the size that may be present. notes: audit, bounds,
+    failed fits. corrections: terms in the corrected model that correct a form and are not named. intervals: 95 %, of
+    every free setting of the corrected simulator's last fit. compared: channels of one quantity. remainder: None if the
+    corrected simulator reaches the noise. standing: probabilities of the causes and of their alternatives. signatures:
+    of a damper's loops. outside: cause outside the catalogue that explains an unknown gap. baseline_law: identified
+    again on the baseline, if it is used. other_law: identified on these records, if it makes a cause needless. stepped:
+    check of the MJCF on records. next_signal: columns of the next test's CSV. drawn: the corrected model with jointly
+    drawn parameters. pictures: arrays by name, for the page.
+    """
+
+    picture: ClassVar[str] = "mrdamp.diagnosis.report.page:chain_picture"
     case: str
     rig: str
-    question: str  # changed, missed or either: see Case.question
+    question: str
     verdict: str
-    sentence: str
     effects: tuple[Named, ...]
     candidates: tuple[Candidate, ...]
     indistinguishable: tuple[tuple[str, ...], ...]
@@ -160,79 +156,38 @@ class Diagnosis(Shown):
     waterfall: tuple[Step, ...]
     next_experiment: Mapping[str, Any]
     corrected: Model
-    unseen: tuple[
-        Mapping[str, Any], ...
-    ] = ()  # effects that these records cannot show, with the size that may be present
-    notes: tuple[str, ...] = ()  # audit, bounds, failed fits
-    corrections: tuple[str, ...] = ()  # terms in the corrected model that correct a form and are not named
-    probabilities: Mapping[str, float] = field(
-        default_factory=dict
-    )  # by cause, and of none, parameters, unknown
-    intervals: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # 95 %, of every free setting of the corrected simulator's last fit
-    compared: tuple[Mapping[str, Any], ...] = ()  # channels of one quantity
-    remainder: Remainder | None = None  # None if the corrected simulator reaches the noise
-    standing: Mapping[str, Any] | None = None  # log odds of the causes if no fit reaches the noise
-    signatures: tuple[Signature, ...] = ()  # of a damper's loops: measured, nominal, corrected
-    outside: Mapping[str, Any] | None = (
-        None  # cause outside the catalogue that explains an unknown gap
-    )
-    baseline_law: Mapping[str, Any] | None = None  # law identified again on the baseline, if it is used
-    other_law: Mapping[str, Any] | None = None  # law identified on these records that makes a cause needless
-    stepped: tuple[
-        Mapping[str, Any], ...
-    ] = ()  # check of the MJCF on records: gaps offline and in MuJoCo
+    unseen: tuple[Mapping[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+    corrections: tuple[str, ...] = ()
+    probabilities: Mapping[str, float] = field(default_factory=dict)
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    compared: tuple[Mapping[str, Any], ...] = ()
+    remainder: Remainder | None = None
+    standing: Mapping[str, Any] | None = None
+    signatures: tuple[Signature, ...] = ()
+    outside: Mapping[str, Any] | None = None
+    baseline_law: Mapping[str, Any] | None = None
+    other_law: Mapping[str, Any] | None = None
+    stepped: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 0.0
-    next_signal: Mapping[str, Any] | None = field(default=None, repr=False)  # columns of the next test's CSV
-    drawn: tuple[Model, ...] = field(
-        default=(), repr=False
-    )  # the corrected model with jointly drawn parameters
+    next_signal: Mapping[str, Any] | None = field(default=None, repr=False)
+    drawn: tuple[Model, ...] = field(default=(), repr=False)
     pictures: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
         return self.sentence
 
-    def with_sentence(self, text: str) -> Diagnosis:
-        """The same answer with its sentence."""
-        return replace(self, sentence=text)
+    @cached_property
+    def sentence(self) -> str:
+        """The answer in a few sentences."""
+        from mrdamp.diagnosis.report.sentence import sentence  # it words what this module declares
+
+        return sentence(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Content of `diagnosis.json`."""
-        return {
-            "case": self.case,
-            "format": 1,
-            "rig": self.rig,
-            "question": self.question,
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "effects": [e.to_dict() for e in self.effects],
-            "candidates": [c.to_dict() for c in self.candidates],
-            "probabilities": dict(self.probabilities),
-            "channels_compared": [dict(c) for c in self.compared],
-            "standing": dict(self.standing) if self.standing is not None else None,
-            "outside_catalogue": dict(self.outside) if self.outside is not None else None,
-            "baseline_law": dict(self.baseline_law) if self.baseline_law is not None else None,
-            "other_law": dict(self.other_law) if self.other_law is not None else None,
-            "indistinguishable": [list(t) for t in self.indistinguishable],
-            "unseen": [dict(u) for u in self.unseen],
-            "where": self.where.to_dict(),
-            "gap": self.gap.to_dict(),
-            "remainder": self.remainder.to_dict() if self.remainder is not None else None,
-            "waterfall": [s.to_dict() for s in self.waterfall],
-            "corrections": list(self.corrections),
-            "parameter_intervals": {k: list(v) for k, v in self.intervals.items()},
-            "signatures": [asdict(s) for s in self.signatures],
-            "mujoco": [dict(row) for row in self.stepped],
-            "next_experiment": dict(self.next_experiment),
-            "notes": list(self.notes),
-            "seconds": round(self.seconds, 1),
-        }
-
-
-def pooled(gaps: Array) -> float:
-    """Gap of all blocks together; records and channels have equal weight."""
-    return float(np.sqrt(np.mean(gaps**2)))
+        first = {"case": self.case, "format": 1, "verdict": self.verdict, "sentence": self.sentence}
+        return {**first, **as_json(self), "seconds": round(self.seconds, 1)}
 
 
 def step(name: str, gaps: Array) -> Step:

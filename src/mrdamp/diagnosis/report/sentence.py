@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mrdamp.diagnosis.constants import TIE_PROBABLE
+from mrdamp.diagnosis.hypotheses.nominal_effects import setting_name
 from mrdamp.diagnosis.hypotheses.outside import PLAIN
 from mrdamp.diagnosis.report.changes import unit_of
 from mrdamp.diagnosis.report.result import Diagnosis, Named
@@ -42,11 +43,12 @@ _PLAIN_FLOOR = {
 }
 
 
-def _plain(e: Named) -> str:
+def in_words(e: Named) -> str:
+    """What an effect does."""
     words = _PLAIN_FLOOR if e.place is not None and e.stage == "sensor" else _PLAIN
     if e.effect == "driver_lag" and "rate" in e.parameters:
         return f"the coil current changes by no more than {e.parameters['rate']:.3g} a second, a largest rate"
-    return words.get(e.effect, e.stage)
+    return words[e.effect]
 
 
 def percent(x: float) -> str:
@@ -98,7 +100,7 @@ def _sentence(d: Diagnosis) -> str:
     parts = []
     for e in d.effects:
         place = f" {e.place}" if e.place is not None else ""
-        parts.append(f"{e.effect}{place} ({_plain(e)}; probability {e.probability:.2f})")
+        parts.append(f"{e.effect}{place} ({in_words(e)}; probability {e.probability:.2f})")
     them, one = ("it", "cause") if len(parts) == 1 else ("them", "causes")
     # What is left over shows that the answer is not complete.
     said = f"The gap is due to {' and '.join(parts)}."
@@ -108,7 +110,7 @@ def _sentence(d: Diagnosis) -> str:
         said = f"What the simulator misses on the records that it was identified on: {' and '.join(parts)}."
     elif d.remainder is not None:
         said = f"The most probable {one} of the gap: {' and '.join(parts)}."
-    named = {f"{e.effect}@{e.place}" if e.place is not None else e.effect for e in d.effects}
+    named = {e.cause for e in d.effects}
     others = sorted({name for tie in d.indistinguishable for name in tie} - named)
     best = max(e.probability for e in d.effects)
     for close, text in ((True, f"The records do not distinguish {them} from"), (False, f"Nearly the same as {them}:")):
@@ -196,13 +198,11 @@ def table(d: Diagnosis) -> str:
     if d.effects:
         lines.append("  effects")
         for e in d.effects:
-            place = f"@{e.place}" if e.place is not None else ""
             numbers = ", ".join(
-                number(k, v, e.intervals.get(k), unit_of(f"{e.effect}_{k}{place}")) for k, v in e.parameters.items()
+                number(k, v, e.intervals.get(k), unit_of(setting_name(e.effect, k, e.place)))
+                for k, v in e.parameters.items()
             )
-            lines.append(
-                f"    {e.effect + place:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}"
-            )
+            lines.append(f"    {e.cause:22s} {e.stage:10s} probability {e.probability:.2f}   {numbers}")
     lines.append("  candidates")
     for c in d.candidates:
         name = " + ".join(c.causes) or "none"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrdamp.model.core import Array
-from mrdamp.records import Record
 
 #: s, length of a test.
 SECONDS = 6.0
@@ -20,16 +19,6 @@ _FADE = 0.5  # s, in which the motion is faded in
 #: period); Hz, of a triangle.
 _HOLD, _TRIANGLE = (0.25, 2.5), (0.1, 0.6)
 _COMMANDS = ("constant", "steps", "levels", "ramp", "sines")
-
-
-#: A negative command below this share of the largest is a filter's overshoot.
-_OVERSHOOT = 0.05
-
-
-def lowest(command: Array) -> float:
-    """Least command of a rig: any can be switched off, few reverse their current."""
-    low = float(command.min())
-    return low if low < -_OVERSHOOT * float(command.max()) else 0.0
 
 
 @dataclass(frozen=True)
@@ -48,22 +37,6 @@ class Envelope:
     command_low: float
     command_high: float
     sample_time: float
-
-    @classmethod
-    def of(
-        cls,
-        channel: str,
-        largest: float,
-        rate: float | None,
-        band: tuple[float, float],
-        records: Sequence[Record],
-        command_max: float | None,
-        sample_time: float,
-    ) -> Envelope:
-        """Limits from records. band: Hz. command_max: A or V; None: the largest of the records."""
-        command = np.concatenate([r.command for r in records])
-        high = float(command.max()) if command_max is None else command_max
-        return cls(channel, largest, rate, *band, lowest(command), high, sample_time)
 
 
 @dataclass(frozen=True)

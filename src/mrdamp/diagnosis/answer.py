@@ -1,0 +1,357 @@
+"""The answer, made once from a search and what is concluded from it: figures on whole records, causes with
+parameters, location of the gap."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from mrdamp.diagnosis.attribution.stages import LAW_STAGE, cause_shares, record_shares, regimes
+from mrdamp.diagnosis.constants import MATERIAL, NONE_ABOVE, PREDICTABLE
+from mrdamp.diagnosis.evidence.ceiling import of_fit
+from mrdamp.diagnosis.evidence.consistency import RegimeEstimate, by_regime, hull
+from mrdamp.diagnosis.evidence.judgement import scored
+from mrdamp.diagnosis.evidence.resample import Interval, spread
+from mrdamp.diagnosis.evidence.ties import tie_classes, unseen
+from mrdamp.diagnosis.evidence.verdict import Decision, by_causes, lapse_of, of_cause, with_lapse
+from mrdamp.diagnosis.fits.final import FinalFit, heldout
+from mrdamp.diagnosis.fits.least_squares import Fit, fit
+from mrdamp.diagnosis.fits.search import Search
+from mrdamp.diagnosis.hypotheses.outside import PREFIX, plain
+from mrdamp.diagnosis.hypotheses.terms import Term
+from mrdamp.diagnosis.problem.baseline_law import BaselineLaw
+from mrdamp.diagnosis.problem.damper import DamperRig
+from mrdamp.diagnosis.problem.make import with_model
+from mrdamp.diagnosis.problem.noise import baseline_gap
+from mrdamp.diagnosis.problem.residuals import Problem, pooled
+from mrdamp.diagnosis.problem.rig import models_of
+from mrdamp.diagnosis.report.handover import AGREEMENT, predicted_gap
+from mrdamp.diagnosis.report.next_test import next_test
+from mrdamp.diagnosis.report.result import Candidate, Diagnosis, Gap, Named, Remainder, Step, step
+from mrdamp.diagnosis.searched import Concluded, Searched
+from mrdamp.diagnosis.signatures.loops import Signature, compared
+from mrdamp.model import Model
+from mrdamp.model.core import Array
+from mrdamp.records.motion import share_of_stroke
+
+Causes = tuple[str, ...]
+#: Number of simulators with parameters drawn within their intervals.
+_DRAWN = 20
+
+
+def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
+    """The answer, from a search and what is concluded from it. begun: s, start of the run (`time.monotonic`)."""
+    search, case, fits, chosen = found.search, found.case, concluded.fits, concluded.chosen
+    decision, verdict, final = concluded.decision, concluded.decision.verdict, concluded.final
+    handed = concluded.handed
+    named = verdict == "effect"
+    whole, residual, floor = final.problem, handed.fit.residual, pooled(found.floor)
+    nominal = whole.nominal()
+
+    regimes_of = estimates_by_regime(chosen, final) if named else {}
+    worse = {cause: [r.label() for r in estimates if r.worse] for cause, estimates in regimes_of.items()}
+    known = by_causes(scored(fits), decision.probabilities)
+    sets, weighed = _sets(search, decision, known, worse=any(worse.values()))
+    causes = of_cause(sets)
+    around = spread(handed.problem, handed.fit)
+    intervals = around.intervals() if verdict != "none" else {}
+    ties = tie_classes(search, chosen, known) if named else ()
+    hidden = unseen(search, chosen)
+    test, signal = next_test(search, chosen, fits, decision, ties, hidden, found.noise.levels)
+    conditions, halves = _conditions(whole)
+    shares, nearby = record_shares(whole, nominal), regimes(conditions, nominal, halves)
+    rest, ceiling = _remaining(search, handed, pooled(whole.gaps(nominal)), floor)
+
+    given = whole if found.again is None else whole.like(with_model(whole.rig, found.again.given))
+    first = given.nominal()
+    bars = [step("nominal", given.gaps(first))]
+    if found.again is not None:
+        bars.append(step("law of the baseline", whole.gaps(nominal)))
+    recalibrated = heldout(whole, _on_whole(search, whole, search.base))
+    waterfall = (*bars, *_further_bars(search, concluded, recalibrated))
+    model = handed.problem.rig.model(handed.fit.settings if verdict != "none" else {})
+    fitted = nominal if verdict == "none" else residual
+    gaps, off = _by_files({"nominal": (case.model, nominal), "corrected": (model, fitted)}, handed.problem)
+    notes = [*_notes(found, handed, worse), *off]
+    gap = Gap(
+        nominal=gaps["nominal"],
+        recalibrated=pooled(recalibrated),
+        corrected=gaps["corrected"],
+        noise_floor=floor,
+        interval=waterfall[-1].interval,
+        ceiling=ceiling,
+        baseline=None if found.baseline is None else pooled(baseline_gap(found.baseline, found.rig)),
+        left_out=pooled(handed.heldout),
+    )
+    alone: dict[str, Any] | None = None
+    if found.again is not None:
+        alone = {**found.again.to_dict(), "gap": gap.nominal}
+        left = gap.corrected
+        model, gap = beside_given(found.again, model, gap, predicted_gap(found.again.given, whole))
+        if model is found.again.given:
+            notes.append(f"what was found leaves {100 * left:.1f} %: the given simulator is handed over")
+            alone = None
+    other = concluded.other
+    return Diagnosis(
+        case=case.name,
+        rig=case.model.rig,
+        question=case.question,
+        verdict=verdict,
+        effects=named_effects(search, chosen, final, causes, intervals, regimes_of) if named else (),
+        candidates=tuple(Candidate(c, sets[c], _candidate_gap(search, fits, c)) for c in weighed),
+        indistinguishable=ties,
+        where=found.where(chosen, verdict, shares, nearby),
+        gap=gap,
+        waterfall=waterfall,
+        next_experiment=test,
+        next_signal=signal,
+        corrected=model,
+        unseen=hidden,
+        notes=tuple(notes),
+        corrections=handed.corrections,
+        intervals=intervals,
+        drawn=models_of(handed.problem.rig, around.settings(), _DRAWN) if intervals else (),
+        probabilities=causes,
+        compared=tuple(c.to_dict() for c in found.compared),
+        seconds=time.monotonic() - begun,
+        outside=_outside(search, chosen),
+        baseline_law=alone,
+        other_law=None if other is None else other.to_dict(handed_over=handed is not final),
+        remainder=None if verdict == "none" else rest,
+        standing=None if decision.standing is None else asdict(decision.standing),
+        signatures=_signatures(whole, nominal, residual) if isinstance(found.rig, DamperRig) else (),
+        pictures={
+            "nominal": first / given.weights,
+            "corrected": residual / whole.weights,
+            "measured": whole.measured(),
+            **{f"condition {k}": v for k, v in conditions.items()},
+            "blocks": [[b.record, b.channel, b.span.start, b.span.stop] for b in whole.blocks],
+            "records": [r.name for r in found.rig.records],
+            "channels": list(found.rig.channels),
+        },
+    )
+
+
+def _sets(
+    search: Search, decision: Decision, known: dict[Causes, float], *, worse: bool
+) -> tuple[dict[Causes, float], list[Causes]]:
+    """Probabilities of the sets of causes with the lapse, and the sets that are shown. known: as decided. worse: some
+    cause makes the gap larger in a regime."""
+    known = {(): 1.0} if decision.verdict == "none" else known
+    sets = {causes: p * (1 - decision.unknown) for causes, p in known.items()} | {("unknown",): decision.unknown}
+    sets = dict(sorted(sets.items(), key=lambda item: (-item[1], item[0])))
+    shown = [c for c, p in list(sets.items())[:6] if p > 1e-4 or not c]
+    # Two channels that differ whatever the law do not depend on it.
+    beside = search.inexact and not decision.apart
+    return with_lapse(sets, lapse_of(decision.verdict, inexact=beside, worse=worse)), shown
+
+
+def beside_given(again: BaselineLaw, model: Model, gap: Gap, given: float) -> tuple[Model, Gap]:
+    """The simulator that is handed over and the gaps, where the law was identified again: the given simulator is the
+    nominal one, and is handed over where it predicts the records better (`given`) than what was found (`model`)."""
+    gap = replace(gap, nominal=given, baseline=again.given_gap)
+    if given < gap.corrected:
+        return again.given, replace(gap, corrected=given, left_out=given)
+    return model, gap
+
+
+def _further_bars(search: Search, concluded: Concluded, recalibrated: Array) -> list[Step]:
+    """Bars after those of the nominal simulator: free numbers, each cause, and the simulator that is handed over.
+    recalibrated (blocks,): gaps of the free numbers alone on records left out."""
+    chosen, handed, whole = concluded.chosen, concluded.handed, concluded.final.problem
+    causes = chosen.hypothesis.causes
+    if handed is not concluded.final:
+        return [step(f"law {handed.problem.rig.model({}).law}", handed.heldout)]
+    if not causes:
+        return [step("recalibrated", handed.heldout)]
+    bars = [step("recalibrated", recalibrated)]
+    for k in range(1, len(causes)):
+        part = search.smallest(bool(chosen.hypothesis.nominal), causes[:k])
+        if part is not None:
+            name = "+ " + " + ".join(part.hypothesis.causes)
+            bars.append(step(name, heldout(whole, _on_whole(search, whole, part))))
+    return [*bars, step("+ " + " + ".join(causes), handed.heldout)]
+
+
+def _by_files(simulators: Mapping[str, tuple[Model, Array]], problem: Problem) -> tuple[dict[str, float], list[str]]:
+    """Gaps of simulators as `mrdamp predict` gives them with their files, and notes where the gap of the fit, by its
+    residual (samples,), is another one."""
+    gaps, notes = {}, []
+    for name, (model, residual) in simulators.items():
+        file, own = predicted_gap(model, problem), pooled(problem.gaps(residual))
+        gaps[name] = file
+        if abs(file - own) > AGREEMENT:
+            notes.append(
+                f"the {name} simulator has a gap of {100 * file:.1f} % by its file and {100 * own:.1f} % in the fit:"
+                " the displacement's noise acts on the law; figures are the file's"
+            )
+    return gaps, notes
+
+
+def _notes(found: Searched, handed: FinalFit, worse: Mapping[str, Sequence[str]]) -> list[str]:
+    """Findings of the audit and of the search. worse: labels of the regimes in which a cause makes the gap larger."""
+    search, notes = found.search, list(found.notes)
+    for cause, some in worse.items():
+        if some:
+            notes.append(f"{cause} makes the gap larger in {', '.join(some)}: verify it before use")
+    notes += [f"{name} is at a limit of its range" for name in handed.fit.at_bounds]
+    if not handed.fit.converged:
+        notes.append("the final fit had not converged at its largest number of iterations")
+    notes += search.failed
+    if found.noise.source != "repeat":
+        notes.append("no repeat of a test among the records: the noise floor is the one of the high band")
+    if search.curved < 1 - MATERIAL:
+        notes.append(
+            f"the law's dependence on the command is wrong: with curves of the command in place of its coefficients it"
+            f" leaves {100 * search.curved:.0f} % of its squared error on left-out records"
+        )
+    if search.inexact and not found.case.baseline:
+        notes.append(
+            "no fit reaches the noise and there are no baseline records: records of the rig in the state in which the"
+            " simulator was identified (mrdamp case --baseline) separate its own error from a change"
+        )
+    return notes
+
+
+def _signatures(whole: Problem, nominal: Array, corrected: Array) -> tuple[Signature, ...]:
+    """Signatures of the loops of a damper's own force: measured, and of both simulators by their residuals."""
+    measured = whole.measured()
+    series = {"measured": measured} | {
+        name: measured + r / whole.weights for name, r in (("nominal", nominal), ("corrected", corrected))
+    }
+    own = [b for b in whole.blocks if whole.rig.channels[b.channel] == "force_N"]
+    motions = [whole.rig.conditions(b.record)["displacement (m)"][whole.taken(b.record)] for b in own]
+    return compared(motions, {name: [values[b.span] for b in own] for name, values in series.items()})
+
+
+def _on_whole(search: Search, whole: Problem, found: Fit) -> Fit:
+    """A fit of excerpts, unchanged, with the residuals of the whole records."""
+    return found if whole.rig is search.problem.rig else fit(whole, found.hypothesis, found.point, most=0)
+
+
+def _outside(search: Search, chosen: Fit) -> dict[str, Any] | None:
+    """The cause outside the catalogue that explains the gap, if it decided the verdict; gaps on the records
+    of the search for it and for the catalogue's best causes (`chosen`)."""
+    found = search.looks_like
+    if found is None:
+        return None
+    (term,) = found.hypothesis.terms
+    return {
+        "cause": term.cause,
+        "form": term.form,
+        "stage": term.stage,
+        "what": plain(term),
+        "parameters": {
+            name.removeprefix(PREFIX): value
+            for name, value in found.settings.items()
+            if name.startswith(PREFIX) and name not in term.fixed
+        },
+        "gap": pooled(search.problem.gaps(found.residual)),
+        "nearest_gap": pooled(search.problem.gaps(chosen.residual)),
+    }
+
+
+def _remaining(search: Search, final: FinalFit, nominal: float, noise: float) -> tuple[Remainder | None, float]:
+    """The remaining error beyond the noise, None if the corrected simulator reaches the noise, and the gap of a model
+    of any form on left-out records.
+
+    nominal: gap of the nominal simulator. noise: gap due to noise.
+    """
+    residual = final.fit.residual
+    predictable = of_fit(final.problem, residual, search.floor)
+    left = pooled(final.heldout)
+    ceiling = float(np.sqrt(max(left**2 - predictable * max(left**2 - noise**2, 0.0), 0.0)))
+    if left**2 <= NONE_ABOVE * noise**2:
+        return None, ceiling
+    share = (left**2 - noise**2) / max(nominal**2 - noise**2, 1e-12)
+    if search.looks_like is not None:
+        (term,) = search.looks_like.hypothesis.terms
+        of, stage = "outside", term.stage
+    elif predictable >= PREDICTABLE:
+        of, stage = "law", LAW_STAGE
+    else:
+        of, stage = "unpredictable", None
+    conditions, halves = _conditions(final.problem)
+    return Remainder(left, share, of, stage, regimes(conditions, residual, halves)[:3]), ceiling
+
+
+def named_effects(
+    search: Search,
+    chosen: Fit,
+    final: FinalFit,
+    probabilities: dict[str, float],
+    intervals: dict[str, Interval],
+    regimes_of: Mapping[str, tuple[RegimeEstimate, ...]],
+) -> tuple[Named, ...]:
+    shares = cause_shares(search, chosen, lambda f: f.cost)
+    settings, out = final.fit.settings, []
+    for term in _last_forms(chosen, final):
+        names = {c.name: c.name.removeprefix(f"{term.effect}_").partition("@")[0] for c in term.coordinates}
+        own = {c.name: intervals[c.name] for c in term.coordinates if c.name in intervals}
+        if search.inexact:
+            own = hull(own, regimes_of[term.cause])
+        out.append(
+            Named(
+                term.effect,
+                term.stage,
+                term.place,
+                min(probabilities.get(term.cause, 0.0), 1.0),
+                _short(settings, names),
+                shares[term.cause] / search.excess,
+                _short(own, names),
+                tuple(
+                    replace(r, parameters=_short(r.parameters, names), intervals=_short(r.intervals, names))
+                    for r in regimes_of[term.cause]
+                ),
+            )
+        )
+    return tuple(out)
+
+
+def _last_forms(chosen: Fit, final: FinalFit) -> list[Term]:
+    """The named causes' terms, each in the form of the final fit, which may be another one."""
+    last = {t.cause: t for t in reversed(final.fit.hypothesis.terms)}
+    return [last.get(t.cause, t) for t in chosen.hypothesis.terms]
+
+
+def estimates_by_regime(chosen: Fit, final: FinalFit) -> dict[str, tuple[RegimeEstimate, ...]]:
+    """Estimates of each named cause from the records of single regimes."""
+    return {t.cause: by_regime(final.problem, final.fit, t.cause) for t in _last_forms(chosen, final)}
+
+
+def _short(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """Values of an effect's settings under the names that the effect gives them."""
+    return {short: values[name] for name, short in names.items() if name in values}
+
+
+def _candidate_gap(search: Search, fits: list[Fit], causes: tuple[str, ...]) -> float:
+    if causes == ("unknown",):
+        return pooled(search.problem.gaps(search.residual))
+    wanted = set() if causes == ("parameters",) else set(causes)
+    alike = [f for f in fits if set(f.hypothesis.causes) == wanted]
+    if not wanted:  # the nominal simulator, unchanged or recalibrated
+        alike = [f for f in alike if bool(f.hypothesis.nominal) == bool(causes)]
+    found = min(alike, key=lambda f: f.cost)
+    return pooled(heldout(search.problem, found))
+
+
+def _conditions(problem: Problem) -> tuple[dict[str, Array], Array]:
+    """Variables of the regimes in the order of the residuals (samples,), and one half of the samples: every
+    other second."""
+    parts: dict[str, list[Array]] = {}
+    halves = []
+    for b in problem.blocks:
+        record = problem.rig.records[b.record]
+        take = problem.taken(b.record)
+        conditions = problem.rig.conditions(b.record)
+        conditions["share of the stroke since its turn"] = share_of_stroke(conditions["displacement (m)"])
+        if all("temperature_C" in r.channels for r in problem.rig.records):
+            conditions["temperature (C)"] = np.asarray(record.channel("temperature_C"))
+        for name, values in conditions.items():
+            parts.setdefault(name, []).append(values[take])
+        halves.append(np.floor(record.time[take]) % 2 == 0)
+    return {name: np.concatenate(v) for name, v in parts.items()}, np.concatenate(halves)
