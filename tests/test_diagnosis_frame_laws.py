@@ -16,7 +16,7 @@ from frame_case import altered, believed, case_of, records
 from mrdamp.diagnosis import frame_run
 from mrdamp.diagnosis.attribution import frame_laws as module
 from mrdamp.diagnosis.attribution.frame_damper import damper_alone
-from mrdamp.diagnosis.attribution.frame_laws import alone, other_law
+from mrdamp.diagnosis.attribution.frame_laws import law_handed_over, other_law
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.evidence.judgement import not_established, scored
 from mrdamp.diagnosis.evidence.verdict import Decision, Scored
@@ -31,7 +31,7 @@ from mrdamp.diagnosis.problem.frame import FrameRig
 from mrdamp.diagnosis.problem.residuals import Problem, pooled
 from mrdamp.diagnosis.report.handover import predicted_gap
 from mrdamp.diagnosis.run import diagnose, searched
-from mrdamp.diagnosis.searched import unseen
+from mrdamp.diagnosis.searched import silent
 from mrdamp.identify import identify
 
 
@@ -157,15 +157,15 @@ def test_the_answer_names_the_law_and_not_the_cause(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_a_law_is_handed_over_if_it_leaves_less_of_left_out_records() -> None:
-    found = searched(case(), 1, unseen, None, Store())
+    found = searched(case(), 1, silent, None, Store())
     other = other_law(case(), found.search.problem, fitted(found.search.problem, "shear_thinning"))
     assert other is not None
     final = final_fit(found.search, found.search.ranked(False)[0], rig=found.rig)
     own = final.problem
     factors = 1.01, 0.6 * min(1.0, pooled(own.gaps(own.nominal())) / pooled(final.heldout))
     more, less = (replace(other, left_out=factor * final.heldout) for factor in factors)
-    assert alone(more, final) is None
-    handed = alone(less, final)
+    assert law_handed_over(more, final) is None
+    handed = law_handed_over(less, final)
     assert handed is not None
     assert handed.problem.rig.model({}).law == other.law
     assert handed.heldout is less.left_out

@@ -17,7 +17,7 @@ from mrdamp.diagnosis.evidence.judgement import scored
 from mrdamp.diagnosis.evidence.verdict import by_causes, of_cause
 from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.run import concluded, searched
-from mrdamp.diagnosis.searched import Progress, unseen
+from mrdamp.diagnosis.searched import Progress, silent
 from mrdamp.identify.fit import Fit as IdentifiedFit
 from mrdamp.identify.fit import error
 from mrdamp.model import Model
@@ -57,7 +57,7 @@ def form_of(
     records: Sequence[Record],
     *,
     threads: int = 1,
-    progress: Progress = unseen,
+    progress: Progress = silent,
 ) -> Form:
     """The effects of the catalogue that a model of a damper misses on the records that it was identified on, fitted
     along with its law. Raises InputError."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from mrdamp.diagnosis.answer import answer
-from mrdamp.diagnosis.attribution.frame_laws import alone
+from mrdamp.diagnosis.attribution.frame_laws import law_handed_over
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.damper_run import search_damper
 from mrdamp.diagnosis.evidence.further import with_further
@@ -19,14 +19,14 @@ from mrdamp.diagnosis.fits.store import Store
 from mrdamp.diagnosis.frame_run import search_frame
 from mrdamp.diagnosis.problem.command_hold import with_hold
 from mrdamp.diagnosis.report.result import Diagnosis
-from mrdamp.diagnosis.searched import Concluded, Progress, Searched, unseen
+from mrdamp.diagnosis.searched import Concluded, Progress, Searched, silent
 
 
 def diagnose(
     case: Case,
     *,
     jobs: int = 1,
-    progress: Progress = unseen,
+    progress: Progress = silent,
     limits: Limits | None = None,
     store: Store | None = None,
 ) -> Diagnosis:
@@ -58,7 +58,7 @@ def searched(case: Case, jobs: int, progress: Progress, limits: Limits | None, s
     return replace(found, notes=[*notes, *found.notes])
 
 
-def concluded(found: Searched, progress: Progress = unseen) -> Concluded:
+def concluded(found: Searched, progress: Progress = silent) -> Concluded:
     """The decision over the fits of a search after the checks that need the final fit, and this fit."""
     search = found.search
     fits, decision, other = found.judged(progress)
@@ -67,5 +67,5 @@ def concluded(found: Searched, progress: Progress = unseen) -> Concluded:
     mend = decision.verdict != "none" and not decision.apart
     final = final_fit(search, fits[decision.chosen.index], mend=mend, rig=found.rig)
     final, decision = never_worse(search, fits, final, decision)
-    by_law = alone(other, final) if other is not None and decision.verdict == "unknown" else None
+    by_law = law_handed_over(other, final) if other is not None and decision.verdict == "unknown" else None
     return Concluded(fits, decision, final, by_law or final, other)

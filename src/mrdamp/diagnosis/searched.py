@@ -24,7 +24,7 @@ from mrdamp.model.core import Array
 Progress = Callable[[str, float], None]
 
 
-def unseen(what: str, share: float) -> None:
+def silent(what: str, share: float) -> None:
     """Progress that nobody looks at."""
 
 

@@ -110,7 +110,7 @@ def other_law(case: Case, problem: Problem, chosen: Fit, threads: int = 1) -> Ot
     return OtherLaw(models[law], causes, frozenset(t.cause for t in kept), gap, before, left_out)
 
 
-def alone(other: OtherLaw, final: FinalFit) -> FinalFit | None:
+def law_handed_over(other: OtherLaw, final: FinalFit) -> FinalFit | None:
     """The simulator with another law, in place of the final one; None if it leaves more of left-out records than that,
     or than UNNAMED_GAP of the nominal gap."""
     own = final.problem
