@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from mrdamp.diagnosis.case.coverage import beyond
+from mrdamp.cli import main as mrdamp
+from mrdamp.diagnosis.case.coverage import beyond, within
+from mrdamp.diagnosis.case.folder import Case, read_case
+from mrdamp.diagnosis.run import diagnose
+from mrdamp.model import Model
 from mrdamp.records import Record
+
+DATA = Path(os.environ.get("MRDAMP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
 
 
 def sine(amplitude: float, frequency: float, command: float) -> Record:
@@ -34,3 +43,49 @@ BASELINE = (sine(0.005, 2.0, 0.0), sine(0.020, 1.0, 1.0))
 )
 def test_a_record_is_beyond_from_twice_the_range_on(record: Record, told: str) -> None:
     assert beyond(record, BASELINE) == told
+
+
+def test_records_beyond_are_left_out_with_their_repeats_unless_all_are() -> None:
+    model = Model("bingham", {"c0a": 1.0, "c0b": 0.0, "fya": 1.0, "fyb": 0.0, "v_ref": 0.01})
+    inside, outside = sine(0.010, 1.5, 0.5), sine(0.002, 4.0, 0.5)
+    far = Record("far", None, 1e-3, dict(outside.channels))
+    near = Record("near", None, 1e-3, dict(inside.channels))
+    repeats = ((far, 0), (near, 1), (near, None))
+    case = Case("c", Path(), model, (far, near), repeats, BASELINE)
+    left, how = within(case)
+    assert left.records == (near,)
+    assert left.repeats == ((near, 0), (near, None))
+    assert how == {"far": "amplitude 2 mm (baseline 5 to 20)"}
+    alone = Case("c", Path(), model, (far,), (), BASELINE)
+    assert within(alone) == (alone, how)
+    assert within(Case("c", Path(), model, (far,), ()))[1] == {}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "utfsm").is_dir(), reason="no measured records of utfsm here")
+def test_no_change_is_named_in_a_sweep_of_an_unchanged_rig_beyond_its_baseline(tmp_path: Path) -> None:
+    """Sines of 5 to 25 mm are the baseline, the sweep has 2 mm: a seal friction of 183 N was told."""
+    sines, (sweep,) = (
+        sorted((DATA / "utfsm" / "train").glob("*")),
+        (DATA / "utfsm" / "validation").glob("chirp*"),
+    )
+    for run in (
+        [
+            "identify",
+            *sines,
+            "--law",
+            "bouc_wen",
+            "--dependence",
+            "quadratic",
+            "--extras",
+            "offset",
+            "-o",
+            tmp_path / "m",
+        ],
+        ["case", tmp_path / "m", sweep, "--baseline", *sines, "-o", tmp_path / "case"],
+    ):
+        assert mrdamp([str(word) for word in run]) == 0
+    answer = diagnose(read_case(tmp_path / "case"))
+    assert (answer.verdict, answer.effects) == ("unknown", ())
+    assert "leave the regimes of the baseline (amplitude 2.01 mm" in answer.sentence
+    assert answer.gap.corrected == pytest.approx(answer.gap.nominal)

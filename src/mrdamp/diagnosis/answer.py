@@ -119,6 +119,7 @@ def answer(found: Searched, concluded: Concluded, begun: float) -> Diagnosis:
         compared=tuple(c.to_dict() for c in found.compared),
         seconds=time.monotonic() - begun,
         outside=_outside(search, chosen),
+        beyond_baseline=found.beyond or None,
         baseline_law=alone,
         other_law=None if other is None else other.to_dict(handed_over=handed is not final),
         remainder=None if verdict == "none" else rest,

@@ -12,6 +12,7 @@ from mrdamp.diagnosis.attribution.shares import Regime
 from mrdamp.diagnosis.attribution.stage_evidence import StageEvidence, of_one_stage
 from mrdamp.diagnosis.attribution.stages import stage_intervals, stage_shares
 from mrdamp.diagnosis.case.audit import audit
+from mrdamp.diagnosis.case.coverage import within
 from mrdamp.diagnosis.case.folder import Case
 from mrdamp.diagnosis.channels.comparison import Compared, compared, sensor_unexplained
 from mrdamp.diagnosis.channels.motion import motion
@@ -47,8 +48,10 @@ _FAR_OFF = 0.02
 
 def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | None, store: Store) -> Searched:
     """Completed search of a damper's case. Raises InputError."""
+    case, left = within(case)
     rig = DamperRig(case.model, case.records, threads=jobs).with_motion()
     notes = list(audit(case))
+    notes += [f"{name}: {how}: the baseline says nothing of a change there" for name, how in left.items()]
     noise, unsteady = repeatable(channel_noise(case, rig), case, rig)
     notes += unsteady
     again = law_of_baseline(case, rig, noise, progress)
@@ -95,7 +98,8 @@ def search_damper(case: Case, jobs: int, progress: Progress, limits: Limits | No
     if 1 < len(known) <= search.limits.depth:
         search.begin_with(known)
     search.run(lambda what, share: progress(what, 0.05 + 0.6 * share))
-    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again)
+    beyond = "; ".join(left.values()) if len(left) == len(case.records) else ""
+    return DamperSearched(case, rig, search, noise, floor, untouched, channels, notes, again, beyond)
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,8 @@ class DamperSearched(Searched):
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, None]:
         """See `Searched`. A force sensor that is at fault whatever the law is no rival's doing."""
         fits, decision = judge(self.search, self.baseline)
+        if self.beyond and decision.verdict != "none":
+            return fits, unexplained(decision, fits), None
         if not sensor_unexplained(self.compared):
             return fits, decision, None
         like = self.search.looks_like

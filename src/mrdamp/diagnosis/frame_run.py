@@ -105,7 +105,7 @@ def search_frame(case: Case, jobs: int, progress: Progress, limits: Limits | Non
         # Stored fits belong to other nominal parameters, except for those with fixed ones.
         search, floor = _search(rig, noise, base, limits, jobs, Store(), part(0.45, 0.7), search)
 
-    return FrameSearched(small, rig, search, noise, floor, untouched, channels, notes, again, case, found, jobs)
+    return FrameSearched(small, rig, search, noise, floor, untouched, channels, notes, again, "", case, found, jobs)
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,8 @@ class Searched(ABC):
 
     case: as compared (a frame's averaged). rig: with whole records. floor (blocks,): gaps due to noise alone.
     baseline: residuals of the baseline's records, None without any. compared: channels that see the same. notes: of
-    the audit. again: the law identified again on the baseline, which the case's model then has.
+    the audit. again: the law identified again on the baseline, which the case's model then has. beyond: how all records
+    leave the regimes of the baseline; empty if some do not.
     """
 
     case: Case
@@ -46,6 +47,7 @@ class Searched(ABC):
     compared: tuple[Compared, ...]
     notes: list[str]
     again: BaselineLaw | None
+    beyond: str
 
     @abstractmethod
     def judged(self, progress: Progress) -> tuple[list[Fit], Decision, OtherLaw | None]:

@@ -6,9 +6,11 @@ Outside them the simulator's error is unknown, and what looks like a change may 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from mrdamp.diagnosis.case.folder import Case
 from mrdamp.records import Record
 from mrdamp.records.sampling import derivative
 from mrdamp.records.smoothing import smoothed
@@ -17,6 +19,18 @@ from mrdamp.records.smoothing import smoothed
 #: range. One record of some 170 is in 24 opened cases whose baseline is of the same program. Of an unchanged damper in
 #: a sweep of .4 times the least amplitude of its baseline a seal friction of 183 N was told as a change.
 BEYOND = 2.0
+
+
+def within(case: Case) -> tuple[Case, dict[str, str]]:
+    """A damper's case with the records in the regimes of its baseline, with all of them if none is, and how the others
+    leave these regimes, by name."""
+    how = {r.name: beyond(r, case.baseline) for r in case.records} if case.baseline else {}
+    left = {name: text for name, text in how.items() if text}
+    kept = [k for k, r in enumerate(case.records) if r.name not in left]
+    if not left or not kept:
+        return case, left
+    repeats = tuple((r, None if k is None else kept.index(k)) for r, k in case.repeats if k is None or k in kept)
+    return replace(case, records=tuple(case.records[k] for k in kept), repeats=repeats), left
 
 
 def beyond(record: Record, baseline: Sequence[Record]) -> str:

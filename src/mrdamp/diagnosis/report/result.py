@@ -138,9 +138,9 @@ class Diagnosis(Shown):
     every free setting of the corrected simulator's last fit. compared: channels of one quantity. remainder: None if the
     corrected simulator reaches the noise. standing: probabilities of the causes and of their alternatives. signatures:
     of a damper's loops. outside: cause outside the catalogue that explains an unknown gap. baseline_law: identified
-    again on the baseline, if it is used. other_law: identified on these records, if it makes a cause needless. stepped:
-    check of the MJCF on records. next_signal: columns of the next test's CSV. drawn: the corrected model with jointly
-    drawn parameters. pictures: arrays by name, for the page.
+    again on the baseline, if it is used. beyond_baseline: how all records leave its regimes. other_law: identified on
+    these records, if it makes a cause needless. stepped: check of the MJCF on records. next_signal: columns of the next
+    test's CSV. drawn: the corrected model with jointly drawn parameters. pictures: arrays by name, for the page.
     """
 
     picture: ClassVar[str] = "mrdamp.diagnosis.report.page:chain_picture"
@@ -167,6 +167,7 @@ class Diagnosis(Shown):
     signatures: tuple[Signature, ...] = ()
     outside: Mapping[str, Any] | None = None
     baseline_law: Mapping[str, Any] | None = None
+    beyond_baseline: str | None = None
     other_law: Mapping[str, Any] | None = None
     stepped: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 0.0

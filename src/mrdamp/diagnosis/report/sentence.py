@@ -95,6 +95,8 @@ def _sentence(d: Diagnosis) -> str:
             f"The parameters of the simulator are wrong, its form is right ({likely}). Recalibrated, {shrink};"
             f" {noise}.{_rest(d)}"
         )
+    if d.verdict == "unknown" and d.beyond_baseline is not None:
+        return _unknown(d)
     if d.verdict == "unknown":
         return f"{_unknown(d)} A cause outside the catalogue has {likely}."
     parts = []
@@ -149,6 +151,11 @@ def _unknown(d: Diagnosis) -> str:
     apart = next((row for row in d.compared if row["unexplained"]), None)
     alone = g.nominal if d.baseline_law is None else float(d.baseline_law["gap"])
     unchanged = "unchanged" if d.baseline_law is None else "with the law of the baseline and no effect"
+    if d.beyond_baseline is not None:
+        return (
+            f"No change is named for the gap of {percent(g.nominal)}: the records leave the regimes of the baseline"
+            f" ({d.beyond_baseline}), so that it may have been there before. The simulator is handed over {unchanged}."
+        )
     same = abs(g.corrected - alone) <= 1e-3 * alone
     if apart is not None and same:
         one, other = apart["channels"]
